@@ -236,14 +236,14 @@ SCENE_VERBS = {
 
 
 def _looks(changed: dict[str, list[str]]) -> list[str]:
-    """One line a material, with those that wear it."""
-    wearers: dict[str, list[str]] = {}
+    """Write one line for each material that changed, with the prims that it is bound to."""
+    bound: dict[str, list[str]] = {}
     for path, (before, after) in changed.items():
         line = after if before == after else f"{before or 'none'} -> {after or 'none'}"
-        wearers.setdefault(line, []).append(path.rpartition("/")[2])
+        bound.setdefault(line, []).append(path.rpartition("/")[2])
     return [
         f"{line}: {', '.join(names[:3])}" + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-        for line, names in sorted(wearers.items())
+        for line, names in sorted(bound.items())
     ]
 
 

@@ -38,15 +38,15 @@ def needed_steps(chain: Chain, store: Store, keep: tuple[str, ...]) -> set[str]:
     for step in chain.steps:
         if _rejected(store, step) or any(parent.link in without for parent in step.parents.values()):
             without |= {step.link}
-    settled = {step.link for step in chain.steps if step.link in without or store.has(step.task)}
+    done = {step.link for step in chain.steps if step.link in without or store.has(step.task)}
     needed: set[str] = set()
     clouds = [step for step in chain.steps if step.kind == "cloud"]
-    clouds_known = all(step.link in settled or store.evicted_files(step.task) is not None for step in clouds)
+    clouds_known = all(step.link in done or store.evicted_files(step.task) is not None for step in clouds)
     if "report" in keep and not (clouds_known and store.has(chain.report(without).task)):
         needed.add(REPORT)
     for step in reversed(chain.steps):
         waited_for = any(other in needed for other in consumers(chain, step))
-        if step.link not in settled and (waited_for or step.kind in keep):
+        if step.link not in done and (waited_for or step.kind in keep):
             needed.add(step.link)
     return needed
 

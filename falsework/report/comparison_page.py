@@ -13,6 +13,7 @@ from groundwork.files import read_json
 
 RECORD = "comparison.json"
 FEW_BRIDGES, FEW_SEEDS = 12, 5  # below which a comparison says little
+FEW_FOR_P = 6  # test bridges below which Wilcoxon's p cannot fall below 0.05
 
 
 def write_comparison_page(path: Path, folder: Path) -> None:
@@ -27,29 +28,32 @@ def write_comparison_page(path: Path, folder: Path) -> None:
     names = [one for one in record["classes"] if any(row["iou"][one] is not None for row in rows)]
     few = [f"{n} test bridge{'s'[: n != 1]}" for n in sorted({row["bridges"] for row in rows}) if n < FEW_BRIDGES]
     few += [f"{n} seed{'s'[: n != 1]}" for n in sorted({len(row["seeds"]) for row in rows}) if n < FEW_SEEDS]
+    models = _models(record)
     write_page(
         path,
         "comparison.html.j2",
         title=str(record["title"]),
-        lead="ways of making training clouds, compared on the same bridges, windows, steps and seeds",
+        lead="ways of making training clouds, compared on the same bridges, windows, steps and seeds; "
+        f"model{'s'[: len(models) != 1]}: {', '.join(models)}",
         few=", ".join(few),
+        no_p=any(row["bridges"] < FEW_FOR_P for row in record["differences"]),
         level=f"{100 * record['level']:.0f} %",
         draws=number(record["draws"]),
         facts=[str(line).replace("`", "") for line in record["facts"]],
+        model_heads=["model"] if len(models) > 1 else [],
         scores=[_score_row(row, record) for row in rows],
         score_figure=_score_figure(rows, record),
         classes=names,
         iou=[[*_place(row, record), *(percent(row["iou"][one]) for one in names)] for row in rows],
-        differences=[_difference_row(row) for row in record["differences"]],
-        difference_figure=_difference_figure(record["differences"]) if record["differences"] else None,
+        differences=[_difference_row(row, record) for row in record["differences"]],
+        difference_figure=_difference_figure(record) if record["differences"] else None,
         class_differences=[
-            [row["model"], row["test"], _pair(row), *(_of_class(row["classes"].get(one)) for one in names)]
+            [*_model_of(row, record), row["test"], _pair(row), *(_of_class(row["classes"].get(one)) for one in names)]
             for row in record["differences"]
         ],
-        losses=[_loss_row(row) for row in record["losses"]],
-        matrices=[
-            (" · ".join(_place(row, record)), _matrix(row["confusion"], record["classes"], names)) for row in rows
-        ],
+        group_heads=["group"] if len(record["groups"]) > 1 else [],
+        losses=[_loss_row(row, record) for row in record["losses"]],
+        matrices=[_matrix(row, record, names) for row in rows],
         command=str(record["command"]),
         settings=[("settings", settings_rows(record["settings"]))],
     )
@@ -81,10 +85,23 @@ def read_comparison(folder: Path) -> dict[str, Any]:
     return record
 
 
+def _models(record: Mapping[str, Any]) -> list[str]:
+    return list(dict.fromkeys(str(row["model"]) for row in record["scores"]))
+
+
+def _model_of(row: Mapping[str, Any], record: Mapping[str, Any]) -> list[str]:
+    """Name the model of a row, where there is more than one: a column of equal words would only take room."""
+    return [str(row["model"])] if len(_models(record)) > 1 else []
+
+
 def _place(row: Mapping[str, Any], record: Mapping[str, Any]) -> list[str]:
-    """Name the model, what it was trained on, and its test; with several groups, those it shares its windows with."""
-    arm = row["arm"] if len(record["groups"]) < 2 else f"{row['arm']} ({' · '.join(row['group'])})"
-    return [str(row["model"]), str(arm), str(row["test"])]
+    """Name the model, what it was trained on, and its test."""
+    return [*_model_of(row, record), _trained_on(row, record), str(row["test"])]
+
+
+def _trained_on(row: Mapping[str, Any], record: Mapping[str, Any]) -> str:
+    """Name an arm; with several groups, those it shares its windows with."""
+    return row["arm"] if len(record["groups"]) < 2 else f"{row['arm']} ({' · '.join(row['group'])})"
 
 
 def _score_row(row: Mapping[str, Any], record: Mapping[str, Any]) -> list[str]:
@@ -110,8 +127,7 @@ def _score_figure(rows: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) 
         mine = [row for row in rows if row["arm"] == arm and row["mean_iou"] is not None]
         several = len(record["groups"]) > 1
         places = [
-            escape(f"{row['model']}, {row['test']}" + (f", {' · '.join(row['group'])}" if several else ""))
-            for row in mine
+            escape(f"{_tested(row, record)}" + (f", {' · '.join(row['group'])}" if several else "")) for row in mine
         ]
         figure.add_bar(
             x=places,
@@ -124,9 +140,13 @@ def _score_figure(rows: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) 
     return figure.update_layout(yaxis={"title": "mean IoU [%]", "rangemode": "tozero"})
 
 
-def _difference_row(row: Mapping[str, Any]) -> list[str]:
+def _tested(row: Mapping[str, Any], record: Mapping[str, Any]) -> str:
+    return ", ".join([*_model_of(row, record), f"tested on {row['test']}"])
+
+
+def _difference_row(row: Mapping[str, Any], record: Mapping[str, Any]) -> list[str]:
     return [
-        str(row["model"]),
+        *_model_of(row, record),
         str(row["test"]),
         _pair(row),
         _points(row["difference"]),
@@ -137,10 +157,10 @@ def _difference_row(row: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _difference_figure(rows: Sequence[Mapping[str, Any]]) -> go.Figure:
+def _difference_figure(record: Mapping[str, Any]) -> go.Figure:
     """Draw each difference with its intervals: thick that over seeds and bridges, thin that over seeds alone."""
-    figure = go.Figure()
-    names = [escape(f"{row['model']}, {row['test']}: {_pair(row)}") for row in rows]
+    figure, rows = go.Figure(), record["differences"]
+    names = [escape(f"{', '.join([*_model_of(row, record), row['test']])}: {_pair(row)}") for row in rows]
     for key, title, width, color in (
         ("over_seeds", "over seeds alone", 2, GRAY),
         ("interval", "over seeds and bridges", 5, BLUE),
@@ -166,7 +186,7 @@ def _difference_figure(rows: Sequence[Mapping[str, Any]]) -> go.Figure:
         )
     if not figure.data:
         figure.add_scatter(x=[100 * row["difference"] for row in rows], y=names, mode="markers", name="difference")
-    plain_layout(figure, 130 + 44 * len(rows))
+    plain_layout(figure, 130 + 48 * len(rows))  # room for names of three lines on a phone
     figure.add_vline(x=0, line={"color": GRAY, "dash": "dot"})
     return figure.update_layout(
         xaxis={"title": "difference of mean IoU [points]", "automargin": True},
@@ -174,15 +194,25 @@ def _difference_figure(rows: Sequence[Mapping[str, Any]]) -> go.Figure:
     )
 
 
-def _loss_row(row: Mapping[str, Any]) -> list[str]:
+def _loss_row(row: Mapping[str, Any], record: Mapping[str, Any]) -> list[str]:
     lost = percent(1.0 - row["common"] / row["valid"]) if row["valid"] else "–"
     counts = [number(row[key]) for key in ("bridges", "candidates", "valid", "common")]
-    return [" · ".join(map(str, row["group"])), str(row["part"]), *counts, lost]
+    group = [" · ".join(map(str, row["group"]))] if len(record["groups"]) > 1 else []
+    return [*group, str(row["part"]), *counts, lost]
 
 
-def _matrix(matrix: Sequence[Sequence[int]], classes: Sequence[str], names: Sequence[str]) -> list[list[float | None]]:
-    places = [list(classes).index(name) for name in names]
-    return [[matrix[i][j] / sum(matrix[i]) if sum(matrix[i]) else None for j in places] for i in places]
+def _matrix(row: Mapping[str, Any], record: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
+    """Spell the confusion of one arm in one test: a row for each class that is there, as shares of its points."""
+    matrix, places = row["confusion"], [list(record["classes"]).index(name) for name in names]
+    models = "".join(f"{model}, " for model in _model_of(row, record))
+    return {
+        "title": f"{models}trained on {_trained_on(row, record)}, tested on {row['test']}",
+        "rows": [
+            (name, [matrix[i][j] / sum(matrix[i]) for j in places])
+            for name, i in zip(names, places, strict=True)
+            if sum(matrix[i])
+        ],
+    }
 
 
 def _pair(row: Mapping[str, Any]) -> str:

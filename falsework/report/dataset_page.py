@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
-from falsework.report.cloud_view import Shown, cloud_view
+from falsework.report.cloud_view import Shown, cloud_view, instance_color
 from falsework.report.page import SERIES, file_link, percent, plain_layout, settings_rows, write_page
 from groundwork.progress import SILENT, Progress
 from usd_schemas.components import ClassRow, class_rows
@@ -24,6 +24,7 @@ I64 = NDArray[np.int64]
 EXAMPLES = 3  # pieces that are shown in space
 EXAMPLE_POINTS = 20_000  # of each
 IGNORED = 255  # label of what no class is known of
+LONG_TAIL = 8.0  # largest piece over the median one, from which sizes stand on a logarithmic axis
 
 
 def write_dataset_page(path: Path, folder: Path, place: str = "", progress: Progress = SILENT) -> None:
@@ -49,6 +50,9 @@ def write_dataset_page(path: Path, folder: Path, place: str = "", progress: Prog
         tiles=_tiles(facts, counts),
         splits=splits,
         classes=_class_table(rows, counts, splits),
+        absent=", ".join(row.name for row in rows if not any(counts[split][row.id] for split in splits)),
+        summary=_split_table(facts, splits),
+        unlearnt=_unlearnt(rows, counts, splits),
         shares=_share_figure(rows, counts, splits),
         bridges=_bridge_table(facts),
         sizes=_size_figure(facts, splits),
@@ -61,14 +65,17 @@ def write_dataset_page(path: Path, folder: Path, place: str = "", progress: Prog
 
 
 def class_rows_of(names: tuple[str, ...]) -> tuple[ClassRow, ...]:
-    """Give the classes of a table their colours: our own where the name is ours, else one of a series.
+    """Give the classes of a table their colors: our own where the name is ours, else one of a series.
 
     Args:
         names: Name of each class, in the order of the labels.
     """
     known = {row.name: row.color for row in class_rows()}
-    spare = [_rgb(color) for color in SERIES]
-    return tuple(ClassRow(k, name, known.get(name, spare[k % len(spare)])) for k, name in enumerate(names))
+    few = len(names) <= len(SERIES)  # of many, no two have the same color
+    return tuple(
+        ClassRow(k, name, known.get(name, _rgb(SERIES[k]) if few else instance_color(k + 1)))
+        for k, name in enumerate(names)
+    )
 
 
 def _counted(facts: "DatasetFacts", folder: Path, progress: Progress) -> dict[str, I64]:
@@ -100,6 +107,8 @@ def _class_table(rows: tuple[ClassRow, ...], counts: dict[str, I64], splits: lis
     table = []
     for row in (*rows, ClassRow(IGNORED, "unlabelled", (154, 160, 166))):
         each = [int(counts[split][row.id]) for split in splits]
+        if not any(each):
+            continue
         shares = [
             percent(count / int(counts[split].sum())) if counts[split].sum() else "–"
             for count, split in zip(each, splits, strict=True)
@@ -111,13 +120,41 @@ def _class_table(rows: tuple[ClassRow, ...], counts: dict[str, I64], splits: lis
 
 
 def _share_figure(rows: tuple[ClassRow, ...], counts: dict[str, I64], splits: list[str]) -> go.Figure:
+    """Draw the share of each class that is there, a row each, so that every name has room on a phone, too."""
     figure = go.Figure()
+    there = [row for row in rows if any(counts[split][row.id] for split in splits)]
     for split, color in zip(splits, SERIES, strict=False):
         total = max(int(counts[split][:IGNORED].sum()), 1)
-        shares = [100.0 * int(counts[split][row.id]) / total for row in rows]
-        figure.add_bar(x=[escape(row.name) for row in rows], y=shares, name=split, marker_color=color)
-    plain_layout(figure, 340)
-    return figure.update_layout(yaxis={"title": "share of the points with a class [%]"}, bargap=0.25)
+        shares = [100.0 * int(counts[split][row.id]) / total for row in there]
+        names = [escape(row.name) for row in there]
+        figure.add_bar(x=shares, y=names, name=split, marker_color=color, orientation="h")
+    plain_layout(figure, 110 + (10 + 8 * len(splits)) * max(len(there), 1))
+    return figure.update_layout(
+        xaxis={"title": "share of the points with a class [%]"},
+        yaxis={"autorange": "reversed", "automargin": True, "dtick": 1, "type": "category"},
+        legend={"traceorder": "normal"},
+        bargap=0.25,
+    )
+
+
+def _unlearnt(rows: tuple[ClassRow, ...], counts: dict[str, I64], splits: list[str]) -> str:
+    """Name the classes that a held-out split has and no training piece shows; empty where nothing is trained on."""
+    held = [split for split in splits if split != "train"]
+    if "train" not in splits:
+        return ""
+    names = [row.name for row in rows if not counts["train"][row.id] and any(counts[s][row.id] for s in held)]
+    return ", ".join(names)
+
+
+def _split_table(facts: "DatasetFacts", splits: list[str]) -> list[list[str]]:
+    """Count bridges, pieces, points and draws of each split."""
+    table = []
+    for split in splits:
+        mine = [row for row in facts.pieces if row.split == split]
+        points, draws = sum(row.points for row in mine), sum(row.draws for row in mine)
+        bridges = len({row.bridge for row in mine})
+        table.append([split, f"{bridges:,}", f"{len(mine):,}", f"{points:,}", f"{draws:,}"])
+    return table
 
 
 def _bridge_table(facts: "DatasetFacts") -> list[list[str]]:
@@ -143,16 +180,31 @@ def _bridge_table(facts: "DatasetFacts") -> list[list[str]]:
 
 
 def _size_figure(facts: "DatasetFacts", splits: list[str]) -> go.Figure:
-    sizes = np.array([row.points for row in facts.pieces], float)
-    edges = np.linspace(0.0, max(float(sizes.max(initial=1.0)), 1.0), 41)
+    sizes = np.maximum([row.points for row in facts.pieces] or [1], 1).astype(float)
+    tail = float(sizes.max()) > LONG_TAIL * float(np.median(sizes))
+    ends = 0.99 * float(sizes.min()), 1.01 * float(sizes.max())
+    edges = np.geomspace(*ends, 41) if tail else np.linspace(0.0, float(sizes.max()), 41)
     figure = go.Figure()
     for split, color in zip(splits, SERIES, strict=False):
         counts, _ = np.histogram([row.points for row in facts.pieces if row.split == split], edges)
-        figure.add_bar(x=0.5 * (edges[1:] + edges[:-1]), y=counts, name=split, marker_color=color)
+        middle = np.sqrt(edges[1:] * edges[:-1]) if tail else 0.5 * (edges[1:] + edges[:-1])
+        figure.add_bar(x=middle, y=counts, width=np.diff(edges), name=split, marker_color=color)
     plain_layout(figure, 340)
     return figure.update_layout(
-        barmode="stack", bargap=0, xaxis={"title": "points of a piece"}, yaxis={"title": "pieces"}
+        barmode="stack",
+        bargap=0,
+        legend={"traceorder": "normal"},
+        xaxis={"title": "points of a piece", **(_log_axis(*ends) if tail else {})},
+        yaxis={"title": "pieces"},
     )
+
+
+def _log_axis(low: float, high: float) -> dict[str, Any]:
+    """Spell a logarithmic axis that says 1, 2 and 5 of each power of ten: Plotly's own leaves out the zeros."""
+    decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    ticks = [step * 10**power for power in decades if power >= 0 for step in (1, 2, 5)]
+    ticks = [tick for tick in ticks if low <= tick <= high]
+    return {"type": "log", "tickvals": ticks, "ticktext": [f"{tick:,}" for tick in ticks]}
 
 
 def _source_table(facts: "DatasetFacts") -> list[list[str]]:

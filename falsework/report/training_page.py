@@ -12,7 +12,8 @@ from falsework.report.page import GRAY, SERIES, number, percent, plain_layout, s
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json
 
-SCORES = ("accuracy", "precision", "iou", "f1")
+SCORES = ("iou", "accuracy", "precision", "f1")
+MOST_ERRORS = 10  # pairs of classes that are taken for each other, in the table of the most frequent ones
 FACTS = "model.json"
 LOG = "log.csv"
 
@@ -26,11 +27,11 @@ def write_training_page(path: Path, models: Mapping[str, Path], evaluations: Map
         evaluations: Name of each table of scores to its JSON file.
     """
     trained = [_model(name, folder) for name, folder in models.items()]
-    scored = [_scores(name, read_evaluation(file)) for name, file in evaluations.items()]
+    scored = [_scores(name, read_evaluation(file), trained) for name, file in evaluations.items()]
     write_page(
         path,
         "training.html.j2",
-        title=" · ".join([*models, *([] if models else evaluations)]),
+        title=f"{'Training' if models else 'Scores'}: {' · '.join(models or evaluations)}",
         lead=f"{len(trained)} model{'s'[: len(trained) != 1]}, {len(scored)} table{'s'[: len(scored) != 1]} of scores",
         models=trained,
         curves=_curves(trained) if any(row["log"] for row in trained) else [],
@@ -50,13 +51,13 @@ def read_evaluation(path: Path) -> dict[str, Any]:
     """
     record = read_json(path)
     told = (record.get("format"), record.get("format_version")) if isinstance(record, dict) else None
-    if not isinstance(record, dict) or told != ("falsework.evaluation", 2):
+    if not isinstance(record, dict) or told != ("falsework.evaluation", 3):
         raise InputError(
             "not scores of this version",
             where=path,
             field="format",
             value=told,
-            allowed="falsework.evaluation, version 2",
+            allowed="falsework.evaluation, version 3",
             hint="falsework evaluate MODEL DATASET -o scores.json writes them",
         )
     return record
@@ -73,7 +74,7 @@ def _model(name: str, folder: Path) -> dict[str, Any]:
     training = stored.get("training") or {}
     log = _log(folder / LOG)
     best = training.get("validation") or {}
-    counts = training.get("training_points") or []
+    learnt = list(zip(stored.get("classes", ()), training.get("training_points") or (), strict=False))
     return {
         "name": name,
         "network": str(stored.get("network", "")),
@@ -81,14 +82,18 @@ def _model(name: str, folder: Path) -> dict[str, Any]:
         "tiles": [
             {"label": "network", "value": str(stored.get("network", "–"))},
             {"label": "epochs", "value": number(len(log)) if log else "–"},
-            {"label": "picked epoch", "value": number(training.get("picked_epoch"))},
+            {"label": "picked epoch", "value": number(_from_one(training.get("picked_epoch")))},
             {"label": "mean IoU on validation", "value": percent(best.get("miou"))},
             {"label": "bridges to train on", "value": number(len(training.get("training_bridges", ())))},
             {"label": "for validation", "value": number(len(training.get("validation_bridges", ())))},
         ],
-        "classes": [
-            [str(label), number(count)] for label, count in zip(stored.get("classes", ()), counts, strict=False)
-        ],
+        "picked": _from_one(training.get("picked_epoch")),
+        "bridges": {
+            "was trained on": set(training.get("training_bridges", ())),
+            "picked its epoch by": set(training.get("validation_bridges", ())),
+        },
+        "classes": [[str(label), number(count)] for label, count in learnt if count],
+        "absent": ", ".join(str(label) for label, count in learnt if not count),
         "settings": [
             (f"training of {name}", settings_rows(_mapping(training.get("settings")))),
             (f"network of {name}", settings_rows(_mapping(stored.get("settings")))),
@@ -118,7 +123,7 @@ def _curves(models: list[dict[str, Any]]) -> list[tuple[str, go.Figure]]:
         figure = go.Figure()
         for model, color in zip(models, SERIES * (len(models) // len(SERIES) + 1), strict=False):
             for key, dash in zip(keys, ("solid", "dot", "dash"), strict=False):
-                known = [(row.get("epoch"), row.get(key)) for row in model["log"] if row.get(key) is not None]
+                known = [(_from_one(row.get("epoch")), row[key]) for row in model["log"] if row.get(key) is not None]
                 if known:
                     words = {"miou": "mean IoU", "accuracy": "accuracy", "mean_accuracy": "mean accuracy"}.get(key, key)
                     figure.add_scatter(
@@ -134,42 +139,40 @@ def _curves(models: list[dict[str, Any]]) -> list[tuple[str, go.Figure]]:
             scale = (
                 {"title": "score", "range": [0, 1]} if keys[0] != "loss" else {"title": "loss", "rangemode": "tozero"}
             )
-            drawn.append((title, figure.update_layout(xaxis={"title": "epoch"}, yaxis=scale)))
+            last = max(len(model["log"]) for model in models)
+            axis = {"title": "epoch", "dtick": max(-(-last // 10), 1)}
+            drawn.append((title, figure.update_layout(xaxis=axis, yaxis=scale)))
     return drawn
 
 
-def _scores(name: str, record: Mapping[str, Any]) -> dict[str, Any]:
-    """Spell one table of scores."""
-    names = list(record["classes"])
-    seen = [
-        k for k, one in enumerate(names) if record["classes"][one]["points"] or any(r[k] for r in record["confusion"])
-    ]
-    panoptic = record["panoptic"]
+def _from_one(epoch: float | None) -> int | None:
+    """Count an epoch from 1, as people do; logs and models count from 0."""
+    return None if epoch is None else int(epoch) + 1
+
+
+def _scores(name: str, record: Mapping[str, Any], models: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Spell one table of scores; classes come as the confusion matrix has them, which files do not keep by itself."""
+    names, classes, panoptic = list(record["class_names"]), record["classes"], record["panoptic"]
+    seen = [k for k, one in enumerate(names) if classes[one]["points"] or any(row[k] for row in record["confusion"])]
+    true = [k for k in seen if classes[names[k]]["points"]]
     return {
         "name": name,
-        "tiles": [
-            {"label": "mean IoU", "value": percent(record["mean_iou"])},
-            {
-                "label": f"mean IoU up to {record['sure']['uncertainty']:g} m",
-                "value": percent(record["sure"]["mean_iou"]),
-            },
-            {"label": "overall accuracy", "value": percent(record["overall_accuracy"])},
-            {"label": "mean accuracy", "value": percent(record["mean_accuracy"])},
-            {"label": "calibration error", "value": percent(record["calibration_error"])},
-            {"label": "points, each scored once", "value": number(record["points"])},
-        ],
+        "tiles": _tiles(record),
+        "notes": _notes(record, models),
         "classes": [
             {
-                "name": one,
-                "points": number(record["classes"][one]["points"]),
-                "scores": [percent(record["classes"][one][key]) for key in SCORES],
-                "share": 100.0 * (record["classes"][one]["iou"] or 0.0),
+                "name": names[k],
+                "points": number(classes[names[k]]["points"]),
+                "scores": [percent(classes[names[k]][key]) for key in SCORES],
+                "share": 100.0 * (classes[names[k]]["iou"] or 0.0),
             }
-            for one in names
+            for k in seen
         ],
-        "iou": {one: record["classes"][one]["iou"] for one in names} | {"mean": record["mean_iou"]},
-        "names": [names[k] for k in seen],
-        "matrix": [[record["confusion_shares"][line][k] for k in seen] for line in seen],
+        "absent": ", ".join(one for k, one in enumerate(names) if k not in seen),
+        "iou": {one: classes[one]["iou"] for one in names} | {"mean": record["mean_iou"]},
+        "heads": [names[k] for k in seen],
+        "matrix": [(names[line], [record["confusion_shares"][line][k] for k in seen]) for line in true],
+        "frequent": _frequent_errors(record, names),
         "calibration": _calibration(record),
         "errors": _errors(record),
         "by_uncertainty": [
@@ -179,7 +182,7 @@ def _scores(name: str, record: Mapping[str, Any]) -> dict[str, Any]:
             )
         ],
         "panoptic": [
-            (title, _instances(panoptic[key]))
+            (title, _instances(panoptic[key], names))
             for key, title in (
                 ("parts", "connected parts of the true classes"),
                 ("modelled", "components as they were modelled"),
@@ -191,6 +194,50 @@ def _scores(name: str, record: Mapping[str, Any]) -> dict[str, Any]:
             for one, row in record["bridges"].items()
         ],
     }
+
+
+def _tiles(record: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Say how good a model is, beside what the simplest answer would be worth."""
+    largest, points = max(
+        ((one, row["points"]) for one, row in record["classes"].items()), key=lambda pair: pair[1], default=("–", 0)
+    )
+    return [
+        {"label": f"mean IoU of the {record['classes_averaged']} classes there", "value": percent(record["mean_iou"])},
+        {
+            "label": f"the same up to {record['sure']['uncertainty']:g} m of uncertainty",
+            "value": percent(record["sure"]["mean_iou"]),
+        },
+        {"label": "overall accuracy", "value": percent(record["overall_accuracy"])},
+        {
+            "label": f"accuracy of always saying {largest}",
+            "value": percent(points / record["points"] if record["points"] else None),
+        },
+        {"label": "mean accuracy", "value": percent(record["mean_accuracy"])},
+        {"label": "calibration error", "value": percent(record["calibration_error"])},
+        {"label": "points, each scored once", "value": number(record["points"])},
+        {"label": f"bridge{'s'[: len(record['bridges']) != 1]}", "value": number(len(record["bridges"]))},
+    ]
+
+
+def _notes(record: Mapping[str, Any], models: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Name bridges that a model of this page knew before it was scored on them."""
+    return [
+        f"Model {model['name']} {what} {', '.join(sorted(one[:12] for one in known))}: its scores there are too good."
+        for model in models
+        for what, bridges in model["bridges"].items()
+        if (known := bridges & record["bridges"].keys())
+    ]
+
+
+def _frequent_errors(record: Mapping[str, Any], names: Sequence[str]) -> list[list[str]]:
+    """List the pairs of classes that most points fall between: true class, what it was taken for, points, share."""
+    pairs = [
+        (count, i, j) for i, row in enumerate(record["confusion"]) for j, count in enumerate(row) if i != j and count
+    ]
+    return [
+        [names[i], names[j], number(count), percent(record["confusion_shares"][i][j])]
+        for count, i, j in sorted(pairs, key=lambda pair: (-pair[0], *pair[1:]))[:MOST_ERRORS]
+    ]
 
 
 def _calibration(record: Mapping[str, Any]) -> go.Figure | None:
@@ -232,12 +279,15 @@ def _errors(record: Mapping[str, Any]) -> go.Figure | None:
     )
 
 
-def _instances(row: Mapping[str, Any]) -> list[list[str]]:
-    words = ("true", "found", "matched", "quality", "segmentation", "recognition")
+def _instances(row: Mapping[str, Any], names: Sequence[str]) -> list[list[str]]:
     return [
-        [name, *(number(one[word]) for word in words)]
-        for name, one in row["classes"].items()
-        if one["true"] + one["found"]
+        [
+            name,
+            *(number(one[word]) for word in ("true", "found", "matched")),
+            *(percent(one[word]) for word in ("quality", "segmentation", "recognition")),
+        ]
+        for name in names
+        if (one := row["classes"][name])["true"] + one["found"]
     ]
 
 

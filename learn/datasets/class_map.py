@@ -28,7 +28,7 @@ class CodeRow(Settings):
     parts: tuple[str, ...] = Field(
         default=(), description="Component kinds, or classes of the base table, that it covers"
     )
-    to: Mapping[str, str] = Field(default={}, description="Class in a table that the parts alone do not settle")
+    to: Mapping[str, str] = Field(default={}, description="Class in a table, where the parts alone do not determine it")
 
 
 class ClassMapFile(Settings):

@@ -98,7 +98,7 @@ def summed_model(model: Predicting, classes: tuple[str, ...], own: str, table: s
         names: Classes of the data set.
 
     Raises:
-        InputError: The model's classes do not settle those of the table.
+        InputError: The model's classes do not determine those of the table.
     """
     if tuple(names) == classes:
         return model
@@ -126,7 +126,7 @@ def sum_classes(
         ids: Id of each class in the file, where they are no table's.
 
     Raises:
-        InputError: No such table, one that the model's classes do not settle, or a class that it lacks.
+        InputError: No such table, one that the model's classes do not determine, or a class that it lacks.
     """
     if own == OWN and table in ("", OWN):
         return _as_they_are(classes, ids or tuple(range(len(classes))), kept)

@@ -15,7 +15,7 @@ from learn.scoring.votes import ScoredCloud, labelled
 F32 = NDArray[np.float32]
 I64 = NDArray[np.int64]
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3  # 3: `class_names`, since the keys of a JSON object come sorted
 SURE = 0.1  # [m] the paper's threshold, above which a point counts as noisy
 THRESHOLDS = (0.01, 0.03, SURE, 0.3, 1.0)  # [m]
 _ALL = len(THRESHOLDS)  # place of the matrix of all points, behind those of the thresholds
@@ -93,7 +93,7 @@ def whole_record(tallies: dict[str, Tally], names: Sequence[str], link: float) -
         link: As for `tally_cloud` [m].
 
     Returns:
-        A record for JSON; a score of nothing is null.
+        A record for JSON; a score of nothing is null. Rows and columns of `confusion` come as `class_names` does.
     """
     count = len(names)
     total = sum(tallies.values(), Tally(np.zeros((_ALL + 1, count, count), np.int64)))
@@ -107,6 +107,7 @@ def whole_record(tallies: dict[str, Tally], names: Sequence[str], link: float) -
         "format_version": FORMAT_VERSION,
         "points": total.points,
         "votes": total.votes,
+        "class_names": list(names),
         **score_rows(matrix, names),
         "confusion": matrix.tolist(),
         "confusion_shares": [[_plain(value) for value in row] for row in shares],

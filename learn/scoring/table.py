@@ -82,7 +82,7 @@ def _calibration(record: Mapping[str, Any]) -> list[str]:
 
 
 def _confusion(record: Mapping[str, Any]) -> list[str]:
-    names = list(record["classes"])
+    names = list(record["class_names"])
     seen = [
         i
         for i, name in enumerate(names)

@@ -114,7 +114,7 @@ def repaint(name: str, image: str) -> None:
     link.from_node.image = bpy.data.images.load(image)
 
 
-def wear(name: str, material: str, color: list[float]) -> None:
+def assign_material(name: str, material: str, color: list[float]) -> None:
     """Give an object another material, made when there is none of that name."""
     made = bpy.data.materials.get(material)
     if made is None:
@@ -180,7 +180,7 @@ EDITS = {
         slide_uv,
         paint,
         repaint,
-        wear,
+        assign_material,
         add_cube,
         fly,
         add_lamp,

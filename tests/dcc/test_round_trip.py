@@ -200,8 +200,8 @@ def test_every_other_kind_of_edit(original: Path, tmp_path: Path) -> None:
         ("subdivide", "Deck_001"),
         ("slide_uv", "Kerb_000_L", "st", 0.25),
         ("repaint", "Role_DeckConcrete", str(other)),
-        ("wear", "Abutment_000_Wall", "Rust", [0.4, 0.2, 0.1]),
-        ("wear", "Abutment_002_Wall", "Role_DeckAsphalt", []),
+        ("assign_material", "Abutment_000_Wall", "Rust", [0.4, 0.2, 0.1]),
+        ("assign_material", "Abutment_002_Wall", "Role_DeckAsphalt", []),
         ("duplicate", "Pier_001_Footing", [0.0, 0.0, -2.0]),
         ("delete", "Coping_000_L"),
         ("add_cube", "Van", [3.0, 0.0, 8.0], 2.0),
@@ -273,7 +273,7 @@ def test_run_goes_on_from_the_edited_stage(tmp_path: Path, record_proof: RecordP
         [
             ("move", "Parapet_000_L", [0.0, 0.0, 1.5]),
             ("add_cube", "Crate", [6.0, 0.0, 7.4], 1.6),
-            ("wear", "Crate", "Role_AbutmentConcrete", []),
+            ("assign_material", "Crate", "Role_AbutmentConcrete", []),
         ],
     )
     assert harvest(scene, out, "wing_wall").moved == ["Parapet_000_L"]

@@ -38,7 +38,7 @@ def main(request: dict[str, Any]) -> None:
 
 
 def add(name: str, worn: Any) -> Any:
-    """Add a unit cube that wears a material."""
+    """Add a unit cube with a material."""
     bpy.ops.mesh.primitive_cube_add(size=1.0)
     thing = bpy.context.object
     thing.name = thing.data.name = name
