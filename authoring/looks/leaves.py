@@ -34,7 +34,7 @@ _TINTS: dict[str, Color] = {
 _SEASONS: dict[Season, dict[str, Color]] = {
     "summer": {},
     "spring": {
-        **dict.fromkeys(("oak", "lime", "willow", "scrub", "herbs"), (1.25, 1.35, 1.05)),
+        **dict.fromkeys(("oak", "lime", "willow", "scrub", "herbs"), (1.50, 1.58, 1.05)),
         "grass": (1.05, 1.22, 0.90),
         "reed": (1.30, 1.05, 1.30),
     },

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from groundwork.progress import SILENT
 from render.capture import TRUTH
@@ -13,6 +14,7 @@ from tests.authoring.small_scene import SEED, SMALL, file_bytes, write_small_sce
 from tests.conftest import Count, RecordProof
 
 IDEAL = RenderSettings(quality="fast", shadow_size=512, sensor=SensorSettings(noise=False, image_format="png"))
+VISIBLE = 10  # of 255
 VARYING = "truth/render.json"  # its exposure is that of the photographs
 
 
@@ -31,6 +33,7 @@ def test_season_changes_rgb_alone(tmp_path: Path, proof_count: Count, record_pro
         (tmp_path / one).mkdir()
         background = {**world, "name": "countryside", "season": one}
         scene = write_small_scene(tmp_path / one, background=background, survey=[flight])
+        (tmp_path / f"{one}_capture").mkdir()
         render_stage(scene, tmp_path / f"{one}_capture", IDEAL, SEED, SILENT)
         captures.append(file_bytes(tmp_path / f"{one}_capture"))
     summer, other = captures
@@ -38,14 +41,21 @@ def test_season_changes_rgb_alone(tmp_path: Path, proof_count: Count, record_pro
     differ = {name for name in summer if summer[name] != other[name]} - {VARYING}
     images = {name for name in summer if name.startswith("images/")}
     assert differ == images
-    warm = [np.mean([_warmth(files[name]) for name in sorted(images)]) for files in captures]
+    before, after = (np.stack([_picture(files[name]) for name in sorted(images)]) for files in captures)
+    turned = np.abs(before - after).max(axis=-1) > VISIBLE
+    assert turned.mean() > 0.1
+    warm = [float(one[turned][:, 2].mean() / one[turned][:, 1].mean()) for one in (before, after)]
     assert warm[1] > warm[0] + 0.05
     truth = [name for name in summer if name.startswith(f"{TRUTH}/")]
-    figures = {"files_of_truth": len(truth), "unequal_files_of_truth": len(differ - images)}
+    figures = {
+        "files_of_truth": len(truth),
+        "unequal_files_of_truth": len(differ - images),
+        "turned_share": round(float(turned.mean()), 3),
+        "red_over_green": [round(value, 3) for value in warm],
+    }
     record_proof("stage/season: autumn changes rgb alone", len(images), SEED, figures)
 
 
-def _warmth(data: bytes) -> float:
-    """Mean of red over green of a picture [1]."""
-    picture = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR), np.float64)
-    return float(picture[..., 2].mean() / picture[..., 1].mean())
+def _picture(data: bytes) -> NDArray[np.float64]:
+    """Read a picture: blue, green, red, of 255."""
+    return np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR), np.float64)
