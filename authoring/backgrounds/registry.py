@@ -2,14 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from authoring.backgrounds.city import CitySettings, build_city
 from authoring.backgrounds.countryside import CountrysideSettings, build_countryside
 from authoring.backgrounds.hillside import HillsideSettings, build_hillside
 from authoring.backgrounds.lakeside import LakesideSettings, build_lakeside
+from authoring.looks.seasons import SUMMER, Season
 from authoring.shapes.component import Component, Scatter
 from authoring.site.site import Site
 from groundwork.errors import InputError
@@ -29,6 +31,11 @@ class BackgroundSettings(Settings):
         default="countryside",
         description="`none`, a procedural world, or the path of an imported one, relative to the scenario",
     )
+    season: Season = Field(
+        default=SUMMER,
+        description="season of what grows, on the site too: colors of leaves, grass and fields; conifers stay green. "
+        "It hides no leaf, and is independent of the date in `[light]`",
+    )
     none: NoneSettings = Field(default_factory=NoneSettings, description="settings of `none`")
     city: CitySettings = Field(default_factory=CitySettings, description="settings of `city`")
     countryside: CountrysideSettings = Field(
@@ -36,6 +43,12 @@ class BackgroundSettings(Settings):
     )
     hillside: HillsideSettings = Field(default_factory=HillsideSettings, description="settings of `hillside`")
     lakeside: LakesideSettings = Field(default_factory=LakesideSettings, description="settings of `lakeside`")
+
+    @model_serializer(mode="wrap")
+    def _without_summer(self, spell: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Spell settings of summer as before there were seasons: hashes and keys of results stay the same."""
+        values = spell(self)
+        return {key: value for key, value in values.items() if (key, value) != ("season", SUMMER)}
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ from authoring.looks.ground_photo import ground_photo
 from authoring.looks.library import SHEETS, SheetName, bake_sheets
 from authoring.looks.material import MaterialRecipe
 from authoring.looks.noise import Bank
+from authoring.looks.scenery import worn_in
+from authoring.looks.seasons import SUMMER, Season
 from authoring.looks.shallows import shallows
 from authoring.shapes.component import Component, Scatter
 from authoring.site.photo import surface_of
@@ -36,7 +38,9 @@ def write_asset(asset: Asset, pieces: Pieces, folder: Path) -> None:
     export(semantics_layer(asset, pieces), folder / "semantics.usda")
 
 
-def bake_surfaces(pieces: Pieces, folder: Path, texels: int, seed: int) -> dict[str, MaterialRecipe]:
+def bake_surfaces(
+    pieces: Pieces, folder: Path, texels: int, seed: int, season: Season = SUMMER
+) -> dict[str, MaterialRecipe]:
     """Bake the materials of a background, or of a site but for the pictures of its ground.
 
     Args:
@@ -44,6 +48,7 @@ def bake_surfaces(pieces: Pieces, folder: Path, texels: int, seed: int) -> dict[
         folder: Folder of the asset; receives `textures/`.
         texels: Texels along a side of a sheet [px].
         seed: Seed of the scene.
+        season: Season of what grows.
 
     Returns:
         One recipe for each material that the pieces name.
@@ -51,15 +56,17 @@ def bake_surfaces(pieces: Pieces, folder: Path, texels: int, seed: int) -> dict[
     # One number a surface, the same for site and background: their grass is one grass, and goes on over the border.
     names = sorted({surface_of(role)[0] for role in roles_of(pieces)})
     numbers = {name: int(stream(seed, f"surface/{name}").integers(SHEETS)) for name in names}
-    bake_sheets(SheetName(name, number, texels) for name, number in numbers.items())
+    bake_sheets(SheetName(name, number, texels, worn_in(name, season)) for name, number in numbers.items())
     patches = patches_of(seed)
     return {
-        name: bake_surface(name, folder, texels, prefix=f"{folder.name}_", number=number, patches=patches)
+        name: bake_surface(
+            name, folder, texels, prefix=f"{folder.name}_", number=number, patches=patches, season=season
+        )
         for name, number in numbers.items()
     }
 
 
-def bake_site(site: Site, folder: Path, texels: int, seed: int) -> dict[str, MaterialRecipe]:
+def bake_site(site: Site, folder: Path, texels: int, seed: int, season: Season = SUMMER) -> dict[str, MaterialRecipe]:
     """Bake the materials of a site, with the pictures of the ground near the bridge.
 
     Args:
@@ -67,8 +74,9 @@ def bake_site(site: Site, folder: Path, texels: int, seed: int) -> dict[str, Mat
         folder: Its folder; receives `textures/`.
         texels: Texels along a side of a sheet and of a picture [px].
         seed: Seed of the scene.
+        season: Season of what grows.
     """
-    recipes = bake_surfaces(site.pieces, folder, texels, seed)
+    recipes = bake_surfaces(site.pieces, folder, texels, seed, season)
     patches = open_ground(texels, patches_of(seed))
     bank, drawn = Bank(), int(stream(seed, "surface/photo").integers(2**31))
     photos = {}

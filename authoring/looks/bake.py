@@ -14,6 +14,8 @@ from authoring.looks.noise import Floats
 from authoring.looks.recipe import DETAIL_PERIODS, SMOOTH
 from authoring.looks.recipes import RECIPES
 from authoring.looks.roles import LOOKS, fill_roles, sheet_numbers
+from authoring.looks.scenery import worn_in
+from authoring.looks.seasons import SUMMER, Season
 from authoring.looks.user_maps import MapSet
 from authoring.looks.user_sets import place_set, read_sets
 from authoring.looks.weathering import ground_patches, weather
@@ -117,6 +119,7 @@ def bake_surface(
     number: int = 0,
     library: Path | None = None,
     patches: int = 0,
+    season: Season = SUMMER,
 ) -> MaterialRecipe:
     """Bake one surface of a site or background.
 
@@ -128,11 +131,12 @@ def bake_surface(
         number: Which of its sheets.
         library: Where sheets are kept; the user's cache folder when not given.
         patches: Which patches lie on open ground: those of a site and of its background are the same.
+        season: Season of what grows.
 
     Raises:
         InputError: There is no such surface.
     """
-    sheet = SheetName(name, number, texels)
+    sheet = SheetName(name, number, texels, worn_in(name, season))
     files = copy_sheet(bake_sheets([sheet], library)[sheet], folder / "textures", f"{prefix}{name}")
     macro = ""
     if RECIPES[name].patchy:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.looks.noise import Tile, snap
+from authoring.looks.seasons import SUMMER, Season
 from authoring.looks.sheet import Color, Sheet
 from authoring.site.sprays import ROWS, SPRAYS
 
@@ -14,6 +15,8 @@ F64 = NDArray[np.float64]
 _FINE = 2  # texels drawn for each one kept, along a side
 _SHIFT = 4  # bits of a texel's fraction in the corners of what is drawn
 _STEM: Color = (0.060, 0.046, 0.032)
+_TURNS = 1_109  # seed of how far each leaf has turned
+_TURNED = 0.55, 1.3  # least and most of it: on one tree there are leaves of last month and of the next [1]
 # Mean linear colours of sunlit leaves: 5 to 7 % red, 8 to 12 % green, 2 to 4 % blue.
 _TINTS: dict[str, Color] = {
     "oak": (0.066, 0.098, 0.028),
@@ -27,10 +30,14 @@ _TINTS: dict[str, Color] = {
     "herbs": (0.080, 0.112, 0.036),
     "reed": (0.105, 0.120, 0.046),
 }
-# What a season makes of the tints: factors, and which kinds it changes.
-_SEASONS: dict[str, dict[str, Color]] = {
+# What a season makes of the tints: factors, and which kinds it changes; needles stay as they are.
+_SEASONS: dict[Season, dict[str, Color]] = {
     "summer": {},
-    "spring": {name: (1.25, 1.35, 1.05) for name in ("oak", "lime", "willow", "scrub", "herbs")},
+    "spring": {
+        **dict.fromkeys(("oak", "lime", "willow", "scrub", "herbs"), (1.50, 1.58, 1.05)),
+        "grass": (1.05, 1.22, 0.90),
+        "reed": (1.30, 1.05, 1.30),
+    },
     "autumn": {
         "oak": (2.1, 0.92, 0.75),
         "lime": (2.7, 1.55, 0.80),
@@ -40,17 +47,30 @@ _SEASONS: dict[str, dict[str, Color]] = {
         "herbs": (1.7, 1.10, 1.20),
         "reed": (1.8, 1.35, 1.40),
     },
+    "winter": {
+        "oak": (1.55, 0.72, 1.50),
+        "lime": (1.05, 0.54, 1.20),
+        "willow": (1.05, 0.62, 0.80),
+        "scrub": (1.25, 0.72, 1.20),
+        "grass": (1.50, 0.98, 1.30),
+        "herbs": (1.55, 0.82, 1.30),
+        "reed": (1.75, 1.25, 1.70),
+    },
 }
-SEASONS = tuple(_SEASONS)
 
 
 @dataclass
 class _Cell:
-    """A cell while it is drawn: colours and opacity, the first row at the top, and a random stream."""
+    """A cell while it is drawn: colours and opacity, the first row at the top, and a random stream.
+
+    `turned` is the colour that leaves turn to in the season, `turns` a stream that says how far each has turned.
+    """
 
     color: NDArray[np.float32]
     opacity: NDArray[np.uint8]
     rng: np.random.Generator
+    turned: F64
+    turns: np.random.Generator
 
     def fill(self, outline: F64, color: F64) -> None:
         """Fill a convex outline, in parts of the cell with the origin at its lower left, shape (N, 2), float64."""
@@ -70,12 +90,12 @@ class _Cell:
         self.fill(np.stack([start - low, end - high, end + high, start + low]), color)
 
 
-def leaves(tile: Tile, season: str = "summer") -> Sheet:
+def leaves(tile: Tile, season: Season = SUMMER) -> Sheet:
     """Sprays of broad leaves, branches with needles, tufts of grass, herbs, reed: a chart of 4 x 4 cells.
 
     Args:
         tile: Its size; it does not repeat.
-        season: A row of `SEASONS`.
+        season: What color they have; what is cut out is the same in each.
     """
     import cv2
 
@@ -84,13 +104,16 @@ def leaves(tile: Tile, season: str = "summer") -> Sheet:
     albedo = np.zeros((tile.pixels, tile.pixels, 3), np.float32)
     opacity = np.zeros((tile.pixels, tile.pixels), np.float32)
     for kind, numbers in SPRAYS.items():
-        tint = np.array(_TINTS[kind]) * np.array(_SEASONS[season].get(kind, (1.0, 1.0, 1.0)))
+        tint = np.array(_TINTS[kind])
+        turned = tint * np.array(_SEASONS[season].get(kind, (1.0, 1.0, 1.0)))
         for number in numbers:
             own = np.random.default_rng([int(tile.rng.integers(2**31)), number])
-            cell = _Cell(np.zeros((side, side, 3), np.float32), np.zeros((side, side), np.uint8), own)
-            draws.get(kind, _leafy)(cell, tint, kind)
+            turns = np.random.default_rng([_TURNS, number])
+            blank = np.zeros((side, side, 3), np.float32), np.zeros((side, side), np.uint8)
+            cell = _Cell(*blank, own, turned, turns)
+            draws[kind](cell, turned, kind) if kind in draws else _leafy(cell, tint, kind)
             seen = cell.opacity > 0
-            cell.color[~seen] = np.mean(cell.color[seen], axis=0, dtype=np.float64) if seen.any() else tint
+            cell.color[~seen] = np.mean(cell.color[seen], axis=0, dtype=np.float64) if seen.any() else turned
             row, column = ROWS - 1 - number // ROWS, number % ROWS
             half = side // _FINE
             place = np.s_[row * half : (row + 1) * half, column * half : (column + 1) * half]
@@ -120,7 +143,8 @@ def _leafy(cell: _Cell, tint: F64, kind: str) -> None:
         way = np.arctan2(away[0], away[1] + 0.25) + rng.normal(0.0, 0.7)
         shade = (0.40 + 0.85 * depth) * rng.uniform(0.82, 1.2)
         warm = np.array([1.0 + 0.10 * rng.normal(), 1.0, 1.0 + 0.12 * rng.normal()])
-        _leaf(cell, spot, way, length * rng.uniform(0.7, 1.2), slim, tint * shade * np.clip(warm, 0.5, 1.7))
+        color = tint + cell.turns.uniform(*_TURNED) * (cell.turned - tint)
+        _leaf(cell, spot, way, length * rng.uniform(0.7, 1.2), slim, color * shade * np.clip(warm, 0.5, 1.7))
 
 
 def _leaf(cell: _Cell, foot: F64, way: float, length: float, slim: float, color: F64) -> None:

@@ -18,6 +18,8 @@ from authoring.looks.grain import grain_texture
 from authoring.looks.noise import Bank, Tile
 from authoring.looks.recipe import FULL
 from authoring.looks.recipes import RECIPES
+from authoring.looks.scenery import SEASONAL
+from authoring.looks.seasons import SUMMER, Season
 from authoring.looks.sheet import soften
 from groundwork import user_cache
 from groundwork.canonical import digest, file_digest
@@ -42,6 +44,7 @@ _SOURCES = (
     "organic",
     "recipe",
     "scenery",
+    "seasons",
     "sheet",
     "structural",
     "urban",
@@ -57,11 +60,13 @@ class SheetName:
         surface: A row of `authoring.looks.recipes.RECIPES`.
         number: 0 to `SHEETS` - 1.
         texels: Texels along a side of a sheet of a bridge, as the settings say [px].
+        season: Its season; other than summer only for surfaces of `authoring.looks.scenery.SEASONAL`.
     """
 
     surface: str
     number: int
     texels: int
+    season: Season = SUMMER
 
     @property
     def pixels(self) -> int:
@@ -71,7 +76,7 @@ class SheetName:
     @property
     def key(self) -> str:
         """Hash of all that its bytes depend on."""
-        return digest([self.surface, self.number, self.pixels, _recipes_digest()])
+        return digest([self.surface, self.number, self.pixels, self.season, _recipes_digest()])
 
 
 @dataclass(frozen=True)
@@ -154,7 +159,8 @@ def draw_sheet(name: SheetName, bank: Bank | None) -> tuple[dict[str, bytes], di
     """
     recipe = RECIPES[name.surface]
     rng = np.random.default_rng([int.from_bytes(name.surface.encode(), "little"), name.number])
-    sheet = recipe.draw(Tile(name.pixels, recipe.metres, rng, bank))
+    tile = Tile(name.pixels, recipe.metres, rng, bank)
+    sheet = recipe.draw(tile) if name.season == SUMMER else SEASONAL[name.surface](tile, name.season)
     albedo = soften(sheet.albedo, recipe.contrast)
     color, name_of = encode_srgb(albedo), "albedo.jpg"
     if sheet.opacity is not None:

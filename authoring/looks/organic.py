@@ -138,11 +138,13 @@ def open_water(tile: Tile) -> Sheet:
     return Sheet(albedo, rough, 0.02 * ripples)
 
 
-def woodland(tile: Tile) -> Sheet:
+def woodland(tile: Tile, broad: tuple[Color, Color] | None = None, turf: Color | None = None) -> Sheet:
     """A mixed wood seen from far off: crowns small and large, stands of conifers, gaps, thinned places.
 
     Args:
         tile: Where it repeats.
+        broad: Factors of broad leaves, from the crowns that turn least to those that turn most [1]; None in summer.
+        turf: Factors of the grass that shows in thinned places [1]; None in summer.
     """
     large, small = cells(tile, 8.2, jitter=0.95), cells(tile, 4.6, jitter=0.95)
     stand, leaves = fractal(tile, 120.0, 9.0), fractal(tile, 3.0, slope=0.4)
@@ -154,10 +156,14 @@ def woodland(tile: Tile) -> Sheet:
     tone = (0.22 + 0.40 * dome * (0.45 + 0.8 * own)) * (1 + 0.08 * stand) + 0.05 * leaves
     albedo = palette(tone, _LEAVES)
     albedo = cover(albedo, 0.5 * dome * ramp(hue, 0.66, 1.0), paint((0.088, 0.092, 0.034), 1 + 0.15 * leaves))
+    if broad is not None:
+        least, most = np.asarray(broad, np.float32)
+        albedo = albedo * (least + ramp(hue, 0.05, 0.95)[..., None] * (most - least))
     needles = paint((0.026, 0.044, 0.020), (0.35 + 0.95 * dome * (0.5 + own)) * (1 + 0.10 * leaves))
     albedo = cover(albedo, dark, needles)
     thin = ramp(fractal(tile, 70.0, 6.0) - 0.5 * dome, 1.15, 1.9)
-    albedo = cover(albedo, 0.8 * thin, paint((0.085, 0.100, 0.042), 1 + 0.20 * leaves))
+    ground = np.asarray((0.085, 0.100, 0.042), np.float32) * np.asarray(turf or (1.0, 1.0, 1.0), np.float32)
+    albedo = cover(albedo, 0.8 * thin, paint(tuple(ground.tolist()), 1 + 0.20 * leaves))
     return Sheet(albedo, 0.93 + 0.01 * leaves, 1.2 * dome)
 
 

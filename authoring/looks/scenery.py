@@ -1,10 +1,16 @@
 """Surfaces of sites and backgrounds, each with the name that their pieces ask for."""
 
+from collections.abc import Callable
 from functools import partial
 
-from authoring.looks import coated, mineral, organic, urban
+import numpy as np
+
+from authoring.looks import coated, mineral, organic, seasons, urban
 from authoring.looks.leaves import leaves
+from authoring.looks.noise import Tile
 from authoring.looks.recipe import FAINT, FULL, ROUGH, SMOOTH, Recipe
+from authoring.looks.seasons import SUMMER, Season
+from authoring.looks.sheet import Sheet
 
 SCENERY: dict[str, Recipe] = {
     "concrete": Recipe(partial(mineral.panel_concrete, age=0.5), 5.0, ROUGH),
@@ -87,3 +93,40 @@ SURFACES = (
     "leaves",
     "painted_metal",
 )
+
+
+def _woodland(tile: Tile, season: Season) -> Sheet:
+    return organic.woodland(tile, seasons.WOODS[season], seasons.TURF[season])
+
+
+def _shaded(surface: str, shades: seasons.Shades) -> Callable[[Tile, Season], Sheet]:
+    """Draw a surface as in summer, and multiply its color."""
+
+    def draw(tile: Tile, season: Season) -> Sheet:
+        summer = SCENERY[surface].draw(tile)
+        return Sheet(summer.albedo * np.asarray(shades[season], np.float32), summer.roughness, summer.height)
+
+    return draw
+
+
+# How what grows is drawn in another season than summer, as which `SCENERY` has it.
+SEASONAL: dict[str, Callable[[Tile, Season], Sheet]] = {
+    "leaves": leaves,
+    "woodland": _woodland,
+    "foliage": _shaded("foliage", seasons.HEARTS),
+    "grass": _shaded("grass", seasons.TURF),
+    "meadow": _shaded("meadow", seasons.TURF),
+    "hay": _shaded("hay", seasons.TALL_GRASS),
+    "crop": _shaded("crop", seasons.CEREALS),
+    "ripe_crop": _shaded("ripe_crop", seasons.RIPE),
+}
+
+
+def worn_in(surface: str, season: Season) -> Season:
+    """Tell which season's sheet a surface wears: what does not grow is as in summer all year.
+
+    Args:
+        surface: Name of a surface.
+        season: The season.
+    """
+    return season if surface in SEASONAL else SUMMER

@@ -17,6 +17,7 @@ from authoring.layers.provenance import author_provenance
 from authoring.layers.repeats import with_own_ids
 from authoring.light.daylight import LightSettings, bake_light
 from authoring.looks.bake import NO_FOLDERS, bake_look
+from authoring.looks.seasons import SUMMER
 from authoring.settings import AuthoringSettings
 from authoring.shapes.component import FIRST_EDIT_ID, Component
 from authoring.site.site import Site
@@ -35,7 +36,9 @@ def made_from(settings: AuthoringSettings, seed: int, asset: str) -> dict[str, s
         seed: Seed of the scene.
         asset: `bridge`, `site` or `background`.
     """
-    sections = {name: getattr(settings, name) for name in _SECTIONS[asset]}
+    sections: dict[str, object] = {name: getattr(settings, name) for name in _SECTIONS[asset]}
+    if asset == "site" and settings.background.season != SUMMER:  # all that a site takes from its surroundings
+        sections["season"] = settings.background.season
     return {"seed": str(seed), "settings": digest(sections)}
 
 
@@ -92,6 +95,7 @@ def write_background(
     file = f"./background/{name}/{name}.usda"
     place = (folder / file).parent
     made, rng = made_from(settings, seed, "background"), stream(seed, "background")
+    season = settings.background.season
     if world is None:
         pieces, skins = build_background(name, settings.background, site, rng), ()
     else:
@@ -103,7 +107,7 @@ def write_background(
     write_asset(BACKGROUND, pieces, place)
     roles = {skin.role for skin in skins}
     own = tuple(piece for piece in pieces if not (isinstance(piece, Component) and piece.role in roles))
-    recipes = {**bake_surfaces(own, place, settings.look.texels, seed), **skin_recipes(skins, place)}
+    recipes = {**bake_surfaces(own, place, settings.look.texels, seed, season), **skin_recipes(skins, place)}
     layer = background_layer(name, recipes)
     export(author_provenance(layer, "/Background", made, is_ours=world is None), folder / file)
     return file

@@ -1,0 +1,118 @@
+"""Bridges over water: how far their piers, towers and footings keep from it, where it lies on the site's ground."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from authoring.families.bridge_settings import draw_layout
+from authoring.families.registry import FAMILIES
+from authoring.shapes.component import F64, Component, triangles
+from authoring.site.crossing import CrossingKind
+from authoring.site.grid import HeightField
+from authoring.site.land import draw_land, strip_ground, strip_lines
+from authoring.site.roads import water_half
+from authoring.site.shape import Land
+from authoring.site.site import LONG, SiteSettings
+from authoring.streams import stream
+from groundwork.errors import InputError
+from tests.authoring.boxes import box
+from tests.authoring.bridges.built import Bridge, build_on, settings_of
+from tests.authoring.bridges.conftest import FIXED, profile_of
+from tests.conftest import Count, RecordProof
+
+KINDS: tuple[CrossingKind, ...] = ("river", "harbour", "valley")
+STEP = 0.25  # of the grid on which water is looked for, and of the outlines of what stands in it [m]
+ASIDE = 12.0  # beside the deck that the grid reaches [m]
+
+
+@dataclass(frozen=True)
+class Shore:
+    """A bridge, and the ground and water that it stands in."""
+
+    bridge: Bridge
+    land: Land
+    field: HeightField
+
+
+def _over_water(family: str, seed: int) -> Iterator[Shore]:
+    """Draw a bridge, and build it over each water that suits it; another ground has other piers."""
+    layout, drawn = draw_layout(settings_of(family, profile=profile_of(seed)), stream(seed, "bridge"))
+    site, axis = SiteSettings(), layout.alignment
+    spacing = site.fine_spacing * max((layout.supports[-1] - layout.supports[0]) / LONG, 1.0)
+    for kind in KINDS:
+        try:
+            land = draw_land(kind, site.relief, layout, site.run_out, stream(seed, "site"))
+        except InputError:  # no room for it under this bridge
+            continue
+        if land.crossing.kind == "river":  # a road may run along a valley
+            lines = strip_lines(land, site.run_out, site.half_width, (site.fine_reach, spacing, site.coarse_spacing))
+            field, _ = strip_ground(land, *lines)
+            yield Shore(build_on(family, seed, layout, drawn, lambda xy, f=field: f(*axis.locate(xy))), land, field)
+
+
+def _water(shore: Shore) -> F64:
+    """Places round the bridge that water covers: plan [m], shape (N, 2), float64."""
+    crossing, field, layout = shore.land.crossing, shore.field, shore.land.layout
+    half_deck = 0.5 * layout.width
+    lefts = np.arange(-half_deck - ASIDE, half_deck + ASIDE, STEP)
+    reach = 1.5 * water_half(crossing) / float(np.cos(layout.alignment.skew)) + 3.0
+    station, left = np.meshgrid(np.arange(-reach, reach, STEP), lefts)
+    station = station + crossing.center(left)
+    wet = field(station.ravel(), left.ravel()).reshape(station.shape) < crossing.level
+    wet &= crossing.distance(station, left) < water_half(crossing)
+    place = layout.alignment.point(station[wet], left[wet], np.zeros(int(wet.sum())))
+    return place[:, :2]
+
+
+def _outline(member: Component, level: float) -> F64:
+    """Points along a member's outline on a level, and along all its edges below: positions [m], shape (N, 3)."""
+    corners = member.mesh.points[triangles(member.mesh)]
+    edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)  # of each triangle, shape (T, 3, 2, 3)
+    above = edges[..., 2] > level
+    one, two = edges[above[..., 0] != above[..., 1]].swapaxes(0, 1)  # two of each triangle that the level cuts
+    share = (level - one[:, 2]) / (two[:, 2] - one[:, 2])
+    cut = (one + share[:, None] * (two - one)).reshape(-1, 2, 3)
+    lines = np.concatenate([cut, edges[~above.any(axis=-1)]])
+    count = int(np.ceil(np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1).max(initial=0.0) / STEP)) + 1
+    return np.concatenate([lines[:, 0] + part * (lines[:, 1] - lines[:, 0]) for part in np.linspace(0.0, 1.0, count)])
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_nothing_stands_in_the_current(family: str, proof_count: Count, record_proof: RecordProof) -> None:
+    """All of a bridge that is as low as the water, in the ground too, keeps from the water that lies on the ground."""
+    count = proof_count(2, 60)
+    bridges, low, wrong, least = 0, 0, [], np.inf
+    for seed in range(FIXED, FIXED + count):
+        for shore in _over_water(family, seed):
+            bridges += 1
+            crossing, tree = shore.land.crossing, cKDTree(_water(shore))
+            for member in shore.bridge.members:
+                if member.mesh.points[:, 2].min() > crossing.level:
+                    continue
+                points = _outline(member, crossing.level)
+                if len(points):
+                    low += 1
+                    away = float(tree.query(points[:, :2])[0].min())
+                    least = min(least, away)
+                    if away < 2.0 * STEP:
+                        wrong.append(f"{family} {seed} {crossing.half_width:.1f} m {member.name}: {away:.2f} m")
+    figures = {"members_below_water": low, "least_distance_to_water_m": round(least, 2)}
+    record_proof(f"bridges/{family}/nothing stands in the current", bridges, FIXED, figures)
+    assert bridges > 0
+    assert not wrong, "\n".join(wrong[:20])
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.7, 1.6])
+def test_what_stands_in_the_current_is_found(aside: float) -> None:
+    """A post of 0.5 m in the middle, near the edge, and beside the water, by half widths of it from the middle."""
+    shore = next(_over_water("beam", FIXED))
+    crossing, axis = shore.land.crossing, shore.land.layout.alignment
+    station = np.array([crossing.station + aside * crossing.half_width * float(crossing.stretch(np.zeros(1))[0])])
+    foot = axis.point(station, np.zeros(1), np.zeros(1))[0]
+    post = box((foot[0], foot[1], -9.0), (foot[0] + 0.5, foot[1] + 0.5, 3.0))
+    points = _outline(Component("Post", "column", "Role_PierConcrete", "Piers", post, 1), crossing.level)
+    away = float(cKDTree(_water(shore)).query(points[:, :2])[0].min())
+    assert away == pytest.approx(max(aside - 1.0, 0.0) * crossing.half_width, abs=3.0 * STEP)
