@@ -17,8 +17,12 @@ from authoring.site.sprays import ROWS, SPRAYS
 from groundwork.canonical import canonical_json, digest
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
-from tests.authoring.small_scene import SMALL, file_bytes, write_small_scene
+from tests.authoring.small_scene import file_bytes, write_small_scene
 
+COUNTRY: dict[str, object] = {
+    "name": "countryside",
+    "countryside": {"reach": 400, "buildings": 1, "trees": 8, "hedge_bushes": 5},
+}
 OTHERS: tuple[Season, ...] = tuple(season for season in SEASONS if season != SUMMER)
 NEEDLES = ("spruce", "pine", "twigs")
 
@@ -109,11 +113,10 @@ def test_what_does_not_grow_has_one_sheet_a_year() -> None:
 
 def test_a_season_changes_materials_alone(tmp_path: Path) -> None:
     """Site and background in autumn: geometry, labels, bridge, cameras and lights are the same files."""
-    settings: dict[str, object] = dict(SMALL["background"])  # type: ignore[call-overload]
     scenes = {}
     for season in (SUMMER, "autumn"):
         (tmp_path / season).mkdir()
-        write_small_scene(tmp_path / season, background={**settings, "name": "countryside", "season": season})
+        write_small_scene(tmp_path / season, background={**COUNTRY, "season": season})
         scenes[season] = file_bytes(tmp_path / season)
     one, two = scenes.values()
     assert one.keys() == two.keys()

@@ -10,9 +10,13 @@ from groundwork.progress import SILENT
 from render.capture import TRUTH
 from render.frames import render_stage
 from render.settings import RenderSettings, SensorSettings
-from tests.authoring.small_scene import SEED, SMALL, file_bytes, write_small_scene
+from tests.authoring.small_scene import SEED, file_bytes, write_small_scene
 from tests.conftest import Count, RecordProof
 
+COUNTRY: dict[str, object] = {
+    "name": "countryside",
+    "countryside": {"reach": 400, "buildings": 1, "trees": 8, "hedge_bushes": 5},
+}
 IDEAL = RenderSettings(quality="fast", shadow_size=512, sensor=SensorSettings(noise=False, image_format="png"))
 VISIBLE = 10  # of 255
 VARYING = "truth/render.json"  # its exposure is that of the photographs
@@ -20,7 +24,6 @@ VARYING = "truth/render.json"  # its exposure is that of the photographs
 
 def test_season_changes_rgb_alone(tmp_path: Path, proof_count: Count, record_proof: RecordProof) -> None:
     """Depth, labels, ids, normals, poses and cameras are byte-equal; land turns from green to brown."""
-    world: dict[str, object] = dict(SMALL["background"])  # type: ignore[call-overload]
     flight = {
         "kind": "global",
         "images": proof_count(8, 40),
@@ -31,7 +34,7 @@ def test_season_changes_rgb_alone(tmp_path: Path, proof_count: Count, record_pro
     captures = []
     for one in ("summer", "autumn"):
         (tmp_path / one).mkdir()
-        background = {**world, "name": "countryside", "season": one}
+        background = {**COUNTRY, "season": one}
         scene = write_small_scene(tmp_path / one, background=background, survey=[flight])
         (tmp_path / f"{one}_capture").mkdir()
         render_stage(scene, tmp_path / f"{one}_capture", IDEAL, SEED, SILENT)
