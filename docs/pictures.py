@@ -63,6 +63,7 @@ RECIPES = (
     Recipe(("dense_cloud.png",), ("docs.cloud_picture", "CLOUD")),
     Recipe(("sampling.png",), ("docs.sampling_picture", "RUN")),
     Recipe(("flights.png",), ("docs.flights_picture", "FLIGHTS")),
+    Recipe(("prediction.png",), ("docs.prediction_picture", "SCAN", "CLOUD"), "the extra learn"),
     Recipe(("real_scans.png",), ("benchmarks.real_scans", "SCANS"), "the extra learn; writes its page, too"),
     Recipe(("bench_scene.jpg",), ("benchmarks.render",), "measures for its page, too: long"),
     Recipe(("bench_light.jpg",), ("benchmarks.light", "WORK"), "FALSEWORK_BPY_PYTHON, as below; writes its page, too"),
