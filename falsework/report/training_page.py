@@ -292,17 +292,27 @@ def _instances(row: Mapping[str, Any], names: Sequence[str]) -> list[list[str]]:
 
 
 def _side_by_side(scored: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    names = list(dict.fromkeys(name for one in scored for name in one["iou"] if name != "mean"))
+    """Set the IoU of each class that any of the scores has beside each other, a row each."""
+    names = list(
+        dict.fromkeys(name for one in scored for name, iou in one["iou"].items() if name != "mean" and iou is not None)
+    )
     rows = [[name, *(percent(one["iou"].get(name)) for one in scored)] for name in [*names, "mean"]]
     figure = go.Figure()
     for one, color in zip(scored, SERIES * (len(scored) // len(SERIES) + 1), strict=False):
         values = [None if (value := one["iou"].get(name)) is None else 100.0 * value for name in names]
-        figure.add_bar(x=[escape(name) for name in names], y=values, name=escape(one["name"]), marker_color=color)
-    plain_layout(figure, 360)
+        figure.add_bar(
+            x=values, y=[escape(name) for name in names], name=escape(one["name"]), marker_color=color, orientation="h"
+        )
+    plain_layout(figure, 110 + (10 + 8 * len(scored)) * max(len(names), 1))
     return {
         "heads": ["class", *(one["name"] for one in scored)],
         "rows": rows,
-        "figure": figure.update_layout(yaxis={"title": "IoU [%]", "range": [0, 100]}),
+        "figure": figure.update_layout(
+            xaxis={"title": "IoU [%]", "range": [0, 100]},
+            yaxis={"type": "category", "autorange": "reversed", "automargin": True, "dtick": 1},
+            legend={"traceorder": "normal"},
+            bargap=0.25,
+        ),
     }
 
 

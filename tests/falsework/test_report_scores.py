@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from falsework.report import dataset_page
+from falsework.report import dataset_page, training_page
 from falsework.report.comparison_page import write_comparison_page
 from falsework.report.dataset_page import class_rows_of
 from falsework.report.training_page import write_training_page
@@ -56,6 +56,17 @@ def test_confusion_stands_under_its_names(tmp_path: Path) -> None:
         "Model m picked its epoch by b1: its scores there are too good.",
     ):
         assert words in text, words
+
+
+def test_scores_side_by_side_show_what_any_of_them_has() -> None:
+    """A class that no table of scores has is left out; the others have a row each, with a gap where one lacks it."""
+    one = {"name": "a", "iou": {"water": 0.5, "arch": None, "deck": None, "mean": 0.5}}
+    other = {"name": "b", "iou": {"water": 0.25, "arch": None, "deck": 1.0, "mean": 0.625}}
+    found = training_page._side_by_side([one, other])
+    assert found["rows"] == [["water", "50.0%", "25.0%"], ["deck", "–", "100.0%"], ["mean", "50.0%", "62.5%"]]
+    bars = found["figure"].to_dict()["data"]
+    assert [list(bar["y"]) for bar in bars] == [["water", "deck"]] * 2
+    assert [list(bar["x"]) for bar in bars] == [[50.0, None], [25.0, 100.0]]
 
 
 def test_a_data_set_says_what_training_lacks() -> None:
