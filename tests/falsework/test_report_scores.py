@@ -73,8 +73,8 @@ def test_a_data_set_says_what_training_lacks() -> None:
     """A class that is held out alone is named; sizes with a long tail have a logarithmic axis with whole numbers."""
     rows = class_rows_of(("ground", "rail", "arch_rib"))
     counts = {"train": np.array([5, 0, 0] + [0] * 253), "test": np.array([5, 2, 0] + [0] * 253)}
-    assert dataset_page._unlearnt(rows, counts, ["train", "test"]) == "rail"
-    assert dataset_page._unlearnt(rows, counts, ["test"]) == ""
+    assert dataset_page._missing_in_training(rows, counts, ["train", "test"]) == "rail"
+    assert dataset_page._missing_in_training(rows, counts, ["test"]) == ""
     shares = dataset_page._share_figure(rows, counts, ["train", "test"]).to_dict()
     assert [list(bar["y"]) for bar in shares["data"]] == [["ground", "rail"]] * 2
     assert shares["layout"]["yaxis"]["dtick"] == 1  # no name is left out
