@@ -24,7 +24,7 @@ U8 = NDArray[np.uint8]
 I64 = NDArray[np.int64]
 
 PICTURE = Path(__file__).resolve().parent / "images" / "prediction.png"
-EYE = np.array([-0.45, -0.75, 0.22])  # from the middle, in lengths of the bridge
+EYE = np.array([-0.54, -0.9, 0.3])  # from the middle, in lengths of the bridge
 RIGHT, WRONG = (205, 205, 205), (214, 39, 40)
 INK = (40, 40, 40)
 KINDS = {
