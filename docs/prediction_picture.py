@@ -1,6 +1,8 @@
-"""Compose the picture of what a model says of scans whose classes are known: truth, prediction, and what is wrong.
+"""Compose the picture of what a model says of clouds whose classes are known: truth, prediction, and what is wrong.
 
-Usage: python -m docs.prediction_picture CLOUD… [--model FOLDER] [--table kim2023] [--out picture.png]
+Usage: python -m docs.prediction_picture CLOUD… [--model FOLDER] [--table falsework] [--out picture.png]
+
+Without `--model`, the model of the package.
 """
 
 import argparse
@@ -13,47 +15,82 @@ from numpy.typing import NDArray
 from benchmarks.shipped.scan_scores import TABLES, Labelled, label_scan, read_labelled_scan
 from docs.sampling_picture import GAP, PANEL, draw
 from groundwork.files import write_bytes
-from learn.datasets.class_tables import class_table
+from learn.datasets.class_tables import ClassTable, class_table
 from learn.metrics import scores
 from learn.predict.model import named_model
+from recon.cloud import read_cloud
 
 U8 = NDArray[np.uint8]
+I64 = NDArray[np.int64]
 
 PICTURE = Path(__file__).resolve().parent / "images" / "prediction.png"
-EYE = np.array([-0.45, -0.75, 0.22])  # from the middle, in lengths of the bridge
+EYE = np.array([-0.54, -0.9, 0.3])  # from the middle, in lengths of the bridge
 RIGHT, WRONG = (205, 205, 205), (214, 39, 40)
+INK = (40, 40, 40)
+KINDS = {
+    "lidar-terrestrial": "laser on a tripod",
+    "lidar-mobile": "laser on a vehicle",
+    "lidar-airborne": "laser on an aircraft",
+    "mesh": "sampled on the mesh",
+    "sfm-dense": "photographs, dense",
+    "sfm-sparse": "photographs, sparse",
+}
+_LETTERS, _LINE = 0.5, 26  # of captions; height of a line of the legend [px]
 
 
 def panels(found: Labelled, table: str, title: str) -> U8:
-    """Draw truth, prediction and errors of one scan side by side.
+    """Draw truth, prediction and errors of one cloud side by side.
 
     Args:
-        found: What a model says of the scan.
+        found: What a model says of the cloud.
         table: Classes.
-        title: Name of the scan.
+        title: What made the cloud.
 
     Returns:
-        sRGB colours, shape (H, W, 3), uint8.
+        sRGB colors, shape (H, W, 3), uint8.
     """
-    palette = np.zeros((256, 3), np.uint8)
+    palette = np.full((256, 3), 255, np.uint8)
     palette[: len(class_table(table).colors)] = class_table(table).colors
-    palette[255] = 255
     truth, said = found.truth[table], found.found[table]
     on_bridge = (found.truth["falsework"] != 0) & (found.truth["falsework"] != 255)
     low, high = (np.quantile(found.place[on_bridge], q, axis=0) for q in (0.005, 0.995))
     result = scores(found.matrix(table))
     paints = {
-        f"{title}: truth": palette[truth],
-        f"prediction, mean IoU {result.mean_iou:.2f}": palette[said],
-        f"wrong: {1 - result.overall_accuracy:.1%}": np.where((truth == said)[:, None], RIGHT, WRONG).astype(np.uint8),
+        f"{title}: true classes": palette[truth],
+        f"predicted, mean IoU {result.mean_iou:.2f}": palette[said],
+        f"red: wrong, {1 - result.overall_accuracy:.0%} of the points": np.where(
+            (truth == said)[:, None], RIGHT, WRONG
+        ).astype(np.uint8),
     }
     row = []
     for words, colors in paints.items():
-        order = np.argsort(truth != said, kind="stable") if words.startswith("wrong") else np.arange(len(truth))
-        panel = draw(found.place[order], colors[order], EYE, low, high)
-        cv2.putText(panel, words, (10, 22), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (40, 40, 40), 1, cv2.LINE_AA)
+        panel = draw(found.place, colors, EYE, low, high)
+        _write(panel, words, 10)
         row += [panel, np.full((PANEL[1], GAP, 3), 255, np.uint8)]
     return np.concatenate(row[:-1], axis=1)
+
+
+def legend(table: ClassTable, labels: I64, width: int) -> U8:
+    """Name the classes that occur, each beside its color.
+
+    Args:
+        table: Classes.
+        labels: Labels that were drawn, shape (N,), int64.
+        width: Of the picture [px].
+
+    Returns:
+        sRGB colors, shape (H, W, 3), uint8.
+    """
+    lines, left = [np.full((_LINE, width, 3), 255, np.uint8)], 10
+    for label in np.unique(labels[labels < len(table.names)]).tolist():
+        name = table.names[label]
+        (letters, _), _ = cv2.getTextSize(name, cv2.FONT_HERSHEY_SIMPLEX, _LETTERS, 1)
+        if left + 20 + letters > width - 10:
+            lines, left = [*lines, np.full((_LINE, width, 3), 255, np.uint8)], 10
+        lines[-1][7:19, left : left + 12] = table.colors[label]
+        _write(lines[-1], name, left + 18, 18)
+        left += letters + 40
+    return np.concatenate(lines)
 
 
 def main() -> None:
@@ -64,12 +101,19 @@ def main() -> None:
     parser.add_argument("--table", choices=TABLES, default="falsework")
     parser.add_argument("--out", type=Path, default=PICTURE)
     given = parser.parse_args()
-    model, rows = named_model(given.model), []
+    model, rows, labels = named_model(given.model), list[U8](), list[I64]()
     for path in given.clouds:
         found = label_scan(read_labelled_scan(path), model)
-        rows.append(panels(found, given.table, f"{path.parent.name} {path.name}"))
+        source = read_cloud(path).source
+        rows.append(panels(found, given.table, KINDS.get(source, source)))
+        labels += [found.truth[given.table], found.found[given.table]]
+    rows.append(legend(class_table(given.table), np.concatenate(labels), rows[0].shape[1]))
     _, data = cv2.imencode(".png", np.concatenate(rows)[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
     write_bytes(given.out, data.tobytes())
+
+
+def _write(image: U8, words: str, left: int, base: int = 22) -> None:
+    cv2.putText(image, words, (left, base), cv2.FONT_HERSHEY_SIMPLEX, _LETTERS, INK, 1, cv2.LINE_AA)
 
 
 if __name__ == "__main__":

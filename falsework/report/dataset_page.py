@@ -52,7 +52,7 @@ def write_dataset_page(path: Path, folder: Path, place: str = "", progress: Prog
         classes=_class_table(rows, counts, splits),
         absent=", ".join(row.name for row in rows if not any(counts[split][row.id] for split in splits)),
         summary=_split_table(facts, splits),
-        unlearnt=_unlearnt(rows, counts, splits),
+        missing=_missing_in_training(rows, counts, splits),
         shares=_share_figure(rows, counts, splits),
         bridges=_bridge_table(facts),
         sizes=_size_figure(facts, splits),
@@ -137,7 +137,7 @@ def _share_figure(rows: tuple[ClassRow, ...], counts: dict[str, I64], splits: li
     )
 
 
-def _unlearnt(rows: tuple[ClassRow, ...], counts: dict[str, I64], splits: list[str]) -> str:
+def _missing_in_training(rows: tuple[ClassRow, ...], counts: dict[str, I64], splits: list[str]) -> str:
     """Name the classes that a held-out split has and no training piece shows; empty where nothing is trained on."""
     held = [split for split in splits if split != "train"]
     if "train" not in splits:

@@ -12,6 +12,8 @@ from usd_schemas.components import ClassRow
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
+_ROOM = 0.35  # of the axis's length, behind the longest bar, for its count
+
 
 def flight_figure(centers: F64, statuses: list[str], bridge: F64, good_label: str = "registered") -> go.Figure:
     """Draw the camera path in plan and elevation.
@@ -56,7 +58,7 @@ def flight_figure(centers: F64, statuses: list[str], bridge: F64, good_label: st
 
 
 def class_figure(segment: U8, classes: tuple[ClassRow, ...]) -> go.Figure:
-    """Count the points of each class on a logarithmic axis.
+    """Count the points of each class on a logarithmic axis, a row each, so that names and counts fit a phone, too.
 
     Args:
         segment: Class id of each point, shape (N,), uint8.
@@ -66,14 +68,22 @@ def class_figure(segment: U8, classes: tuple[ClassRow, ...]) -> go.Figure:
     rows = [row for row in classes if counts[row.id]]
     figure = go.Figure(
         go.Bar(
-            x=[escape(row.name) for row in rows],
-            y=[int(counts[row.id]) for row in rows],
+            x=[int(counts[row.id]) for row in rows],
+            y=[escape(row.name) for row in rows],
             marker_color=[_css(row.color) for row in rows],
             text=[f"{counts[row.id]:,}" for row in rows],
+            textposition="outside",
+            cliponaxis=False,
+            orientation="h",
         )
     )
-    plain_layout(figure, 340)
-    return figure.update_layout(yaxis={"type": "log", "title": "points"})
+    most = float(np.log10(max(counts.max(), 1)))
+    plain_layout(figure, max(340, 90 + 24 * len(rows)))
+    return figure.update_layout(
+        xaxis={"type": "log", "title": "points", "range": [0, most + _ROOM * max(most, 1.0)], "dtick": 1},
+        yaxis={"type": "category", "autorange": "reversed", "automargin": True, "dtick": 1},
+        bargap=0.25,
+    )
 
 
 def uncertainty_figure(uncertainty: NDArray[np.float32], threshold: float) -> go.Figure:

@@ -74,7 +74,7 @@ def _model(name: str, folder: Path) -> dict[str, Any]:
     training = stored.get("training") or {}
     log = _log(folder / LOG)
     best = training.get("validation") or {}
-    learnt = list(zip(stored.get("classes", ()), training.get("training_points") or (), strict=False))
+    counted = list(zip(stored.get("classes", ()), training.get("training_points") or (), strict=False))
     return {
         "name": name,
         "network": str(stored.get("network", "")),
@@ -82,18 +82,17 @@ def _model(name: str, folder: Path) -> dict[str, Any]:
         "tiles": [
             {"label": "network", "value": str(stored.get("network", "–"))},
             {"label": "epochs", "value": number(len(log)) if log else "–"},
-            {"label": "picked epoch", "value": number(_from_one(training.get("picked_epoch")))},
+            {"label": "picked epoch", "value": number(_epoch_number(training.get("picked_epoch")))},
             {"label": "mean IoU on validation", "value": percent(best.get("miou"))},
             {"label": "bridges to train on", "value": number(len(training.get("training_bridges", ())))},
             {"label": "for validation", "value": number(len(training.get("validation_bridges", ())))},
         ],
-        "picked": _from_one(training.get("picked_epoch")),
         "bridges": {
             "was trained on": set(training.get("training_bridges", ())),
             "picked its epoch by": set(training.get("validation_bridges", ())),
         },
-        "classes": [[str(label), number(count)] for label, count in learnt if count],
-        "absent": ", ".join(str(label) for label, count in learnt if not count),
+        "classes": [[str(label), number(count)] for label, count in counted if count],
+        "absent": ", ".join(str(label) for label, count in counted if not count),
         "settings": [
             (f"training of {name}", settings_rows(_mapping(training.get("settings")))),
             (f"network of {name}", settings_rows(_mapping(stored.get("settings")))),
@@ -123,7 +122,9 @@ def _curves(models: list[dict[str, Any]]) -> list[tuple[str, go.Figure]]:
         figure = go.Figure()
         for model, color in zip(models, SERIES * (len(models) // len(SERIES) + 1), strict=False):
             for key, dash in zip(keys, ("solid", "dot", "dash"), strict=False):
-                known = [(_from_one(row.get("epoch")), row[key]) for row in model["log"] if row.get(key) is not None]
+                known = [
+                    (_epoch_number(row.get("epoch")), row[key]) for row in model["log"] if row.get(key) is not None
+                ]
                 if known:
                     words = {"miou": "mean IoU", "accuracy": "accuracy", "mean_accuracy": "mean accuracy"}.get(key, key)
                     figure.add_scatter(
@@ -145,7 +146,7 @@ def _curves(models: list[dict[str, Any]]) -> list[tuple[str, go.Figure]]:
     return drawn
 
 
-def _from_one(epoch: float | None) -> int | None:
+def _epoch_number(epoch: float | None) -> int | None:
     """Count an epoch from 1, as people do; logs and models count from 0."""
     return None if epoch is None else int(epoch) + 1
 
@@ -292,17 +293,27 @@ def _instances(row: Mapping[str, Any], names: Sequence[str]) -> list[list[str]]:
 
 
 def _side_by_side(scored: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    names = list(dict.fromkeys(name for one in scored for name in one["iou"] if name != "mean"))
+    """Set the IoU of each class that any of the scores has beside each other, a row each."""
+    names = list(
+        dict.fromkeys(name for one in scored for name, iou in one["iou"].items() if name != "mean" and iou is not None)
+    )
     rows = [[name, *(percent(one["iou"].get(name)) for one in scored)] for name in [*names, "mean"]]
     figure = go.Figure()
     for one, color in zip(scored, SERIES * (len(scored) // len(SERIES) + 1), strict=False):
         values = [None if (value := one["iou"].get(name)) is None else 100.0 * value for name in names]
-        figure.add_bar(x=[escape(name) for name in names], y=values, name=escape(one["name"]), marker_color=color)
-    plain_layout(figure, 360)
+        figure.add_bar(
+            x=values, y=[escape(name) for name in names], name=escape(one["name"]), marker_color=color, orientation="h"
+        )
+    plain_layout(figure, 110 + (10 + 8 * len(scored)) * max(len(names), 1))
     return {
         "heads": ["class", *(one["name"] for one in scored)],
         "rows": rows,
-        "figure": figure.update_layout(yaxis={"title": "IoU [%]", "range": [0, 100]}),
+        "figure": figure.update_layout(
+            xaxis={"title": "IoU [%]", "range": [0, 100]},
+            yaxis={"type": "category", "autorange": "reversed", "automargin": True, "dtick": 1},
+            legend={"traceorder": "normal"},
+            bargap=0.25,
+        ),
     }
 
 

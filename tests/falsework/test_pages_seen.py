@@ -1,12 +1,17 @@
 """What a browser shows of the pages: flights in space, and every page on a phone."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from falsework.report.report import write_report
+from recon.cloud import write_cloud
 from tests.falsework.browser import needs_browser, open_page
+from tests.falsework.test_cloud_view import VIEWS, small_cloud
 from tests.falsework.test_report_pages import KINDS, elements_of, pages_of
+from tests.recon.conftest import poses_on_arc, write_capture
 
 FLIGHTS = """
 const card = document.querySelector(".card.space"), { space } = card, { gl } = space.pen;
@@ -74,4 +79,23 @@ def test_nothing_is_clipped_on_a_phone(pages: dict[str, Path], kind: str, tmp_pa
     page = Path(shutil.copy(pages[kind], tmp_path / "page.html"))
     nothing: list[str] = []
     told = open_page(page, PHONE, 20_000, "--window-size=390,2400").told
+    assert told == {"narrow": True, "texts": nothing, "tables": nothing, "places": nothing, "first": nothing}
+
+
+@needs_browser
+def test_the_page_of_a_scene_fits_a_phone(tmp_path: Path) -> None:
+    """Nothing is clipped, and the chart of classes writes every name level, which a phone had tilted or left out."""
+    capture = write_capture(tmp_path / "capture", poses_on_arc(3))
+    cloud = small_cloud(300)
+    cameras = tuple({"name": f"{k:06d}", "status": "ok", "center_error": 0.1} for k in range(VIEWS))
+    (tmp_path / "cloud").mkdir()
+    write_cloud(tmp_path / "cloud", replace(cloud, cameras=cameras))
+    page = tmp_path / "scene.html"
+    write_report(page, "Scene", tmp_path, {"local": (capture, {"": tmp_path / "cloud"})})
+    names = 'const names = [...document.querySelectorAll(".ytick text")].map((one) => one.textContent);'
+    script = PHONE.replace("return { narrow", f"{names}\nreturn {{ names, narrow")
+    told = open_page(page, script, 20_000, "--window-size=390,2400").told
+    classes = {row.name for row in cloud.classes if (cloud.columns["segment"] == row.id).any()}
+    assert classes <= set(told.pop("names"))
+    nothing: list[str] = []
     assert told == {"narrow": True, "texts": nothing, "tables": nothing, "places": nothing, "first": nothing}

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from falsework.report import dataset_page
+from falsework.report import dataset_page, training_page
 from falsework.report.comparison_page import write_comparison_page
 from falsework.report.dataset_page import class_rows_of
 from falsework.report.training_page import write_training_page
@@ -58,12 +58,23 @@ def test_confusion_stands_under_its_names(tmp_path: Path) -> None:
         assert words in text, words
 
 
+def test_scores_side_by_side_show_what_any_of_them_has() -> None:
+    """A class that no table of scores has is left out; the others have a row each, with a gap where one lacks it."""
+    one = {"name": "a", "iou": {"water": 0.5, "arch": None, "deck": None, "mean": 0.5}}
+    other = {"name": "b", "iou": {"water": 0.25, "arch": None, "deck": 1.0, "mean": 0.625}}
+    found = training_page._side_by_side([one, other])
+    assert found["rows"] == [["water", "50.0%", "25.0%"], ["deck", "–", "100.0%"], ["mean", "50.0%", "62.5%"]]
+    bars = found["figure"].to_dict()["data"]
+    assert [list(bar["y"]) for bar in bars] == [["water", "deck"]] * 2
+    assert [list(bar["x"]) for bar in bars] == [[50.0, None], [25.0, 100.0]]
+
+
 def test_a_data_set_says_what_training_lacks() -> None:
     """A class that is held out alone is named; sizes with a long tail have a logarithmic axis with whole numbers."""
     rows = class_rows_of(("ground", "rail", "arch_rib"))
     counts = {"train": np.array([5, 0, 0] + [0] * 253), "test": np.array([5, 2, 0] + [0] * 253)}
-    assert dataset_page._unlearnt(rows, counts, ["train", "test"]) == "rail"
-    assert dataset_page._unlearnt(rows, counts, ["test"]) == ""
+    assert dataset_page._missing_in_training(rows, counts, ["train", "test"]) == "rail"
+    assert dataset_page._missing_in_training(rows, counts, ["test"]) == ""
     shares = dataset_page._share_figure(rows, counts, ["train", "test"]).to_dict()
     assert [list(bar["y"]) for bar in shares["data"]] == [["ground", "rail"]] * 2
     assert shares["layout"]["yaxis"]["dtick"] == 1  # no name is left out

@@ -4,6 +4,7 @@ import importlib.util
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from docs import pictures
@@ -74,3 +75,53 @@ def test_the_sheet_of_surfaces(tmp_path: Path) -> None:
     assert blue > red + 40
     blue, green, red = image[60:140, 30:120].reshape(-1, 3).mean(axis=0)
     assert max(blue, green, red) - min(blue, green, red) < 40
+
+
+def test_a_prediction_stands_beside_the_truth() -> None:
+    """Three panels of one cloud: the colors of the true classes, of the predicted ones, and red where they differ."""
+    from benchmarks.shipped.scan_scores import Labelled
+    from docs.prediction_picture import RIGHT, WRONG, legend, panels
+    from docs.sampling_picture import GAP, PANEL
+    from learn.datasets.class_tables import class_table
+
+    table = class_table("falsework")
+    deck, girder = table.index("deck"), table.index("girder")
+    x, y = (part.ravel() for part in np.meshgrid(np.linspace(0.0, 20.0, 200), np.linspace(0.0, 8.0, 80)))
+    truth = np.full(len(x), deck, np.int64)
+    said = np.where(x < 10.0, deck, girder).astype(np.int64)
+    found = Labelled(np.stack([x, y, np.zeros(len(x))], axis=1), {"falsework": truth}, {"falsework": said})
+    image = panels(found, "falsework", "mesh")
+    width = PANEL[0] + GAP
+    drawn = [
+        {tuple(color) for color in image[40:, k * width : k * width + PANEL[0]].reshape(-1, 3).tolist()}
+        for k in range(3)
+    ]
+    white = (255, 255, 255)
+    assert drawn == [
+        {white, table.colors[deck]},
+        {white, table.colors[deck], table.colors[girder]},
+        {white, RIGHT, WRONG},
+    ]
+    named = legend(table, np.concatenate([truth, said]), image.shape[1])
+    swatches = {tuple(color) for color in named[10:14].reshape(-1, 3).tolist()}
+    assert {table.colors[deck], table.colors[girder]} <= swatches
+    assert table.colors[table.index("arch")] not in swatches
+
+
+def test_a_flight_is_drawn_from_first_to_last() -> None:
+    """A camera beside a bridge is a blue dot at its place, the last one a red dot; the caption fills the top alone."""
+    from docs.flights_picture import PANEL, flight_panel
+    from usd_schemas.flat_scene import CameraTrack
+    from usd_schemas.pinhole import UsdLens, look_at
+
+    eyes = np.array([[-10.0, -8.0, 4.0], [0.0, -8.0, 4.0], [10.0, -8.0, 4.0]])
+    poses = np.stack([look_at(eye, eye + np.array([0.0, 8.0, -4.0])) for eye in eyes])
+    track = CameraTrack("row", "/Row", UsdLens(0.24, 0.36, 0.24), poses, ("0", "1", "2"))
+    low, high = np.array([-10.0, -8.0, 0.0]), np.array([10.0, 4.0, 4.0])
+    image = flight_panel(track, np.zeros((1, 3)), np.full((1, 3), 200, np.uint8), low, high).astype(int)
+    assert image.shape == (PANEL[1], PANEL[0], 3)
+    blue = np.argwhere(image[40:, :, 2] > image[40:, :, 0] + 60)
+    red = np.argwhere(image[40:, :, 0] > image[40:, :, 2] + 60)
+    assert len(blue) > 10
+    assert len(red) > 10
+    assert blue[:, 1].min() < red[:, 1].min()  # seen from the left: the first camera is the nearer one
