@@ -35,22 +35,26 @@ class Row:
     Attributes:
         family: Family of the bridge.
         world: A key of `WORLDS`.
+        small: A short, low slab over water, as in a town.
     """
 
     family: str
     world: str
+    small: bool = False
 
     @property
     def name(self) -> str:
         """Name of its folder, and of it on the command line."""
-        return f"{self.world}-{self.family}"
+        return f"{self.world}-{'small' if self.small else self.family}"
 
 
 ROWS = tuple(  # each world once, then each world with the next family: the first rows show as much as they can
     Row(FAMILIES[(turn + place) % len(FAMILIES)], world)
     for turn in range(len(FAMILIES))
     for place, world in enumerate(WORLDS)
-)
+) + tuple(Row("slab", world, small=True) for world in WORLDS)
+SMALL_SPANS = ((8.0,), (12.0,), (6.0, 8.0, 6.0), (10.0,))  # [m] one row for each world
+SMALL_CLEARANCE = 3.0  # [m] the least there is
 
 
 def scenario_of_row(row: Row, seed: int) -> dict[str, Any]:
@@ -60,11 +64,17 @@ def scenario_of_row(row: Row, seed: int) -> dict[str, Any]:
         row: Bridge and world.
         seed: Seed of the scene.
     """
-    place = (FAMILIES.index(row.family) + list(WORLDS).index(row.world)) % len(PULSES)
+    number = list(WORLDS).index(row.world)
+    place = (FAMILIES.index(row.family) + number) % len(PULSES)
+    small = {"service": "road", "clearance": SMALL_CLEARANCE, "slab": {"spans": SMALL_SPANS[number]}}
     return {
         "seed": seed,
-        "bridge": {"family": row.family},
-        "site": {"half_width": 50.0, "run_out": 40.0},  # so that the world begins nearby
+        "bridge": {"family": row.family, **(small if row.small else {})},
+        "site": {
+            "half_width": 50.0,  # so that the world begins nearby
+            "run_out": 40.0,
+            **({"crossing": "river"} if row.small else {}),
+        },
         "background": {"name": row.world, row.world: WORLDS[row.world]},
         "look": {"name": "clean", "texels": 256},
         "sample": [
@@ -84,6 +94,7 @@ def main() -> None:
     given = parser.parse_args()
     for row in ROWS:
         number = given.seed + FAMILIES.index(row.family) * len(WORLDS) + list(WORLDS).index(row.world)
+        number += len(ROWS) * row.small
         if row.name in given.only:
             with ConsoleProgress() as progress:
                 outcome = falsework.run(scenario_of_row(row, number), given.work / row.name, progress=progress)
