@@ -2,7 +2,7 @@
 
 What counts is mean IoU, and how much of the surroundings, far from the bridge, is called a part of one.
 
-Usage: python -m benchmarks.shipped.selection NAME=MODEL... --clouds CLOUD... [--reach METERS] [--page FILE]
+Usage: python -m benchmarks.shipped.selection NAME=MODEL... --clouds CLOUD... [--reach METERS] [--work FOLDER]
 
 MODEL is a folder of a training, CLOUD the folder of a cloud. `python -m benchmarks.shipped.model … --candidate NAME`
 makes candidates of one data set. Writes `docs/benchmarks/selection.md`.
@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 from benchmarks.shipped.model import STRIDE
 from benchmarks.shipped.robustness import near_bridge
 from benchmarks.shipped.scan_scores import TABLES, Scan, label_scan, read_labelled_scan
-from groundwork.files import write_text
+from groundwork.canonical import digest, file_digest
+from groundwork.files import read_json, write_json, write_text
 from learn.metrics import scores
 from learn.predict.trained_model import TrainedModel, read_trained_model
 from learn.scoring.table import table
-from learn.trained import WEIGHTS
+from learn.trained import WEIGHTS, read_facts
 from recon.cloud import read_cloud
 
 I64 = NDArray[np.int64]
@@ -74,31 +75,84 @@ def within(scan: Scan, reach: float) -> Scan:
     return scan.take(near_bridge(scan, reach)(scan.place)) if np.isfinite(reach) else scan
 
 
-def judge(model: TrainedModel, size: float, clouds: Sequence[Path], reach: float = np.inf) -> Row:
-    """Label every cloud with a candidate.
+@dataclass(frozen=True)
+class Found:
+    """What a candidate did on one cloud.
+
+    Attributes:
+        kind: Kind of its sensor.
+        matrices: For each table the confusion, shape (C, C), int64.
+        apart: The thinned points far from the bridge: those called a part of one, and all.
+        points: Points of the scan.
+        seconds: Processor time [s].
+    """
+
+    kind: str
+    matrices: Mapping[str, I64]
+    apart: tuple[int, int]
+    points: int
+    seconds: float
+
+
+def judge_cloud(model: TrainedModel, path: Path, reach: float) -> Found:
+    """Label a cloud with a candidate.
 
     Args:
         model: The candidate.
+        path: Folder of the cloud.
+        reach: How far beyond its bridge it is labelled [m].
+    """
+    scan = within(read_labelled_scan(path), reach)
+    before = time.process_time()
+    found = label_scan(scan, model)
+    seconds = time.process_time() - before
+    far = ~near_bridge(scan, APART)(found.place) & (found.truth["falsework"] == 0)
+    false = int((found.found["falsework"][far] != 0).sum())
+    matrices = {name: found.matrix(name) for name in TABLES}
+    return Found(read_cloud(path).source, matrices, (false, int(far.sum())), len(scan.coord), seconds)
+
+
+def judge_kept(work: Path | None, folder: Path, path: Path, reach: float) -> Found:
+    """Label a cloud with a candidate, or read what was found before.
+
+    Args:
+        work: Folder that keeps what is found; None for none.
+        folder: The candidate.
+        path: Folder of the cloud.
+        reach: How far beyond its bridge it is labelled [m].
+    """
+    if work is None:
+        return judge_cloud(overlapping(folder), path, reach)
+    asked = [file_digest(folder / WEIGHTS), file_digest(path / "cloud.json"), str(path), str(reach)]
+    kept = work / f"{digest(asked)[:16]}.json"
+    if not kept.is_file():
+        found = judge_cloud(overlapping(folder), path, reach)
+        work.mkdir(parents=True, exist_ok=True)
+        matrices = {name: matrix.tolist() for name, matrix in found.matrices.items()}
+        write_json(kept, {**vars(found), "matrices": matrices})
+    read = read_json(kept)
+    matrices = {name: np.array(matrix, np.int64) for name, matrix in read["matrices"].items()}
+    return Found(**{**read, "matrices": matrices, "apart": tuple(read["apart"])})
+
+
+def joined(network: str, size: float, found: Sequence[Found]) -> Row:
+    """Sum what a candidate did.
+
+    Args:
+        network: What it is.
         size: Of its weights [MB].
-        clouds: Folders of clouds.
-        reach: How far beyond a bridge they are labelled [m].
+        found: For each cloud.
     """
     matrices: dict[str, dict[str, I64]] = {}
     apart: dict[str, tuple[int, int]] = {}
-    points, seconds = 0, 0.0
-    for path in clouds:
-        scan = within(read_labelled_scan(path), reach)
-        before = time.process_time()
-        found = label_scan(scan, model)
-        points, seconds = points + len(scan.coord), seconds + time.process_time() - before
-        kind = read_cloud(path).source
-        own = matrices.setdefault(kind, {})
+    for one in found:
+        own = matrices.setdefault(one.kind, {})
         for name in TABLES:
-            own[name] = own.get(name, np.int64(0)) + found.matrix(name)
-        far = ~near_bridge(scan, APART)(found.place) & (found.truth["falsework"] == 0)
-        false, count = apart.get(kind, (0, 0))
-        apart[kind] = (false + int((found.found["falsework"][far] != 0).sum()), count + int(far.sum()))
-    return Row(model.trained.facts.network, size, matrices, seconds * 2e6 / points, apart)
+            own[name] = own.get(name, np.int64(0)) + one.matrices[name]
+        false, count = apart.get(one.kind, (0, 0))
+        apart[one.kind] = (false + one.apart[0], count + one.apart[1])
+    seconds = sum(one.seconds for one in found) * 2e6 / sum(one.points for one in found)
+    return Row(network, size, matrices, seconds, apart)
 
 
 def page(rows: Mapping[str, Row], clouds: int, reach: float = np.inf) -> str:
@@ -155,14 +209,15 @@ def main() -> None:
     parser.add_argument("--clouds", nargs="+", type=Path, required=True)
     parser.add_argument("--reach", type=float, default=np.inf, help="how far round a bridge scans are labelled [m]")
     parser.add_argument("--page", type=Path, default=PAGE)
+    parser.add_argument("--work", type=Path, help="keeps what was found: a second call goes on")
     given = parser.parse_args()
     torch.set_num_threads(1)
     rows = {}
     for word in given.models:
         name, _, folder = word.partition("=")
-        rows[name] = judge(
-            overlapping(Path(folder)), (Path(folder) / WEIGHTS).stat().st_size / 1e6, given.clouds, given.reach
-        )
+        found = [judge_kept(given.work, Path(folder), cloud, given.reach) for cloud in given.clouds]
+        network, size = read_facts(Path(folder)).network, (Path(folder) / WEIGHTS).stat().st_size / 1e6
+        rows[name] = joined(network, size, found)
     write_text(given.page, page(rows, len(given.clouds), given.reach))
 
 

@@ -23,11 +23,11 @@ from benchmarks.shipped.model import (
 )
 from benchmarks.shipped.robustness import page
 from benchmarks.shipped.scan_scores import label_scan, read_labelled_scan
-from benchmarks.shipped.selection import judge, overlapping
+from benchmarks.shipped.selection import joined, judge_cloud, judge_kept, overlapping
 from benchmarks.shipped.selection import page as selection_page
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
-from groundwork.files import write_json
+from groundwork.files import read_json, write_json
 from learn.datasets.class_tables import is_background
 from learn.datasets.layout import read_facts, read_piece
 from learn.datasets.patch import Scaling, make_sample
@@ -109,13 +109,27 @@ def test_a_cloud_that_says_no_bridge_is_refused(tmp_path: Path) -> None:
 def test_candidates_are_judged_as_the_shipped_model_would_be(made: Path) -> None:
     """A candidate's confusion is that of the model that would be shipped, and the page says its mean IoU."""
     cloud = made / "clouds" / "test" / "mesh"
-    row = judge(overlapping(made / "model"), 1.25, [cloud])
+    row = joined("pointnext-s", 1.25, [judge_cloud(overlapping(made / "model"), cloud, np.inf)])
     found = label_scan(read_labelled_scan(cloud), read_trained_model(made / "shipped")).matrix("kim2023")
     np.testing.assert_array_equal(row.matrices["mesh"]["kim2023"], found)
     text = selection_page({"toy": replace(row, apart={"mesh": (30, 400)})}, 1)
     assert "| toy       | 7.5% | 7.5% |" in text
     assert f"| {scores(found).mean_iou:.3f} |" in text
     assert "| toy " in text
+
+
+def test_what_was_judged_is_kept(made: Path, tmp_path: Path) -> None:
+    """A second call reads what the first one found; another reach is judged anew."""
+    cloud, work = made / "clouds" / "test" / "mesh", tmp_path / "kept"
+    first = judge_kept(work, made / "model", cloud, np.inf)
+    (kept,) = work.iterdir()
+    write_json(kept, {**read_json(kept), "seconds": 123.0})
+    second = judge_kept(work, made / "model", cloud, np.inf)
+    assert second.seconds == 123.0
+    assert (second.kind, second.apart, second.points) == (first.kind, first.apart, first.points)
+    np.testing.assert_array_equal(second.matrices["falsework"], first.matrices["falsework"])
+    assert judge_kept(work, made / "model", cloud, 20.0).seconds < 123.0
+    assert len(list(work.iterdir())) == 2
 
 
 def test_a_forest_is_a_candidate(made: Path) -> None:
@@ -134,13 +148,13 @@ def test_what_is_far_from_a_bridge_is_counted_apart(made: Path, tmp_path: Path) 
     coord[ground, 1] = 5e6 + 4.0 * (coord[ground, 1] - 5e6)
     cloud = write_toy(tmp_path / "wide", 5, 8_000, "widebridge", coord=coord)
     model = overlapping(made / "model")
-    false, count = judge(model, 1.25, [cloud]).apart["mesh"]
+    false, count = judge_cloud(model, cloud, np.inf).apart
     found = label_scan(read_labelled_scan(cloud), model)
     low, high = coord[~ground].min(axis=0) - 30.0, coord[~ground].max(axis=0) + 30.0
     far = ((found.place[:, :2] < low[:2]) | (found.place[:, :2] > high[:2])).any(axis=1)
     assert count == far.sum() > 500
     assert false == (found.found["falsework"][far] != 0).sum()
-    near = judge(model, 1.25, [cloud], 20.0)
+    near = joined("pointnext-s", 1.25, [judge_cloud(model, cloud, 20.0)])
     assert near.apart["mesh"] == (0, 0)
     assert 0 < near.matrices["mesh"]["kim2023"].sum() < len(found.place)
     assert "scans of bridges that training held back, up to 20 m round each, labelled" in selection_page(
