@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from benchmarks.shipped.model import bridge_of
 from benchmarks.shipped.scan_scores import TABLES, Labelled, Scan, label_scan, read_labelled_scan
 from groundwork.files import write_text
 from learn.datasets.varied import tilt_about
@@ -204,12 +205,14 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=PAGE)
     given = parser.parse_args()
     torch.set_num_threads(1)  # several wait for each other where others work, too
-    scans = {}
+    scans: dict[str, Scan] = {}
     for path in given.clouds:
         scan = read_labelled_scan(path)
         rows = stretch(scan, -0.5 * given.length, 0.5 * given.length)(scan.place)
-        scans[f"{path.parent.name}, {path.name}"] = scan.take(rows)
+        scans[f"{bridge_of(path)[:8]} {path.name}"] = scan.take(rows)
     name = Path(given.model).name if given.model else "that of the package (`learn/shipped`)"
+    if len(scans) < len(given.clouds):
+        parser.error("two of the clouds are of one bridge and of one name; allowed: each once")
     write_text(given.out, page(scans, named_model(given.model), name))
 
 
