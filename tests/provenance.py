@@ -96,7 +96,8 @@ def _fixtures(file: Path) -> tuple[set[str], set[str]]:
                 if words.startswith("pytest.fixture"):
                     gives |= {node.name, *([_ALWAYS] if "autouse" in words else [])}
                 if "usefixtures" in words:
-                    asks |= {part.value for part in ast.walk(decorator) if isinstance(part, ast.Constant)}
+                    # Names of fixtures are strings.
+                    asks |= {part.value for part in ast.walk(decorator) if isinstance(part, ast.Constant)}  # pyright: ignore
     return asks, gives
 
 
