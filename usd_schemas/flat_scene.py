@@ -167,7 +167,7 @@ class Material:
     blends: bool = False
 
     @property
-    def is_ghost(self) -> bool:
+    def is_mostly_transparent(self) -> bool:
         """Whether the truth does not hold it: it lets more light through than it holds back."""
         return self.blends and self.opacity < 0.5 and not self.opacity_threshold
 
@@ -320,16 +320,16 @@ class FlatScene:
         return replace(self, draws=Draws(**draws))
 
 
-def without_ghosts(scene: FlatScene) -> FlatScene:
+def without_mostly_transparent(scene: FlatScene) -> FlatScene:
     """Leave out what lets more light through than it holds back: glass, smoke, and the like.
 
     Args:
         scene: A scene.
     """
-    ghosts = np.array([material.is_ghost for material in scene.materials])[scene.draws.material]
-    if not ghosts.any():
+    transparent_draws = np.array([material.is_mostly_transparent for material in scene.materials])[scene.draws.material]
+    if not transparent_draws.any():
         return scene
-    return replace(scene, draws=Draws(**{name: rows[~ghosts] for name, rows in vars(scene.draws).items()}))
+    return replace(scene, draws=Draws(**{name: rows[~transparent_draws] for name, rows in vars(scene.draws).items()}))
 
 
 def world_triangles(scene: FlatScene) -> tuple[F64, U32, U32]:

@@ -37,7 +37,7 @@ class Plots:
         return np.column_stack([self.places[:, :2], np.hypot(*self.half.T)])
 
 
-def settle(
+def place_plots(
     terrain: Terrain,
     wanted: F64,
     halves: F64,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.backgrounds.terrain_lines import Demands, Middle, outer_triangles, settled, thin_out
+from authoring.backgrounds.terrain_lines import Demands, Middle, interpolated_heights, outer_triangles, thin_out
 from authoring.site.covers import COVERS, Cover, Soup, soup_of
 from authoring.site.extent import Box
 from authoring.site.grid import HeightField, growing_steps, surface_normals
@@ -48,7 +48,7 @@ class Terrain:
     def with_heights(self, heights: F64) -> "Terrain":
         """Give the same terrain other heights at its nodes [m], shape (S, L), float64."""
         field = self.field
-        level = settled(heights, field, _middle(field, self.inner), self.kept)
+        level = interpolated_heights(heights, field, _middle(field, self.inner), self.kept)
         return replace(self, field=HeightField(field.stations, field.lefts, level))
 
     def height(self, station: F64, left: F64) -> F64:

@@ -86,7 +86,7 @@ def thin_out(field: HeightField, middle: Middle, demands: Demands, wanted: tuple
     return kept
 
 
-def settled(heights: F64, field: HeightField, middle: Middle, kept: B) -> F64:
+def interpolated_heights(heights: F64, field: HeightField, middle: Middle, kept: B) -> F64:
     """Put the nodes that are left out on the straight line between those that are kept.
 
     Args:

@@ -111,9 +111,9 @@ class GpuScene:
         return np.array(["WATER" in variant.features for variant in self.variants])[self.variant_rows]
 
     @property
-    def ghosts(self) -> NDArray[np.bool_]:
+    def transparent_draws(self) -> NDArray[np.bool_]:
         """Which draws the truth does not hold, and no shadow, shape (D,)."""
-        return np.array([variant.ghost for variant in self.variants])[self.variant_rows]
+        return np.array([variant.mostly_transparent for variant in self.variants])[self.variant_rows]
 
     def place(self, eye: F64) -> None:
         """Count every draw's origin from a point, subtracted in float64.
@@ -127,7 +127,7 @@ class GpuScene:
         """Bind the rows of draws that the shaders read."""
         self.draws.use(DRAW_UNIT)
 
-    def wear(self, material: int) -> None:
+    def bind_material(self, material: int) -> None:
         """Let what is drawn next look like a material.
 
         Args:

@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from render.gpu.textures import Mates, TextureKey, TextureSlot
+from render.gpu.textures import ChannelPair, TextureKey, TextureSlot
 from usd_schemas.flat_scene import MOST_OCTAVES, Material, Texture
 
 F32 = NDArray[np.float32]
@@ -57,13 +57,13 @@ class Variant:
         features: Names that the shader is compiled with.
         arrays: Texture array of each of `SLOTS`, shape (side, side, layers), uint8, or None.
         wraps: How each goes on beyond its edges along s and t; None where it repeats.
-        ghost: Lets more light through than it holds back: neither in the truth nor in shadows.
+        mostly_transparent: Lets more light through than it holds back: neither in the truth nor in shadows.
     """
 
     features: tuple[str, ...]
     arrays: tuple[moderngl.TextureArray | None, ...]
     wraps: tuple[tuple[str, str] | None, ...] = (None,) * len(SLOTS)
-    ghost: bool = False
+    mostly_transparent: bool = False
 
 
 @dataclass(frozen=True)
@@ -98,23 +98,23 @@ def texture_keys(materials: tuple[Material, ...], quality: str) -> tuple[list[Te
     )
 
 
-def layer_mates(materials: tuple[Material, ...]) -> list[Mates]:
+def channel_pairs(materials: tuple[Material, ...]) -> list[ChannelPair]:
     """List which roughness may lie in the opacity of which colour, as `load_textures` takes it: one look-up finds both.
 
     Args:
         materials: Materials.
     """
-    mates: list[Mates] = []
+    packable: list[ChannelPair] = []
     for material in materials:
         keys, albedo, roughness = _keys(material), material.base_texture, material.roughness_texture
         cut_out = material.opacity_threshold > 0  # blended ones have one, too
         if "albedo" in keys and cut_out:
-            mates.append((keys["albedo"], None))
-        mates += [(None, keys[name]) for name in ("metallic", "detail") if name in keys]
+            packable.append((keys["albedo"], None))
+        packable += [(None, keys[name]) for name in ("metallic", "detail") if name in keys]
         if "roughness" in keys and roughness is not None:
             alike = albedo is not None and np.array_equal(_placement(albedo, 0), _placement(roughness, 0))
-            mates.append((keys.get("albedo") if alike and not cut_out else None, keys["roughness"]))
-    return mates
+            packable.append((keys.get("albedo") if alike and not cut_out else None, keys["roughness"]))
+    return packable
 
 
 def tabulate_materials(
@@ -156,7 +156,7 @@ def tabulate_materials(
             features.append("BLEND")
         found = {name: slot for name, slot in found.items() if name in SLOTS}
         arrays = tuple(found[name].array if name in found else None for name in SLOTS)
-        variants.append(Variant(tuple(features), arrays, _wraps(material, found), material.is_ghost))
+        variants.append(Variant(tuple(features), arrays, _wraps(material, found), material.is_mostly_transparent))
         means[number] = found["albedo"].mean if "albedo" in found else material.base_color
     return MaterialTable(rows, tuple(variants), means)
 

@@ -58,7 +58,7 @@ class TextureKey:
     alpha_channel: int = _OPACITY
 
 
-Mates = tuple[TextureKey | None, TextureKey | None]
+ChannelPair = tuple[TextureKey | None, TextureKey | None]
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def load_textures(
     anisotropy: float,
     *,
     enough: Callable[[TextureKey, int], int] | None = None,
-    mates: Sequence[Mates] = (),
+    packable: Sequence[ChannelPair] = (),
 ) -> tuple[dict[TextureKey, TextureSlot], list[str]]:
     """Read texture files into texture arrays with mipmaps, one layer in memory at a time, each content once.
 
@@ -102,7 +102,7 @@ def load_textures(
         largest: Larger textures are reduced to this side [px].
         anisotropy: Anisotropic filtering [1]; 1 for none.
         enough: Tells the side [px] of the finest level that anybody looks up, of a texture of a given side.
-        mates: Which numbers may lie in the opacity of which colours: a colour and a number that is looked up at the
+        packable: Which numbers may lie in the opacity of which colours: a colour and a number that is looked up at the
             same places; a colour and None where its opacity is looked up; None and a number that is looked up apart.
 
     Returns:
@@ -113,7 +113,7 @@ def load_textures(
     copies = _copies([*keys, *averaged])
     sides = _sides(sorted(set(copies.values()), key=astuple), largest, warnings)
     kept = _kept_sides([key for key in keys if copies[key] in sides], copies, sides, enough)
-    within = _layer_mates(mates, copies, kept)
+    within = _packed_numbers(packable, copies, kept)
 
     def load(key: TextureKey, array: moderngl.TextureArray | None, layer: int, channel: int = 0) -> U8 | None:
         try:
@@ -209,13 +209,13 @@ def _groups(
     return groups
 
 
-def _layer_mates(
-    mates: Sequence[Mates], copies: dict[TextureKey, TextureKey], kept: dict[TextureKey, int]
+def _packed_numbers(
+    packable: Sequence[ChannelPair], copies: dict[TextureKey, TextureKey], kept: dict[TextureKey, int]
 ) -> dict[TextureKey, TextureKey]:
     """Find for each colour the number that its layer has room for: looked up with it, of its size, never without it."""
     numbers: dict[TextureKey, set[TextureKey | None]] = {}
     colors: dict[TextureKey, set[TextureKey | None]] = {}
-    for color, number in mates:
+    for color, number in packable:
         color, number = copies[color] if color else None, copies[number] if number else None
         if color is not None:
             numbers.setdefault(color, set()).add(number)

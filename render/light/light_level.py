@@ -19,7 +19,7 @@ _DARKEST, _BRIGHTEST = 1 / 64, 8.0  # radiance of a white card that is drawn as 
 _NEAR = 2.0  # what stands nearer to a lamp may be overexposed [m]
 
 
-def halvings(scene: FlatScene, daylight: Daylight, box: tuple[F64, F64]) -> int:
+def exposure_stops(scene: FlatScene, daylight: Daylight, box: tuple[F64, F64]) -> int:
     """Tell how many times the light of a scene shall be halved; below 0, doubled. Ordinary days stay as they are.
 
     Args:

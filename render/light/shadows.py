@@ -147,7 +147,7 @@ def depth_groups(gpu: GpuScene, rows: I64) -> list[tuple[tuple[str, ...], int, I
         Features, material, and rows of the draws, shape (M,), int64, of each group; the material counts where there
         are features.
     """
-    rows = rows[~gpu.ghosts[rows]]
+    rows = rows[~gpu.transparent_draws[rows]]
     cut_out = gpu.cut_out[rows]
     groups: list[tuple[tuple[str, ...], int, I64]] = [((), 0, rows[~cut_out])] if not cut_out.all() else []
     return groups + [(("HAS_ALBEDO", "CUT_OUT"), *group) for group in gpu.grouped(rows[cut_out])]
@@ -159,7 +159,7 @@ def _draw_depth(gl: Gl, programs: Programs, gpu: GpuScene, clip: F64, reached: I
         program = programs.get("surface.vert", "shadow.frag", features)
         set_uniform(program, "clip_from_relative", np.asarray(clip.T, np.float32).tobytes())
         if features:
-            gpu.wear(material)
+            gpu.bind_material(material)
             variant = gpu.variants[gpu.variant_rows[rows[0]]]
             assert variant.arrays[0] is not None
             gpu.wraps.bind(_CUT_OUT_UNIT, variant.arrays[0], variant.wraps[0])

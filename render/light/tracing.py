@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.light.daylight import Daylight
-from usd_schemas.flat_scene import ALIKE, FlatScene, without_ghosts, world_triangles
+from usd_schemas.flat_scene import ALIKE, FlatScene, without_mostly_transparent, world_triangles
 from usd_schemas.raycast import RayScene
 
 F32 = NDArray[np.float32]
@@ -60,7 +60,7 @@ class LightTracer:
             light: Its sun and sky.
             albedo: Mean base colour of each material [1], shape (M, 3), float64.
         """
-        self.scene = scene = without_ghosts(scene)
+        self.scene = scene = without_mostly_transparent(scene)
         self.corners, _, self.draws = world_triangles(scene)
         first, second, third = self.corners[:, 0], self.corners[:, 1], self.corners[:, 2]
         normals = np.cross(second - first, third - first)

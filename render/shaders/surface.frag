@@ -48,7 +48,7 @@ flat in float one_share;
 in vec3 one_normal;
 in vec3 other_normal;
 
-layout(location = 0) out vec4 out_veil;     // linear light over the brightest one, times what is covered; that
+layout(location = 0) out vec4 out_coverage;     // linear light over the brightest one, times what is covered; that
 layout(location = 1) out float out_away;    // [m]
 #else
 layout(location = 0) out vec4 out_color;
@@ -313,7 +313,7 @@ void main() {
     float cover = (beside(away + wide) - beside(away - wide)) * (1.0 - smoothstep(1.5, 2.5, 2.0 * wide));
     if (cover < 1e-3) discard;
     vec3 light = mix(shade(albedo, normalize(other_normal), roughness), shade(albedo, normalize(one_normal), roughness), one_share);
-    out_veil = vec4(min(light * code_scale, 1.0), 1.0) * cover;
+    out_coverage = vec4(min(light * code_scale, 1.0), 1.0) * cover;
     out_away = 1.0 / gl_FragCoord.w;
 #else
     vec3 face = normalize(normal + vec3(0.0, 0.0, 1e-12));  // a mesh without area has no normal

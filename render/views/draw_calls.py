@@ -14,7 +14,7 @@ from render.gpu.materials import SLOTS
 from render.gpu.programs import Programs, set_uniform
 from render.light.illumination import FIRST_FREE_UNIT, Lamps
 from render.light.shadows import depth_groups
-from render.views.veil import AWAY_UNIT
+from render.views.coverage_layer import AWAY_UNIT
 from usd_schemas.pinhole import Pinhole
 
 F64 = NDArray[np.float64]
@@ -155,7 +155,7 @@ class DrawCalls:
         for features, material, members in groups:
             program = self._programs.get("surface.vert", "ids.frag", extra + features)
             if features:
-                self._gpu.wear(material)
+                self._gpu.bind_material(material)
                 variant = self._gpu.variants[self._gpu.variant_rows[members[0]]]
                 assert variant.arrays[0] is not None
                 self._gpu.wraps.bind(FIRST_FREE_UNIT, variant.arrays[0], variant.wraps[0])
@@ -208,7 +208,7 @@ class DrawCalls:
         aimed: set[moderngl.Program] = set()
         for material, members in groups:
             variant = self._gpu.variants[self._gpu.variant_rows[members[0]]]
-            self._gpu.wear(material)
+            self._gpu.bind_material(material)
             program = self._programs.get("surface.vert", "surface.frag", features + variant.features)
             if program not in self._arrays:
                 self._lamps.shine_on(program)

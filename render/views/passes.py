@@ -13,11 +13,11 @@ from render.gpu.gpu_scene import GpuScene
 from render.gpu.programs import Programs
 from render.light.illumination import Lamps
 from render.views.blending import Blending
+from render.views.coverage_layer import CoverageLayer
 from render.views.draw_calls import DrawCalls, Sight
 from render.views.edges import smooth_edges
 from render.views.mirror import Image, Mirror, look_up_uniforms
 from render.views.targets import Targets, View
-from render.views.veil import Veil
 from usd_schemas.pinhole import Pinhole
 
 MIRROR_UNIT = 14  # behind those of light, materials, draws and ribbons
@@ -66,7 +66,7 @@ class Painter:
         self._gl, self._programs, self._camera = gl, programs, camera
         self._targets = targets = Targets(gl, programs, camera, extra, finer, fine=quality == "fine")
         behind = targets.exact if quality == "fine" and finer == 1 else targets.shaded
-        self._veil = Veil(gl, behind) if quality != "fast" else None
+        self._coverage_layer = CoverageLayer(gl, behind) if quality != "fast" else None
         self._calls = DrawCalls(gl, programs, gpu, lamps, (behind.width / 2, behind.height / 2))
         self._blending: Blending | None = None
         self._mirror = Mirror(gl, camera) if gpu.waters.any() and not cards else None
@@ -129,8 +129,8 @@ class Painter:
         return self._read(first, end)
 
     def _clear(self, first: int, end: int) -> None:
-        if self._veil is not None:
-            self._veil.clear()
+        if self._coverage_layer is not None:
+            self._coverage_layer.clear()
         self._targets.clear(first, end)
 
     def _draw_mirrored(self, pose: F64, near: float) -> None:
@@ -153,8 +153,8 @@ class Painter:
         if targets.apart or (len(seen.thin) and len(seen.through)):  # else the photograph's pass drew them
             targets.bind(targets.truth, *exact)
             self._calls.ids(np.concatenate([seen.opaque, seen.thin]), sight, targets.extra)
-        if self._veil is not None and len(seen.thin):
-            self._draw_ribbons(self._veil, seen, sight, (first, end))
+        if self._coverage_layer is not None and len(seen.thin):
+            self._draw_ribbons(self._coverage_layer, seen, sight, (first, end))
         if len(seen.through):  # last, for the truth has them solid, and the photograph does not
             targets.bind(targets.truth, *exact)
             self._calls.ids(seen.through, sight, targets.extra)
@@ -166,7 +166,7 @@ class Painter:
         gpu = self._gpu
         blended = gpu.blended[rows]
         opaque, through = rows[~blended], rows[blended]
-        if self._veil is None:
+        if self._coverage_layer is None:
             return _Seen(opaque, rows[:0], through)
         focal = max(sight.camera.fx, sight.camera.fy)
         thin = gpu.ribbons.thin(opaque, gpu.lower, gpu.upper, sight.eye, focal)
@@ -195,12 +195,12 @@ class Painter:
             calls.panes(seen.through, sight, self._features)
             self._blending.end(span)
 
-    def _draw_ribbons(self, veil: Veil, seen: _Seen, sight: Sight, rows: tuple[int, int]) -> None:
+    def _draw_ribbons(self, coverage_layer: CoverageLayer, seen: _Seen, sight: Sight, rows: tuple[int, int]) -> None:
         """Draw members that are too thin for samples, and what light shines through before them."""
-        veil.bind(*rows, self._camera.height, panes=bool(len(seen.through)))
+        coverage_layer.bind(*rows, self._camera.height, panes=bool(len(seen.through)))
         self._calls.surfaces(seen.thin, sight, self._features, "RIBBON")
         if len(seen.through):
-            veil.open_panes()
+            coverage_layer.open_panes()
             self._calls.panes(seen.through, sight, (*self._features, "VEILED"))
 
     def _draw_facets(self, span: tuple[int, int], rows: I64, sight: Sight) -> None:
@@ -214,8 +214,8 @@ class Painter:
 
     def _read(self, first: int, end: int) -> View:
         view, targets = self._targets.read(first, end), self._targets
-        if self._veil is not None:
+        if self._coverage_layer is not None:
             if not targets.apart:
                 smooth_edges(view.code, view.draw, view.depth)
-            self._veil.lay(view.code, first, end, self._camera.height)
+            self._coverage_layer.composite(view.code, first, end, self._camera.height)
         return view

@@ -12,13 +12,13 @@ from render.gpu.bars import Bars, find_bars
 from render.gpu.context import Gl
 from render.gpu.facets import find_facets
 from render.gpu.gpu_scene import GpuScene, check_scene, draw_boxes, upload_scene
-from render.gpu.materials import layer_mates, tabulate_materials, texture_keys
+from render.gpu.materials import channel_pairs, tabulate_materials, texture_keys
 from render.gpu.programs import Programs
 from render.gpu.textures import TextureKey, load_textures, sufficient_side
 from render.gpu.waters import with_waters
 from render.light.daylight import Daylight, read_daylight
 from render.light.illumination import Illumination, Lamps, haze_distance
-from render.light.light_level import dimmed, halvings
+from render.light.light_level import dimmed, exposure_stops
 from render.light.light_volume import LightVolume, Sampling, cast_light_volume
 from render.light.local_lights import choose_local_lights
 from render.light.region import region_of_interest
@@ -184,7 +184,7 @@ def prepare(
         settings.texture_side,
         gl.driver.anisotropy(),
         enough=lambda key, side: sufficient_side(side, needs.get(key, 0.0) if needs else 0.0),
-        mates=layer_mates(scene.materials),
+        packable=channel_pairs(scene.materials),
     )
     table = tabulate_materials(scene.materials, slots, settings.quality)
     table = with_waters(table, scene, *draw_boxes(scene))
@@ -211,7 +211,7 @@ def prepare(
 def _drawable_light(scene: FlatScene, box: tuple[F64, F64]) -> tuple[FlatScene, Daylight, list[str]]:
     """Read sun and sky, with the scene dimmed where its light is too strong to be drawn, and what was said of them."""
     daylight, said = read_daylight(scene)
-    times = halvings(scene, daylight, box)
+    times = exposure_stops(scene, daylight, box)
     if not times:
         return scene, daylight, said
     said = [*said, f"the light of the stage is drawn at 2^{-times} of its strength: it has no unit, and is metered"]

@@ -11,7 +11,7 @@ from groundwork.files import space_errors, write_json
 from render.capture import CAMERAS, FORMAT, FORMAT_VERSION, TRUTH, CamerasFile, Capture, Readout
 from render.images import image_files
 from render.images.depth_tiff import encode_depth_tiff
-from usd_schemas.flat_scene import CameraTrack, FlatScene, without_ghosts
+from usd_schemas.flat_scene import CameraTrack, FlatScene, without_mostly_transparent
 from usd_schemas.pinhole import Pinhole
 
 F32 = NDArray[np.float32]
@@ -140,7 +140,7 @@ def write_truth(
 
 
 def _write_surface(path: Path, scene: FlatScene) -> None:
-    geometry, draws = scene.geometry, without_ghosts(scene).draws
+    geometry, draws = scene.geometry, without_mostly_transparent(scene).draws
     arrays = {
         "positions": geometry.positions,
         "triangles": geometry.triangles,

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from authoring.axis.alignment import Alignment, Layout
 from authoring.backgrounds.terrain import SLACK, Terrain, grow_terrain, rolling_hills
-from authoring.backgrounds.terrain_lines import Demands, Middle, outer_triangles, settled, thin_out
+from authoring.backgrounds.terrain_lines import Demands, Middle, interpolated_heights, outer_triangles, thin_out
 from authoring.site.grid import HeightField
 from authoring.site.site import SiteSettings, draw_site
 from authoring.streams import stream
@@ -54,7 +54,7 @@ def test_mesh_is_whole_and_keeps_what_shows() -> None:
     ridge = np.flatnonzero(np.abs(LINES - 3.0) < 0.6)
     assert kept[[ridge[0] - 1, ridge[0], ridge[-1], ridge[-1] + 1], -1].all()
     assert kept[14:55, -1].sum() < 15
-    level = settled(heights, field, MIDDLE, kept)
+    level = interpolated_heights(heights, field, MIDDLE, kept)
     assert np.abs(level - heights).max() <= 0.01 + 1e-4
     np.testing.assert_allclose(level[kept], heights[kept], atol=1e-4)
 

@@ -14,8 +14,9 @@ from typing import Any
 import pytest
 
 from tests.house.house import ROOT, python_files
-from tests.proof_rows import state_of
+from tests.proof_rows import read_rows, state_of, write_proof
 from tests.provenance import digest_of
+from tests.renamed import renew
 
 CODE = '"""Counts."""\n\n\ndef one():\n    """Give 1."""\n    return 1\n'
 
@@ -145,6 +146,23 @@ def test_states_of_rows(project: Path) -> None:
     assert state_of({**first, "test": "tests/test_sample.py::test_no_more[1]"}, project, codes) == "gone"
     assert state_of({**first, "test": "tests/test_other.py::test_counts"}, project, codes) == "gone"
     assert state_of({"name": "old"}, project, codes) == "unknown"
+
+
+def test_other_names_stale_nothing(project: Path) -> None:
+    """A row is renewed where undoing the names gives the code that it speaks of, and nowhere else."""
+    test, code, proof = project / "tests" / "test_sample.py", project / "learn" / "counting.py", project / "proof.json"
+    row = {"name": "a", "test": "tests/test_sample.py::test_counts", "code": digest_of(test, project)}
+    write_proof(proof, [row])
+    code.rename(code.with_stem("sums"))
+    test.write_text(test.read_text().replace("learn.counting", "learn.sums"))
+    subprocess.run("git init -q && git add -A", cwd=project, shell=True, check=True)
+    renamed = CODE.replace("one", "unity")
+    (project / "learn" / "sums.py").write_text(renamed.replace("return 1", "return 2"))
+    assert renew(proof, {"unity": "one", "sums": "counting"}, project) == (0, 1)
+    (project / "learn" / "sums.py").write_text(renamed)
+    assert renew(proof, {"unity": "one", "sums": "counting"}, project) == (1, 1)
+    assert read_rows(proof) == [{**row, "code": digest_of(test, project)}]
+    assert state_of(read_rows(proof)[0], project, {}) == "fresh"
 
 
 def test_figures_are_measured() -> None:

@@ -19,7 +19,7 @@ from render.detail.texel_need import Sight, survey_sight, texel_needs
 from render.frames import render_scene
 from render.gpu.context import Gl
 from render.gpu.gpu_scene import run_commands
-from render.gpu.materials import layer_mates, texture_keys
+from render.gpu.materials import channel_pairs, texture_keys
 from render.gpu.textures import TextureKey, load_textures, sufficient_side
 from render.images import image_files
 from render.light.daylight import read_daylight
@@ -163,7 +163,7 @@ def test_roughness_in_a_colours_opacity_looks_the_same(
     for material, apart in ((rough, False), (rough, True), (Material("m", base_texture=color, roughness=0.9), False)):
         scene = replace(plate_from(20.0, material), sun=Sun((0.1, 0.1, 1.0), (3.0, 3.0, 3.0)))
         if apart:
-            monkeypatch.setattr("render.views.prepare.layer_mates", lambda _: [])
+            monkeypatch.setattr("render.views.prepare.channel_pairs", lambda _: [])
         prepared = prepare(gl, scene, settings, SILENT)
         pictures.append(prepared.painter(CAMERA, sharp=True).draw(scene.cameras[0].poses[0], 0.1).code)
         features.append(set(prepared.gpu.variants[0].features) & {"HAS_ROUGHNESS", "ROUGHNESS_IN_ALBEDO"})
@@ -210,7 +210,7 @@ def test_roughness_shares_a_layer_only_where_one_look_up_finds_both(
             SIDE,
             1.0,
             enough=lambda key, _, enough=enough: enough.get(key, SIDE),
-            mates=layer_mates(materials),
+            packable=channel_pairs(materials),
         )
         assert not warnings
         assert slots[number].channel == (0 if smaller else channel)

@@ -58,7 +58,7 @@ def linear(painter: Painter) -> F64:
 
 def supersampled(painter: Painter, monkeypatch: pytest.MonkeyPatch, count: int) -> F64:
     """The light that `count` x `count` samples a pixel show, each shaded as the one sample is, shape (H, W)."""
-    monkeypatch.setattr(painter, "_veil", None)
+    monkeypatch.setattr(painter, "_coverage_layer", None)
     total = np.zeros((CAMERA.height, CAMERA.width))
     for row in range(count):
         for column in range(count):
@@ -108,7 +108,7 @@ def test_ids_and_depth_know_nothing_of_ribbons(
     scene = hanging(0.4, 0.02, radius)
     painter = prepare(gl, scene, settings, SILENT).painter(CAMERA, sharp=True)
     drawn = painter.draw(POSE, 0.1)
-    monkeypatch.setattr(painter, "_veil", None)
+    monkeypatch.setattr(painter, "_coverage_layer", None)
     plainly = painter.draw(POSE, 0.1)
     assert {0, 1, 2} >= set(np.unique(drawn.draw)) > {2}
     np.testing.assert_array_equal(drawn.draw, plainly.draw)

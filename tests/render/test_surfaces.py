@@ -48,7 +48,7 @@ def test_what_light_shines_through(quality: str, opacity: float, gl: Gl, ideal: 
     gone = shot(gl, ideal, tmp_path, "", quality=quality)
     light, height, number = picture.seen(0.3, 0.2, 0)
     front, behind = solid.seen(0.3, 0.2, 0)[0], gone.seen(0.3, 0.2, 0)[0]
-    # In the light volume a ghost takes no light from the floor, as the solid square does.
+    # In the light volume a pane that lets most light through takes no light from the floor, as the solid square does.
     tolerance = 0.004 if quality == "fast" else 0.02
     np.testing.assert_allclose(light, opacity * front + (1 - opacity) * behind, atol=tolerance)
     assert height == pytest.approx(0.0 if opacity >= 0.5 else -1.0, abs=1e-4)

@@ -256,9 +256,9 @@ def test_cut_outs_and_glass(tmp_path: Path) -> None:
     assert not scene.warnings
     scene, material = read_one(tmp_path, network("float inputs:opacity = 0.3"))
     assert material.opacity_threshold == 0.0
-    assert (material.opacity, material.blends, material.is_ghost) == (pytest.approx(0.3), True, True)
+    assert (material.opacity, material.blends, material.is_mostly_transparent) == (pytest.approx(0.3), True, True)
     _, material = read_one(tmp_path, network("float inputs:opacity = 0.6"))
-    assert (material.blends, material.is_ghost) == (True, False)
+    assert (material.blends, material.is_mostly_transparent) == (True, False)
     _, material = read_one(tmp_path, network(diffuse + alpha.splitlines()[0], texture("A", "./a.png")))
     assert (material.blends, material.opacity_threshold) == (True, 0.5)
     plain = "color3f inputs:diffuseColor = (0.2, 0.4, 0.6)\n"

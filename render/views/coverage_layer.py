@@ -1,4 +1,4 @@
-"""The veil: what members too thin for samples add to a photograph, by the share of each pixel that they cover."""
+"""Coverage layer: members too thin for samples, added to a photograph by the share of each pixel that they cover."""
 
 import cv2
 import moderngl
@@ -12,7 +12,7 @@ _ROWS = 64  # of the photograph, at once
 U16 = NDArray[np.uint16]
 
 
-class Veil:
+class CoverageLayer:
     """An image of ribbons alone: linear light times the share covered, and that share."""
 
     def __init__(self, gl: Gl, behind: moderngl.Framebuffer) -> None:
@@ -80,7 +80,7 @@ class Veil:
         assert self._away is not None
         self._away.use(AWAY_UNIT)
 
-    def lay(self, code: U16, first: int, end: int, rows: int) -> None:
+    def composite(self, code: U16, first: int, end: int, rows: int) -> None:
         """Lay what was drawn over some rows of a photograph, in place.
 
         Args:
@@ -93,17 +93,17 @@ class Veil:
             return
         for top in range(first, end, _ROWS):
             bottom = min(top + _ROWS, end)
-            self._lay_band(code[top - first : bottom - first], top, self._image.height // rows)
+            self._composite_band(code[top - first : bottom - first], top, self._image.height // rows)
 
-    def _lay_band(self, code: U16, first: int, scale: int) -> None:
-        """Lay some rows, `scale` times as many of the veil's own, over those of a photograph, in place."""
+    def _composite_band(self, code: U16, first: int, scale: int) -> None:
+        """Lay some rows, `scale` times as many of the layer's own, over those of a photograph, in place."""
         box = (0, scale * first, self._image.width, scale * len(code))
         data = np.frombuffer(self._reader.read(box, 4, dtype="f2"), np.float16).reshape(box[3], box[2], 4)
         if scale > 1:
             small = (code.shape[1], code.shape[0])
             data = cv2.resize(data.astype(np.float32), small, interpolation=cv2.INTER_AREA)
         place = np.flatnonzero(data[..., 3].reshape(-1).view(np.uint16 if scale == 1 else np.uint32))
-        veil = data.reshape(-1, 4)[place].astype(np.float32)
+        ribbon_light = data.reshape(-1, 4)[place].astype(np.float32)
         pixels = code.reshape(-1, 3)
-        light = (pixels[place].astype(np.float32) / 65535) ** 2 * (1 - veil[:, 3:]) + veil[:, :3]
+        light = (pixels[place].astype(np.float32) / 65535) ** 2 * (1 - ribbon_light[:, 3:]) + ribbon_light[:, :3]
         pixels[place] = np.rint(np.sqrt(np.minimum(light, 1)) * 65535).astype(np.uint16)
