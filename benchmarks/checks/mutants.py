@@ -23,8 +23,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.checks.named_faults import NAMED
+from benchmarks.page import write_page
 from groundwork.canonical import digest
-from groundwork.files import read_json, write_json, write_text
+from groundwork.files import read_json, write_json
 from tests.provenance import HASHED
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -240,7 +241,7 @@ def main() -> None:
         for mutant in [] if chosen.only else named_mutants():
             found += _judge([mutant], tree, known, chosen.kept)
     if chosen.page:
-        write_text(PAGE, _page(found, chosen.seed))
+        write_page(PAGE, _page(found, chosen.seed), __file__)
 
 
 def draw(subject: str, count: int, seed: int) -> list[Mutant]:

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.page import write_page
 from benchmarks.recon.noise import named_cloud
 from groundwork.errors import InputError
-from groundwork.files import write_text
 from recon.placing.align import OK
 from recon.placing.place import Registered, place
 from recon.points.duplicates import merge_duplicates
@@ -77,7 +77,7 @@ def main() -> None:
             raise InputError("has no truth", where=capture)
         judged = judge(read_model(model / "sparse"), opened, truth)
         parts += [scene_part(name, judged, {row.id: row.name for row in truth.classes}), ""]
-    write_text(PAGE, "\n".join([*HEAD, *parts]))
+    write_page(PAGE, "\n".join([*HEAD, *parts]), __file__)
 
 
 HEAD = [
