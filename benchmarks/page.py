@@ -25,6 +25,15 @@ def write_page(page: Path, text: str, module: str, root: Path = ROOT) -> None:
     write_text(page, f"{text.rstrip()}\n\n{stamp}")
 
 
+def words_of(page: Path) -> str:
+    """Read what a page says, without what it says of its code: to write it again with other rows.
+
+    Args:
+        page: The file.
+    """
+    return _READ.sub("", page.read_text(encoding="utf-8"))
+
+
 def state_of_page(page: Path, root: Path = ROOT) -> str:
     """Tell what a page is worth today.
 

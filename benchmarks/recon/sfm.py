@@ -153,6 +153,7 @@ def _judged(name: str, title: str, capture: Capture, found: Found, truth: Truth)
         len(good) / count,
         median,
         p95,
+        found.thrice,
     )
 
 

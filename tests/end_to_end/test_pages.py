@@ -40,6 +40,7 @@ NOT_HERE = {
     "falsework scene import-edits edited.usdc scene/scene.usda",
 }
 FEW = {"survey": [{"kind": "global", "images": 8, "spacing": 40.0, "width": 160, "height": 120}]}
+DENSE = {"recon": {"mode": "dense", "quality": "medium"}}
 HEREDOC = re.compile(r"cat > (\S+) <<'END'\n(.*?)^END\n", re.M | re.S)
 
 
@@ -125,7 +126,8 @@ def test_the_tutorial_runs(chain: Chain, tmp_path: Path, monkeypatch: pytest.Mon
         if language == "toml":
             shown = read_toml(_written("bridge.toml", text))
             parse_settings(Scenario, shown, "bridge.toml")
-            _written("bridge.toml", tomli_w.dumps({**TINY, **FEW}))
+            assert shown["recon"] == DENSE["recon"]
+            _written("bridge.toml", tomli_w.dumps({**TINY, **FEW, **DENSE}))
         elif language == "python":
             exec(compile(text, "docs/tutorial.md", "exec"), names)
         for line in commands(text) if language == "sh" else []:
@@ -141,6 +143,7 @@ def test_the_tutorial_runs(chain: Chain, tmp_path: Path, monkeypatch: pytest.Mon
     assert ran == ["author", "scene", "cp", "scene", "scene", "scene", "render", "reconstruct", "train", "predict"]
     assert (tmp_path / "captures/global/images/000000.jpg").is_file()
     assert len(names["cloud"]) > 1000
+    assert names["cloud"].source == "sfm-dense"
     assert (tmp_path / "labelled.laz").is_file()
 
 
