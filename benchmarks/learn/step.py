@@ -40,7 +40,7 @@ class Cost:
 
     Attributes:
         name: Which way.
-        geometry: Processor seconds for the neighbourhoods of a step, by step [s].
+        geometry: Processor seconds for the neighborhoods of a step, by step [s].
         step: Processor seconds for forward pass, backward pass and the optimizer, by step [s].
     """
 

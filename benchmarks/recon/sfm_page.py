@@ -92,11 +92,11 @@ def _line(row: Row, counted: bool) -> str:
     times = " | ".join(f"{row.seconds[step]:.0f}" if step in row.seconds else "" for step in STEPS)
     return (
         f"| {row.title} | {row.images} | {row.pairs} | {times} | {row.total:.0f} | {row.registered:.0%} | "
-        f"{row.right:.0%} | {_millimetres(row.median)} | {_millimetres(row.p95)} | {row.points:,} |{share}"
+        f"{row.right:.0%} | {_millimeters(row.median)} | {_millimeters(row.p95)} | {row.points:,} |{share}"
     )
 
 
-def _millimetres(value: float | None) -> str:
+def _millimeters(value: float | None) -> str:
     return "" if value is None else f"{1000 * value:.1f}"
 
 

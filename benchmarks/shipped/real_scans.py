@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from benchmarks.page import write_page
 from benchmarks.shipped.scan_scores import Labelled, label_scan
-from benchmarks.shipped.scan_scores import Scan as LabelledScan
+from benchmarks.shipped.scan_scores import Scan as LabeledScan
 from docs.sampling_picture import GAP, PANEL, draw
 from groundwork.files import write_bytes
 from learn.datasets.class_tables import class_table
@@ -128,7 +128,7 @@ def label_real_scan(path: Path, code: int | None, model: PointModel) -> Labelled
             raise ValueError(f"{path} carries no classes")
         mine = (scan.classification == code).astype(np.uint8)
     labels = {"falsework": mine, "kim2023": mine}
-    return label_scan(LabelledScan(scan.coord, scan.coord, labels, PredictSettings(unit="m")), model)
+    return label_scan(LabeledScan(scan.coord, scan.coord, labels, PredictSettings(unit="m")), model)
 
 
 def figures_of(found: Labelled, plausible: tuple[str, ...]) -> Figures:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from benchmarks.page import write_page
 from benchmarks.shipped.model import bridge_of
-from benchmarks.shipped.scan_scores import TABLES, Labelled, Scan, label_scan, read_labelled_scan
+from benchmarks.shipped.scan_scores import TABLES, Labelled, Scan, label_scan, read_labeled_scan
 from learn.datasets.varied import tilt_about
 from learn.metrics import scores
 from learn.predict.model import PointModel, named_model
@@ -207,7 +207,7 @@ def main() -> None:
     torch.set_num_threads(1)  # several wait for each other where others work, too
     scans: dict[str, Scan] = {}
     for path in given.clouds:
-        scan = read_labelled_scan(path)
+        scan = read_labeled_scan(path)
         rows = stretch(scan, -0.5 * given.length, 0.5 * given.length)(scan.place)
         scans[f"{bridge_of(path)[:8]} {path.name}"] = scan.take(rows)
     name = Path(given.model).name if given.model else "that of the package (`learn/shipped`)"

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from benchmarks.page import write_page
 from benchmarks.shipped.model import STRIDE
 from benchmarks.shipped.robustness import near_bridge
-from benchmarks.shipped.scan_scores import TABLES, Scan, label_scan, read_labelled_scan
+from benchmarks.shipped.scan_scores import TABLES, Scan, label_scan, read_labeled_scan
 from groundwork.canonical import digest, file_digest
 from groundwork.files import read_json, write_json
 from learn.metrics import scores
@@ -103,7 +103,7 @@ def judge_cloud(model: TrainedModel, path: Path, reach: float) -> Found:
         path: Folder of the cloud.
         reach: How far beyond its bridge it is labelled [m].
     """
-    scan = within(read_labelled_scan(path), reach)
+    scan = within(read_labeled_scan(path), reach)
     before = time.process_time()
     found = label_scan(scan, model)
     seconds = time.process_time() - before

@@ -80,7 +80,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     "learn": (
         "settings.py",
         "sample.py",
-        "neighbourhoods",
+        "neighborhoods",
         "datasets",
         "models",
         "losses.py",

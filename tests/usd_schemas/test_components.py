@@ -6,7 +6,7 @@ from groundwork.errors import InputError
 from usd_schemas.components import (
     BACKGROUND,
     NOISY_POINT,
-    UNLABELLED,
+    UNLABELED,
     class_id,
     class_of,
     class_rows,
@@ -39,7 +39,7 @@ def test_the_seventeen_classes_and_unlabelled() -> None:
     rows = class_rows()
     assert tuple(row.name for row in rows[:-1]) == PAPER
     assert [row.id for row in rows] == [*range(17), 255]
-    assert (rows[BACKGROUND].name, rows[NOISY_POINT].name, rows[-1].id) == ("background", "noisy_point", UNLABELLED)
+    assert (rows[BACKGROUND].name, rows[NOISY_POINT].name, rows[-1].id) == ("background", "noisy_point", UNLABELED)
     assert len({row.color for row in rows}) == len({row.name for row in rows}) == len(rows)
     assert all(0 <= value <= 255 for row in rows for value in row.color)
 
