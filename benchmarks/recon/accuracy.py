@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import falsework
+from benchmarks.page import write_page
 from falsework.commands.console import ConsoleProgress
-from groundwork.files import read_json, write_text
+from groundwork.files import read_json
 from recon.cloud import Cloud, read_cloud
 from recon.sampling.scene_surface import lay_out
 from recon.truth.statistics import NEAR
@@ -321,7 +322,7 @@ def main() -> None:
                 outcome = falsework.run(scenario_of_row(row, number), given.work / row.name, progress=progress)
             sys.stdout.write(f"{row.name}: {outcome.made} made\n")
     found = {row: clouds for row in ROWS if (clouds := _clouds(given.work / row.name))}
-    write_text(PAGE, accuracy_page(found, given.note))
+    write_page(PAGE, accuracy_page(found, given.note), __file__)
 
 
 def _clouds(run: Path) -> dict[str, Judged]:

@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.page import words_of, write_page
 from benchmarks.recon.colmap_defaults import run_defaults
 from benchmarks.recon.gps_flights import frame_errors
 from benchmarks.recon.noise import named_cloud
 from groundwork.errors import InputError
-from groundwork.files import write_text
 from recon.cloud import Cloud, read_cloud
 from recon.photos.photos import local_position, open_photographs
 from recon.placing.place_errors import PlaceErrors
@@ -56,11 +56,11 @@ def main() -> None:
     told = parser.parse_args()
     rows = [(name, figures_of(folder)) for name, folder in told.clouds]
     rows += [(name, figures_of_defaults(folder)) for name, folder in told.defaults]
-    page = photographs_page(rows, PAGE.read_text(encoding="utf-8") if told.keep else "")
+    page = photographs_page(rows, words_of(PAGE) if told.keep else "")
     if told.control:
         (name, on_gps), (_, on_points) = told.control
         page += control_section(name, read_cloud(on_gps), read_cloud(on_points))
-    write_text(PAGE, page)
+    write_page(PAGE, page, __file__)
 
 
 def figures_of(folder: Path) -> dict[str, Any]:

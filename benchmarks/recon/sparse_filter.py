@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.page import words_of, write_page
 from benchmarks.recon.noise import named_cloud
 from groundwork.errors import InputError
-from groundwork.files import write_text
 from recon.placing.align import OK
 from recon.placing.place import Registered, place
 from recon.points.duplicates import merge_duplicates
@@ -71,7 +71,7 @@ def main() -> None:
     parser.add_argument("scenes", nargs="+", type=named_cloud, metavar="NAME=SCENE")
     parser.add_argument("--keep", action="store_true", help="other scenes that are on the page stay")
     told = parser.parse_args()
-    parts = former_parts(PAGE.read_text(encoding="utf-8")) if told.keep else {}
+    parts = former_parts(words_of(PAGE)) if told.keep else {}
     for name, scene in told.scenes:
         (capture,), (model,) = sorted(scene.glob("capture/*")), sorted(scene.glob("model/*"))
         opened = read_capture(capture)
@@ -80,7 +80,7 @@ def main() -> None:
             raise InputError("has no truth", where=capture)
         judged = judge(read_model(model / "sparse"), opened, truth)
         parts[name] = scene_part(name, judged, {row.id: row.name for row in truth.classes})
-    write_text(PAGE, "\n".join([*HEAD, *(f"{part}\n" for part in parts.values())]))
+    write_page(PAGE, "\n".join([*HEAD, *(f"{part}\n" for part in parts.values())]), __file__)
 
 
 HEAD = [

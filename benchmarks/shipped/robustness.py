@@ -15,9 +15,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from benchmarks.page import write_page
 from benchmarks.shipped.model import bridge_of
 from benchmarks.shipped.scan_scores import TABLES, Labelled, Scan, label_scan, read_labelled_scan
-from groundwork.files import write_text
 from learn.datasets.varied import tilt_about
 from learn.metrics import scores
 from learn.predict.model import PointModel, named_model
@@ -213,7 +213,7 @@ def main() -> None:
     name = Path(given.model).name if given.model else "that of the package (`learn/shipped`)"
     if len(scans) < len(given.clouds):
         parser.error("two of the clouds are of one bridge and of one name; allowed: each once")
-    write_text(given.out, page(scans, named_model(given.model), name))
+    write_page(given.out, page(scans, named_model(given.model), name), __file__)
 
 
 if __name__ == "__main__":

@@ -53,6 +53,24 @@ def test_every_component_has_a_class() -> None:
     assert all(kind == kind.lower() and kind.isidentifier() for kind in table)
 
 
+def test_members_of_the_structure_have_the_class_of_their_work() -> None:
+    """The paper's classes by what a member does: cables end in bases at deck and anchorage, in tops on towers."""
+    expected = {
+        "cable": "main_cable stay hanger",
+        "cable_base": "cable_socket cable_clamp",
+        "cable_top": "saddle upper_anchorage",
+        "bearing": "bearing_pot bearing_pad bearing_plinth",
+        "arch": "arch_ring arch_rib arch_brace spandrel_wall",
+        "beam": "plate_girder floor_beam cross_frame stiffener splice_plate",
+        "girder": "concrete_girder diaphragm edge_beam box_girder",
+        "pier_cap": "pier_cap cross_head",
+        "abutment": "abutment_wall wing_wall abutment_footing anchor_block backwall",
+        "parapet": "parapet railing railing_post parapet_coping",
+    }
+    for name, kinds in expected.items():
+        assert {kind for kind, own in component_classes().items() if own == name} == set(kinds.split())
+
+
 def test_unknown_names_are_bad_input() -> None:
     """The message lists what is allowed."""
     with pytest.raises(InputError, match=r"unknown component .*'girdr'.*concrete_girder"):
