@@ -80,7 +80,9 @@ def main() -> None:
             raise InputError("has no truth", where=capture)
         judged = judge(read_model(model / "sparse"), opened, truth)
         parts[name] = scene_part(name, judged, {row.id: row.name for row in truth.classes})
-    write_page(PAGE, "\n".join([*HEAD, *(f"{part}\n" for part in parts.values())]), __file__)
+    left = [name for name in parts if name not in {name for name, _ in told.scenes}]
+    of_former = [f"As former runs left them: {', '.join(left)}.", ""] if left else []
+    write_page(PAGE, "\n".join([*HEAD, *of_former, *(f"{part}\n" for part in parts.values())]), __file__)
 
 
 HEAD = [
