@@ -62,7 +62,7 @@ def test_every_public_name_is_there() -> None:
 
 def test_help_begins_with_the_story() -> None:
     """The first screens of `help(falsework)` show a whole example, and each function with what it makes of what."""
-    first = pydoc.render_doc(falsework, renderer=pydoc.plaintext).splitlines()[:60]
+    first = pydoc.plain(pydoc.render_doc(falsework)).splitlines()[:60]
     functions = {name for name in falsework.__all__ if isfunction(getattr(falsework, name))}
     assert {"author", "render", "reconstruct", "sample", "read_cloud"} < functions
     listed = {found[1] for line in first if (found := re.match(r" {8}(\w+)\(.*\) +.*->  \S", line))}
