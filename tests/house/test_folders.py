@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from docs.architecture import ROOMS as ARCHITECTURE
@@ -164,6 +166,16 @@ def test_the_page_of_the_house_knows_every_folder(room: str) -> None:
     floors = [name for name in FLOORS[room] if not name.endswith(".py")]
     assert list(ARCHITECTURE[room][1]) == floors
     assert sorted(floors) == folders_of(room)
+
+
+def test_the_guidelines_show_the_same_order() -> None:
+    """The tree of CODING_GUIDELINES.md names the folders and modules of each room in this order, and no others."""
+    text = (ROOT / "CODING_GUIDELINES.md").read_text(encoding="utf-8")
+    rooms = re.findall(r"^ {3}(\w+) +(.*(?:\n {4,}.*)*)", text.split("   ```")[1], re.M)
+    tree = {room: re.sub(r"\(conductor\)|·", " ", names).split() for room, names in rooms}
+    floors = {room: [name.removesuffix(".py") for name in names] for room, names in FLOORS.items()}
+    floors["falsework"].remove("__main__")
+    assert tree == floors
 
 
 @pytest.mark.parametrize(
