@@ -7,10 +7,36 @@
     cloud = falsework.reconstruct(flight, "cloud")  # labelled points, each with its uncertainty
     scan = falsework.sample(scene, "scan", falsework.TerrestrialSettings())  # the bridge as a laser sees it
 
-Each writes one folder as a whole and gives back what lies in it; a folder that is there is read with `read_stage`,
-`read_capture`, `read_truth` and `read_cloud`. `load_scenario` and `run` make many scenes, as `falsework run` does.
-Whatever is wrong with a file, a folder or a scenario is an `InputError` of one line; a settings class that is given a
-wrong value raises pydantic's `ValidationError`. docs/python.md shows all of it.
+    points, classes = cloud.columns["coord"], cloud.columns["segment"]  # [m], shape (N, 3); shape (N,)
+    names = {row.id: row.name for row in cloud.classes}
+
+Make; each writes one folder as a whole and gives back what lies in it:
+
+    author(scenario, out)           a scenario, or its sections as a dict  ->  path of scene.usda
+    render(stage, out)              any USD stage                          ->  {name: Capture}
+    reconstruct(capture, out)       a capture, or your own photographs     ->  Cloud
+    sample(stage, out, settings)    any USD stage, without photographs     ->  Cloud
+    run(scenario, out)              many scenes, as `falsework run` does   ->  Outcome
+    save_cloud(cloud, out)          a cloud of your own making             ->  a folder that every command reads
+
+Read what is there already:
+
+    read_stage(path)                USD file           ->  FlatScene: triangles, looks, lights, cameras, labels
+    read_capture(folder)            folder of render   ->  Capture: photographs and their cameras
+    read_truth(capture)             the same           ->  Truth: poses, depth, classes, instances; or None
+    read_cloud(folder)              folder of a cloud  ->  Cloud
+    load_scenario(path)             TOML file          ->  Scenario
+    scenario_of(values)             dict               ->  Scenario
+
+Settings: RenderSettings (SensorSettings) for render, ReconSettings (SparseSettings, DenseSettings, AlignmentSettings)
+for reconstruct; MeshSettings, TerrestrialSettings, MobileSettings or AirborneSettings for sample; StageChoices for
+read_stage. ConsoleProgress() as `progress` draws a bar.
+
+Errors: whatever is wrong with a path, a file, a folder or a scenario is an InputError of one line. Photographs that
+cannot become a cloud raise RejectedSceneError, and a settings class with a wrong value raises pydantic's
+ValidationError.
+
+`help(falsework.render)` tells every argument of one function; docs/python.md shows all of it in blocks that run.
 """
 
 from importlib import import_module
@@ -19,21 +45,33 @@ from typing import TYPE_CHECKING
 from usd_schemas.registration import register_schemas
 
 if TYPE_CHECKING:
-    from falsework.api import author, reconstruct, render, run, sample, save_cloud
+    from falsework.api import (
+        author,
+        load_scenario,
+        read_capture,
+        read_cloud,
+        read_stage,
+        read_truth,
+        reconstruct,
+        render,
+        run,
+        sample,
+        save_cloud,
+        scenario_of,
+    )
     from falsework.commands.console import ConsoleProgress
     from falsework.pipeline import Outcome
-    from falsework.scenario import Scenario, load_scenario, scenario_of
+    from falsework.scenario import Scenario
     from groundwork.errors import FalseworkError, InputError, RejectedSceneError
     from groundwork.progress import Progress
-    from recon.cloud import Cloud, read_cloud
+    from recon.cloud import Cloud
     from recon.sampling.sampler_settings import AirborneSettings, MeshSettings, MobileSettings, TerrestrialSettings
     from recon.settings import AlignmentSettings, DenseSettings, ReconSettings, SparseSettings
-    from render.capture import Capture, Truth, read_capture, read_truth
+    from render.capture import Capture, Truth
     from render.settings import RenderSettings, SensorSettings
     from usd_schemas.components import ClassRow
     from usd_schemas.flat_scene import FlatScene
     from usd_schemas.reading.choices import StageChoices
-    from usd_schemas.reading.stage_reader import read_stage
 
 __all__ = [
     "AirborneSettings",
@@ -74,21 +112,23 @@ __all__ = [
 ]
 
 _HOMES = {
-    "falsework.api": ("author", "reconstruct", "render", "run", "sample", "save_cloud"),
+    "falsework.api": (
+        *("author", "render", "reconstruct", "sample", "run", "save_cloud"),
+        *("read_stage", "read_capture", "read_truth", "read_cloud", "load_scenario", "scenario_of"),
+    ),
     "falsework.commands.console": ("ConsoleProgress",),
     "falsework.pipeline": ("Outcome",),
-    "falsework.scenario": ("Scenario", "load_scenario", "scenario_of"),
+    "falsework.scenario": ("Scenario",),
     "groundwork.errors": ("FalseworkError", "InputError", "RejectedSceneError"),
     "groundwork.progress": ("Progress",),
-    "recon.cloud": ("Cloud", "read_cloud"),
+    "recon.cloud": ("Cloud",),
     "recon.sampling.sampler_settings": ("AirborneSettings", "MeshSettings", "MobileSettings", "TerrestrialSettings"),
     "recon.settings": ("AlignmentSettings", "DenseSettings", "ReconSettings", "SparseSettings"),
-    "render.capture": ("Capture", "Truth", "read_capture", "read_truth"),
+    "render.capture": ("Capture", "Truth"),
     "render.settings": ("RenderSettings", "SensorSettings"),
     "usd_schemas.components": ("ClassRow",),
     "usd_schemas.flat_scene": ("FlatScene",),
     "usd_schemas.reading.choices": ("StageChoices",),
-    "usd_schemas.reading.stage_reader": ("read_stage",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

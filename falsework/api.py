@@ -1,11 +1,13 @@
 """The verbs as functions: what `falsework author`, `render`, `reconstruct`, `sample` and `run` do, for scripts.
 
-Each writes one folder as a whole, in place of a former one of ours, and gives back what lies in it.
+Each writes one folder as a whole, in place of a former one of ours, and gives back what lies in it. The readers open
+what lies there already. Wherever a path is asked for, a `str` and a `pathlib.Path` are equally good.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -18,14 +20,20 @@ if TYPE_CHECKING:
     from recon.cloud import Cloud
     from recon.sampling.sampler_settings import AirborneSettings, MeshSettings, MobileSettings, TerrestrialSettings
     from recon.settings import ReconSettings
-    from render.capture import Capture
+    from render.capture import Capture, Truth
     from render.settings import RenderSettings
+    from usd_schemas.flat_scene import FlatScene
+    from usd_schemas.reading.choices import StageChoices
 
 S = TypeVar("S")
 
 
 def author(
-    scenario: Scenario | Mapping[str, Any], out: Path | str, *, scene: int = 0, progress: Progress = SILENT
+    scenario: Scenario | Mapping[str, Any],
+    out: str | PathLike[str],
+    *,
+    scene: int = 0,
+    progress: Progress = SILENT,
 ) -> Path:
     """Author the layered USD stage of one scene.
 
@@ -45,20 +53,18 @@ def author(
         >>> scene = falsework.author({"bridge": {"family": "beam"}, "background": {"name": "none"}}, "scene")
     """
     from falsework.commands.verbs import author_file
-    from falsework.scenario import Scenario, scenario_of
 
-    wanted = scenario if isinstance(scenario, Scenario) else scenario_of(scenario)
-    return author_file(wanted, Path(out), scene, progress)
+    return author_file(_scenario(scenario), _path(out, "out"), scene, progress)
 
 
 def render(
-    stage: Path | str,
-    out: Path | str,
+    stage: str | PathLike[str],
+    out: str | PathLike[str],
     *,
     survey: str | None = None,
     settings: RenderSettings | None = None,
     seed: int = 7,
-    allow_roots: Path | str | Iterable[Path | str] = (),
+    allow_roots: str | PathLike[str] | Iterable[str | PathLike[str]] = (),
     progress: Progress = SILENT,
 ) -> dict[str, Capture]:
     """Render any USD stage: a capture for each of its RenderProducts, or for each camera where it has none.
@@ -82,21 +88,21 @@ def render(
         >>> flight = falsework.render(scene, "captures")["global"]
     """
     from falsework.commands.verbs import render_file
-    from render.capture import read_capture
     from render.settings import RenderSettings
 
     told = _settings(settings or RenderSettings(), RenderSettings).model_dump(mode="json")
-    names = render_file(Path(stage), Path(out), survey, told, seed, progress, allow_roots=_roots(allow_roots))
-    return {name: read_capture(Path(out) / name) for name in names}
+    place = _path(out, "out")
+    names = render_file(_path(stage, "stage"), place, survey, told, seed, progress, allow_roots=_roots(allow_roots))
+    return {name: read_capture(place / name) for name in names}
 
 
 def reconstruct(
-    capture: Capture | Path | str,
-    out: Path | str,
+    capture: Capture | str | PathLike[str],
+    out: str | PathLike[str],
     *,
     settings: ReconSettings | None = None,
-    control: Path | None = None,
-    model: Path | None = None,
+    control: str | PathLike[str] | None = None,
+    model: str | PathLike[str] | None = None,
     progress: Progress = SILENT,
 ) -> Cloud:
     """Reconstruct a capture, or a folder of photographs, into a cloud; annotated where the capture has its truth.
@@ -121,7 +127,6 @@ def reconstruct(
         >>> cloud = falsework.reconstruct(flight, "cloud", settings=falsework.ReconSettings(mode="dense"))
     """
     from falsework.commands.verbs import reconstruct_folder
-    from recon.cloud import read_cloud
     from recon.settings import ReconSettings
     from render.capture import Capture
 
@@ -134,17 +139,19 @@ def reconstruct(
             allowed=", ".join(wanted.modes),
             hint="Call twice, the second time with the first cloud as model",
         )
-    folder = capture.folder if isinstance(capture, Capture) else Path(capture)
-    (place,) = reconstruct_folder(folder, Path(out), wanted, progress, control, model)
+    folder = capture.folder if isinstance(capture, Capture) else _path(capture, "capture")
+    points = None if control is None else _path(control, "control")
+    cameras = None if model is None else _path(model, "model")
+    (place,) = reconstruct_folder(folder, _path(out, "out"), wanted, progress, points, cameras)
     return read_cloud(place)
 
 
 def sample(
-    stage: Path | str,
-    out: Path | str,
+    stage: str | PathLike[str],
+    out: str | PathLike[str],
     settings: MeshSettings | TerrestrialSettings | MobileSettings | AirborneSettings,
     *,
-    allow_roots: Path | str | Iterable[Path | str] = (),
+    allow_roots: str | PathLike[str] | Iterable[str | PathLike[str]] = (),
     progress: Progress = SILENT,
 ) -> Cloud:
     """Make a cloud from a stage without any image: points on its surface, or the scan of a laser.
@@ -166,18 +173,18 @@ def sample(
         >>> scan = falsework.sample(scene, "scan", falsework.TerrestrialSettings(reach=40.0))
     """
     from falsework.commands.verbs import sample_file
-    from recon.cloud import read_cloud
     from recon.sampling.sampler_settings import SCANNERS, MeshSettings
 
     _settings(settings, MeshSettings, *SCANNERS.values())
     kind = "mesh" if isinstance(settings, MeshSettings) else settings.kind
-    sample_file(Path(stage), Path(out), kind, settings, progress, _roots(allow_roots))
-    return read_cloud(Path(out))
+    place = _path(out, "out")
+    sample_file(_path(stage, "stage"), place, kind, settings, progress, _roots(allow_roots))
+    return read_cloud(place)
 
 
 def run(
     scenario: Scenario | Mapping[str, Any],
-    out: Path | str,
+    out: str | PathLike[str],
     *,
     scenes: Iterable[int] | None = None,
     retry_failed: bool = False,
@@ -206,15 +213,14 @@ def run(
         >>> outcome = falsework.run(falsework.load_scenario("bridges.toml"), "out", workers=2)
     """
     from falsework.pipeline import run_scenario
-    from falsework.scenario import Scenario, scenario_of
 
-    wanted = scenario if isinstance(scenario, Scenario) else scenario_of(scenario)
+    place = _path(out, "out")
     return run_scenario(
-        wanted, Path(out), progress, scenes, retry_failed=retry_failed, workers=workers, cluster=cluster
+        _scenario(scenario), place, progress, scenes, retry_failed=retry_failed, workers=workers, cluster=cluster
     )
 
 
-def save_cloud(cloud: Cloud, out: Path | str) -> None:
+def save_cloud(cloud: Cloud, out: str | PathLike[str]) -> None:
     """Write a cloud into a folder of its own.
 
     Args:
@@ -230,12 +236,149 @@ def save_cloud(cloud: Cloud, out: Path | str) -> None:
     from groundwork.output_folder import fresh_output
     from recon.cloud import write_cloud
 
-    fresh_output(Path(out), "cloud", lambda folder: write_cloud(folder, cloud))
+    fresh_output(_path(out, "out"), "cloud", lambda folder: write_cloud(folder, cloud))
 
 
-def _roots(allowed: Path | str | Iterable[Path | str]) -> tuple[Path, ...]:
+def read_stage(
+    path: str | PathLike[str], *, survey: str | None = None, choices: StageChoices | None = None
+) -> FlatScene:
+    """Read a stage: everything that is drawn, its looks, lights, cameras and labels.
+
+    Args:
+        path: A USD file (usda, usdc, usd or usdz).
+        survey: Name of the one product to keep, with its camera; all when None.
+        choices: Camera, frames, purposes, variants and the like where they shall not be those of the stage.
+
+    Returns:
+        The stage in meters with z up; what moves, at the time of each image.
+
+    Raises:
+        InputError: There is no such file, it is not a USD file, shows nothing, or has no such product.
+
+    Example:
+        >>> flat = falsework.read_stage(scene)
+    """
+    from usd_schemas.reading.choices import AS_AUTHORED
+    from usd_schemas.reading.stage_reader import read_stage
+
+    return read_stage(_path(path, "path"), survey=survey, choices=choices or AS_AUTHORED)
+
+
+def read_capture(folder: str | PathLike[str]) -> Capture:
+    """Read what lies outside the `truth/` of a capture; no image is decoded yet.
+
+    Args:
+        folder: A capture.
+
+    Raises:
+        InputError: Not a capture, a wrong value, a name twice, an image that is not there, or a path that leaves the
+            folder.
+
+    Example:
+        >>> flight = falsework.read_capture("captures/global")
+    """
+    from render.capture import read_capture
+
+    return read_capture(_path(folder, "folder"))
+
+
+def read_truth(capture: Capture | str | PathLike[str]) -> Truth | None:
+    """Open the truth beside a capture, if there is any.
+
+    Args:
+        capture: A capture, or its folder.
+
+    Returns:
+        The truth, or None for real photographs.
+
+    Raises:
+        InputError: The truth does not belong to these images.
+
+    Example:
+        >>> truth = falsework.read_truth(flight)
+    """
+    from render.capture import Capture, read_truth
+
+    return read_truth(capture if isinstance(capture, Capture) else _path(capture, "capture"))
+
+
+def read_cloud(folder: str | PathLike[str]) -> Cloud:
+    """Read a cloud and check that it is whole.
+
+    Args:
+        folder: A cloud.
+
+    Raises:
+        InputError: Not a cloud, or a column is missing, damaged, of a wrong type or length, or a coordinate is not
+            finite.
+
+    Example:
+        >>> cloud = falsework.read_cloud("cloud")
+    """
+    from recon.cloud import read_cloud
+
+    return read_cloud(_path(folder, "folder"))
+
+
+def load_scenario(path: str | PathLike[str]) -> Scenario:
+    """Read a scenario file.
+
+    Args:
+        path: TOML file; what it names is looked for beside it.
+
+    Returns:
+        The scenario, its paths absolute: they hold in every process of a run, wherever that works.
+
+    Raises:
+        InputError: Missing, not TOML, or a key or value that is not allowed.
+
+    Example:
+        >>> scenario = falsework.load_scenario("bridges.toml")
+    """
+    from falsework.scenario import load_scenario
+
+    return load_scenario(_path(path, "path"))
+
+
+def scenario_of(values: Mapping[str, Any], path: str | PathLike[str] = "scenario") -> Scenario:
+    """Check a scenario that a program has put together: the sections and keys of the file.
+
+    Args:
+        values: Sections and keys, as TOML would give them.
+        path: What errors call it; what it names is looked for beside that: by default in the current folder.
+
+    Returns:
+        The scenario, its paths absolute.
+
+    Raises:
+        InputError: A key or value that is not allowed.
+
+    Example:
+        >>> scenario = falsework.scenario_of({"bridge": {"family": "girder"}})
+    """
+    from falsework.scenario import scenario_of
+
+    return scenario_of(values, _path(path, "path"))
+
+
+def _scenario(given: Scenario | Mapping[str, Any]) -> Scenario:
+    from falsework.scenario import Scenario
+
+    return given if isinstance(given, Scenario) else scenario_of(given)
+
+
+def _path(given: object, name: str) -> Path:
+    """Take a str or a Path; anything else, and a path of bytes, is an error of one line that names the argument."""
+    spelled = fspath(given) if isinstance(given, str | PathLike) else None
+    if not isinstance(spelled, str):
+        raise InputError("not a path", field=name, value=type(given).__name__, allowed="a str or a pathlib.Path")
+    return Path(spelled)
+
+
+def _roots(allowed: str | PathLike[str] | Iterable[str | PathLike[str]]) -> tuple[Path, ...]:
     """Take one folder for what it is: the letters of its name are none."""
-    return (Path(allowed),) if isinstance(allowed, Path | str) else tuple(Path(root) for root in allowed)
+    several = allowed if isinstance(allowed, Iterable) and not isinstance(allowed, str | PathLike) else (allowed,)
+    return tuple(_path(root, "allow_roots") for root in several)
 
 
 def _settings(given: S, *kinds: type[Any]) -> S:

@@ -44,6 +44,7 @@ VIEW = {"viser": "viser"}
 MEMORY_NEEDED = 4.0  # [GB] the demo's limit
 DISK_NEEDED = 2.0  # [GB]
 FRAME_TIME_LIMIT = 120.0  # [s]
+FRAME_ROOMS = ("groundwork", "usd_schemas", "render")  # what drawing a frame imports of ours
 
 
 @dataclass(frozen=True)
@@ -69,18 +70,19 @@ def examine() -> list[Check]:
     Returns:
         One row per check, in a fixed order.
     """
+    taken = _taken_names()
     checks = [
         _python(),
         *_packages(),
         _open3d(),
         learn_packages(),
         view_packages(),
-        *_graphics(),
+        *_graphics(sorted(taken.keys() & set(FRAME_ROOMS))),
         _gpu(),
         _threads(),
         _memory(),
         _disk(),
-        *package_names(),
+        *package_names(taken),
     ]
     return [check for check in checks if check is not None]
 
@@ -143,7 +145,11 @@ def _extra(extra: str, packages: dict[str, str], users: str) -> Check:
     return Check(extra, "OK", ", ".join(found))
 
 
-def _graphics() -> list[Check]:
+def _graphics(taken: list[str]) -> list[Check]:
+    """Draw a frame in a child, unless what would draw it is not ours: its failure would say nothing of the drivers."""
+    if taken:
+        row = f"not tried: the Python package {', '.join(taken)} is not the one of Falsework"
+        return [Check("gl", "WARN", row, "First mend what stands under package names")]
     try:
         answer = run_child(
             "render.views.probe", {"frame": True}, time_limit=FRAME_TIME_LIMIT, memory_limit=MEMORY_NEEDED
@@ -187,32 +193,40 @@ def _disk() -> Check:
     return Check("disk", "WARN" if short else "OK", f"{free:.1f} GB free in this folder", hint)
 
 
-def package_names() -> list[Check]:
+def package_names(taken: dict[str, list[Check]] | None = None) -> list[Check]:
     """Look whether our folders are the ones that `import` finds.
 
+    Args:
+        taken: What is known of each name that is taken by something else; None looks for it.
+
     Returns:
-        One row for each name that is taken by something else, or one that says that all is well.
+        A row or two for each such name, or one that says that all is well.
     """
-    owners = packages_distributions()
-    foreign = {room: sorted({o for o in owners.get(room, []) if o.lower() != "falsework"}) for room in ROOMS}
-    rows = [
-        Check("package names", "FAIL", f"{room} also comes from {', '.join(names)}", f"pip uninstall {' '.join(names)}")
-        for room, names in foreign.items()
-        if names
-    ]
-    home = Path(__file__).resolve().parents[1]
-    for room in ROOMS:
-        found = str(import_module(room).__file__)
-        if Path(found).resolve() != home / room / "__init__.py":
-            rows.append(
-                Check(
-                    "package names",
-                    "FAIL",
-                    f"{room} is taken from {found}",
-                    "Start Python in another folder, or rename that one",
-                )
-            )
+    rows = [row for found in (_taken_names() if taken is None else taken).values() for row in found]
     return rows or [Check("package names", "OK", "no other package or folder takes the place of ours")]
+
+
+def _taken_names() -> dict[str, list[Check]]:
+    """Find the rooms whose names something else takes: what it is, and how to mend it."""
+    owners, home = packages_distributions(), Path(__file__).resolve().parents[1]
+    rows: dict[str, list[Check]] = {room: [] for room in ROOMS}
+    for room, found in rows.items():
+        if names := sorted({owner for owner in owners.get(room, []) if owner.lower() != "falsework"}):
+            hint = f"pip uninstall {' '.join(names)}"
+            found.append(Check("package names", "FAIL", f"{room} also comes from {', '.join(names)}", hint))
+        place = _file_of(room)
+        if Path(place).resolve() != home / room / "__init__.py":
+            hint = "Start Python in another folder, or rename that one"
+            found.append(Check("package names", "FAIL", f"{room} is taken from {place}", hint))
+    return {room: found for room, found in rows.items() if found}
+
+
+def _file_of(room: str) -> str:
+    """Name the file that `import` takes for a room, without running it: one of somebody else may do anything."""
+    if room in sys.modules:
+        return str(sys.modules[room].__file__)
+    spec = find_spec(room)
+    return str(spec.origin if spec else None)
 
 
 def _available_memory() -> float:

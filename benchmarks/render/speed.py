@@ -46,7 +46,6 @@ PAGE = DOCS / "benchmarks" / "render.md"
 PICTURE = DOCS / "images" / "bench_scene.jpg"
 MEMORY = 1.0  # [GB] a worker
 LIMITS = {"fast": (0.33, 5.0), "standard": (0.45, 3.5), "fine": (1.1, 0.0)}  # CPU-s an image, images a second
-# EEVEE is left out: on two scenes of equal triangles it took 18 and 508 CPU-s an image, and nobody knows why.
 ENGINES = (
     ("Workbench", "BLENDER_WORKBENCH", 0),
     ("Cycles, 16 samples, denoised", "CYCLES", 16),
@@ -256,8 +255,7 @@ def _page(scene: FlatScene, ours: dict[str, list[Cost]], peers: list[Cost], valu
         f"shadows, in each of its {cores} worker processes), and the most memory that one of them takes; the least of",
         f"{ROUNDS} surveys, and the greatest in brackets (of images a second, the most and the least), as others",
         "work on the same machine. Below them the others: an image that they drew once before, scene, textures and",
-        "shaders loaded. Blender's EEVEE is left out: between two scenes of equally many triangles its image rose from",
-        "18 to 508 s of processor time, and as long as nobody knows why, neither figure says how fast EEVEE is.",
+        "shaders loaded. Blender's EEVEE is not among them.",
         "",
         "| renderer | processor [s an image] | at most | images a second | at least | times `standard` | once [s] "
         "| memory [GB] | at most |",

@@ -1,6 +1,5 @@
 """The verb that writes pages: of a scene, a run, a data set, models with their scores, or a comparison."""
 
-import os
 from pathlib import Path
 from typing import Annotated
 
@@ -82,6 +81,8 @@ def _write(kinds: list[str], sources: tuple[Path, ...], page: Path) -> None:
 
         report_scene(first, page)
         return
+    from falsework.report.page import way_to
+
     with ConsoleProgress() as progress, reading(*inputs), fresh_file(page, inputs) as temporary:
         if kinds[0] == "run":
             from falsework.execution.run_facts import run_facts
@@ -103,16 +104,6 @@ def _write(kinds: list[str], sources: tuple[Path, ...], page: Path) -> None:
             models = {_name(source, sources): source for kind, source in named if kind == "model"}
             scores = {_name(source, sources): source for kind, source in named if kind == "scores"}
             write_training_page(temporary, models, scores)
-
-
-def way_to(folder: Path, page: Path) -> str:
-    """Spell the way from a page to a folder, as both are named; pages quote it.
-
-    Args:
-        folder: Any folder.
-        page: HTML file.
-    """
-    return Path(os.path.relpath(folder.absolute(), page.absolute().parent)).as_posix()
 
 
 def _name(source: Path, sources: tuple[Path, ...]) -> str:

@@ -205,7 +205,7 @@ def report_scene(scene: Path, page: Path) -> None:
     if not captures and not samples:
         raise MissingError("holds no capture", where=scene, hint="Name a folder such as OUT/scenes/0000")
     surveys = {path.name: (path, clouds_of(path.name, clouds)) for path in captures}
-    from falsework.commands.report_verb import way_to
+    from falsework.report.page import way_to
     from falsework.report.report import write_report
 
     inputs = [scene, *captures, *clouds.values()]

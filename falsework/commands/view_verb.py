@@ -7,7 +7,6 @@ from pathlib import Path
 import tyro
 
 from falsework.commands.console import ConsoleProgress
-from falsework.commands.report_verb import way_to
 from groundwork.errors import InputError
 from groundwork.output_file import fresh_file
 from groundwork.output_reading import reading
@@ -40,6 +39,7 @@ def view(
     if cloud and cloud not in subject.clouds:
         raise InputError("no such cloud", field="--cloud", value=cloud, allowed=", ".join(subject.clouds) or "none")
     if save is not None:
+        from falsework.report.page import way_to
         from falsework.view.saved import save_view
 
         way = way_to(place, save) if (place / "capture").is_dir() else ""

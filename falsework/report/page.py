@@ -4,6 +4,7 @@ import base64
 import hashlib
 import json
 import math
+import os
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
@@ -86,6 +87,16 @@ def file_link(*parts: str) -> str:
         parts: Folders and the name, whatever signs are in them; an empty first part is the page's own folder.
     """
     return "/".join(["." if not parts[0] else quote(parts[0]), *(quote(part) for part in parts[1:])])
+
+
+def way_to(folder: Path, page: Path) -> str:
+    """Spell the way from a page to a folder, as both are named; pages quote it.
+
+    Args:
+        folder: Any folder.
+        page: HTML file.
+    """
+    return Path(os.path.relpath(folder.absolute(), page.absolute().parent)).as_posix()
 
 
 def plain_layout(figure: "go.Figure", height: int) -> "go.Figure":

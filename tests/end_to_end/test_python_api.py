@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import ast
+import pydoc
 import re
 import sys
 from functools import partial
+from inspect import isfunction
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +18,7 @@ from falsework.api import reconstruct
 from tests.end_to_end.conftest import TINY, Chain
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "python.md"
+REFERENCE = PAGE.with_name("api.md")
 # The page's scene has textures and photographs for people; these are for a test.
 SMALLER = {
     '"background": {"name": "none"},': '"background": {"name": "none"}, **tiny,',
@@ -54,6 +58,29 @@ def test_every_public_name_is_there() -> None:
         assert ">>> " in getattr(falsework, name).__doc__
     with pytest.raises(AttributeError, match="no attribute 'auhtor'"):
         falsework.auhtor  # noqa: B018
+
+
+def test_help_begins_with_the_story() -> None:
+    """The first screens of `help(falsework)` show a whole example, and each function with what it makes of what."""
+    first = pydoc.plain(pydoc.render_doc(falsework)).splitlines()[:60]
+    functions = {name for name in falsework.__all__ if isfunction(getattr(falsework, name))}
+    assert {"author", "render", "reconstruct", "sample", "read_cloud"} < functions
+    listed = {found[1] for line in first if (found := re.match(r" {8}(\w+)\(.*\) +.*->  \S", line))}
+    assert listed == functions
+    assert [name for name in falsework.__all__ if name.endswith("Settings") and name not in "\n".join(first)] == []
+    example = "\n".join(line.strip() for line in first if line.startswith(" " * 8) and "->" not in line)
+    assert {node.attr for node in ast.walk(ast.parse(example)) if isinstance(node, ast.Attribute)} >= {
+        "author",
+        "render",
+        "reconstruct",
+        "sample",
+    }
+
+
+def test_the_reference_lists_every_name() -> None:
+    """docs/api.md documents each name of `__all__` once, and no other."""
+    text = REFERENCE.read_text(encoding="utf-8")
+    assert sorted(re.findall(r"^\.\. auto\w+:: falsework\.(\w+)$", text, re.M)) == sorted(falsework.__all__)
 
 
 def test_several_clouds_at_once_are_refused(tmp_path: Path) -> None:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from inspect import isfunction
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
+import cv2
 import numpy as np
 import pytest
 from pydantic import BaseModel
@@ -28,6 +30,16 @@ def Xform "W" (
 """
 SCENARIO = {"sample": [{"kind": "mesh"}]}
 WRONG: Any = {"density": 1.0}
+NUMBER: Any = 5
+BYTES: Any = b"x.usda"
+
+
+def photographs(out: Path) -> str:
+    """Name a folder of one photograph beside the output."""
+    (out.parent / "photographs").mkdir()
+    cv2.imwrite(str(out.parent / "photographs/a.jpg"), np.zeros((64, 64, 3), np.uint8))
+    return str(out.parent / "photographs")
+
 
 CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
     "a file as scenario": (lambda out: falsework.author("x.toml", out), "load_scenario reads a file"),  # type: ignore[arg-type]
@@ -36,6 +48,29 @@ CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
     "settings to sample": (lambda out: falsework.sample("x.usda", out, WRONG), "settings of a wrong class"),
     "settings to render": (lambda out: falsework.render("x.usda", out, settings=WRONG), "settings of a wrong class"),
     "settings to reconstruct": (lambda out: falsework.reconstruct("x", out, settings=WRONG), "allowed: ReconSettings"),
+    "a number as out": (
+        lambda out: falsework.author(SCENARIO, NUMBER),
+        r"out: not a path \(found 'int'\); allowed: a str or",
+    ),
+    "bytes as stage": (lambda out: falsework.render(BYTES, out), r"stage: not a path \(found 'bytes'\)"),
+    "a number as capture": (lambda out: falsework.reconstruct(NUMBER, out), "capture: not a path"),
+    "a number as control": (lambda out: falsework.reconstruct(out, out, control=NUMBER), "control: not a path"),
+    "a number as model": (lambda out: falsework.reconstruct(out, out, model=NUMBER), "model: not a path"),
+    "a number as root": (
+        lambda out: falsework.sample("x.usda", out, falsework.MeshSettings(), allow_roots=[NUMBER]),
+        "allow_roots: not a path",
+    ),
+    "a number as roots": (lambda out: falsework.render("x", out, allow_roots=NUMBER), "allow_roots: not a path"),
+    "a number as a folder of a run": (lambda out: falsework.run(SCENARIO, NUMBER), "out: not a path"),
+    "a number as a cloud's folder": (lambda out: falsework.save_cloud(toy_cloud(1, 50), NUMBER), "out: not a path"),
+    "a number as a cloud": (lambda out: falsework.read_cloud(NUMBER), "folder: not a path"),
+    "a number as the folder of a capture": (lambda out: falsework.read_capture(NUMBER), "folder: not a path"),
+    "a number as the folder of a truth": (lambda out: falsework.read_truth(NUMBER), "capture: not a path"),
+    "a number as a stage": (lambda out: falsework.read_stage(NUMBER), "path: not a path"),
+    "a number as a scenario": (lambda out: falsework.load_scenario(NUMBER), "path: not a path"),
+    "a number as a scenario's path": (lambda out: falsework.scenario_of({}, NUMBER), "path: not a path"),
+    "a missing model as str": (lambda out: falsework.reconstruct(".", out, model="x"), "x: --model: no such folder"),
+    "a missing control as str": (lambda out: falsework.reconstruct(photographs(out), out, control="x"), "x: no such"),
     "a column": (
         lambda out: falsework.save_cloud(
             replace(toy_cloud(1, 50), columns={**toy_cloud(1, 50).columns, "mine": np.zeros(50)}), out
@@ -67,6 +102,36 @@ def test_one_folder_as_root_is_that_folder_alone(tmp_path: Path) -> None:
     for roots in (str(tmp_path / "other"), [str(tmp_path / "other")]):
         scan = falsework.sample(stage, tmp_path / "out", falsework.MeshSettings(density=5.0), allow_roots=roots)
         assert len(scan)
+
+
+PATHS = {
+    "author": {"out"},
+    "render": {"stage", "out", "allow_roots"},
+    "reconstruct": {"capture", "out", "control", "model"},
+    "sample": {"stage", "out", "allow_roots"},
+    "run": {"out"},
+    "save_cloud": {"out"},
+    "read_stage": {"path"},
+    "read_capture": {"folder"},
+    "read_truth": {"capture"},
+    "read_cloud": {"folder"},
+    "load_scenario": {"path"},
+    "scenario_of": {"path"},
+}
+
+
+def test_every_path_may_be_a_str_or_a_path() -> None:
+    """No argument of a function takes a Path alone."""
+    public = {name: getattr(falsework, name) for name in falsework.__all__}
+    functions = {name for name, what in public.items() if isfunction(what)}
+    assert functions == set(PATHS)
+    for name in functions:
+        hints = get_type_hints(public[name], {**vars(falsework.api), **public})
+        hints.pop("return")
+        spelled = {argument: str(hint) for argument, hint in hints.items()}
+        assert {argument for argument, hint in spelled.items() if "Path" in hint or "PathLike" in hint} == PATHS[name]
+        for argument in PATHS[name]:
+            assert "str | os.PathLike[str]" in spelled[argument], (name, argument)
 
 
 def own_classes(hint: object) -> set[type]:

@@ -250,6 +250,33 @@ def test_the_doctor_names_what_takes_the_place_of_a_room(monkeypatch: pytest.Mon
     assert "elsewhere/learn.py" in check.found
 
 
+def test_the_doctor_blames_no_driver_for_a_foreign_package(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """With somebody else's `render` in the place of ours no frame is drawn: the row says why, and names no apt-get."""
+    (tmp_path / "render").mkdir()
+    (tmp_path / "render/__init__.py").write_text("raise SystemExit('somebody else')\n")
+    for name in [name for name in sys.modules if name.partition(".")[0] == "render"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr("falsework.doctor.run_child", lambda *_, **__: pytest.fail("a frame was tried"))
+    checks = {check.name: check for check in examine()}
+    assert "frame" not in checks
+    assert (checks["gl"].verdict, checks["package names"].verdict) == ("WARN", "FAIL")
+    assert checks["gl"].found == "not tried: the Python package render is not the one of Falsework"
+    assert "apt-get" not in checks["gl"].hint
+    assert str(tmp_path / "render/__init__.py") in checks["package names"].found
+
+
+def test_a_foreign_name_that_no_frame_needs_leaves_the_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A foreign `learn` is named, and the drivers are tried all the same."""
+    foreign = types.ModuleType("learn")
+    foreign.__file__ = "elsewhere/learn.py"
+    monkeypatch.setitem(sys.modules, "learn", foreign)
+    answer = {"renderer": "r", "version": "v", "backend": "egl", "wrong_pixels": 0}
+    monkeypatch.setattr("falsework.doctor.run_child", lambda *_, **__: answer)
+    verdicts = {check.name: check.verdict for check in examine()}
+    assert (verdicts["gl"], verdicts["frame"], verdicts["package names"]) == ("OK", "OK", "FAIL")
+
+
 def test_the_doctor_looks_for_the_extra_learn(monkeypatch: pytest.MonkeyPatch) -> None:
     """A package of it that is missing, or has no metadata, is a warning with the command that mends it."""
     monkeypatch.setattr("falsework.doctor.version", lambda name: "1.5")

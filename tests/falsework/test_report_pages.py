@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from falsework.commands.report_verb import kind_of, way_to
+from falsework.commands.report_verb import kind_of
 from falsework.execution import chain
 from falsework.execution.run_facts import run_facts
 from falsework.pipeline import run_scenario
 from falsework.report.comparison_page import write_comparison_page
 from falsework.report.dataset_page import write_dataset_page
-from falsework.report.page import file_link, settings_rows
+from falsework.report.page import file_link, settings_rows, way_to
 from falsework.report.report import write_report
 from falsework.report.residuals import image_rows, overlap_map, reprojection_residuals
 from falsework.report.run_page import Event, FailureRow, RunFacts, SceneRow, write_run_page

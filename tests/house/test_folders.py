@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from docs.architecture import ROOMS as ARCHITECTURE
@@ -78,7 +80,6 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "reconstruct.py",
     ),
     "learn": (
-        "settings.py",
         "sample.py",
         "neighborhoods",
         "datasets",
@@ -153,9 +154,9 @@ def test_imports_point_to_lower_folders(room: str) -> None:
     assert found == []
 
 
-@pytest.mark.parametrize("room", sorted(set(FLOORS) - {"learn"}))
+@pytest.mark.parametrize("room", FLOORS)
 def test_every_floor_is_there(room: str) -> None:
-    """The table names nothing that the room does not have; learn has its floors before it has its modules."""
+    """The table names nothing that the room does not have."""
     assert [name for name in FLOORS[room] if not (ROOT / room / name).exists()] == []
 
 
@@ -167,6 +168,16 @@ def test_the_page_of_the_house_knows_every_folder(room: str) -> None:
     assert sorted(floors) == folders_of(room)
 
 
+def test_the_guidelines_show_the_same_order() -> None:
+    """The tree of CODING_GUIDELINES.md names the folders and modules of each room in this order, and no others."""
+    text = (ROOT / "CODING_GUIDELINES.md").read_text(encoding="utf-8")
+    rooms = re.findall(r"^ {3}(\w+) +(.*(?:\n {4,}.*)*)", text.split("   ```")[1], re.M)
+    tree = {room: re.sub(r"\(conductor\)|·", " ", names).split() for room, names in rooms}
+    floors = {room: [name.removesuffix(".py") for name in names] for room, names in FLOORS.items()}
+    floors["falsework"].remove("__main__")
+    assert tree == floors
+
+
 @pytest.mark.parametrize(
     ("room", "place", "source"),
     [
@@ -174,6 +185,8 @@ def test_the_page_of_the_house_knows_every_folder(room: str) -> None:
         ("authoring", "shapes", "def f():\n    from authoring.axis import alignment"),
         ("authoring", "surveys", "import authoring.settings"),
         ("recon", "sfm", "from recon import reconstruct"),
+        ("learn", "scoring", "from learn.training.train import train"),
+        ("learn", "training", "from learn.compare import trial"),
         ("recon", "misc", ""),
         ("recon", "loose.py", ""),
         ("render", "gpu", "from render.nowhere import x"),
@@ -189,6 +202,7 @@ def test_an_arrow_upwards_is_found(room: str, place: str, source: str) -> None:
     [
         ("authoring", "site", "from authoring.axis.alignment import Alignment\nfrom authoring.site import grid"),
         ("authoring", "scene.py", "from authoring.settings import AuthoringSettings"),
+        ("learn", "predict", "from learn.scoring.votes import vote\nimport learn.trained\nfrom learn import sample"),
         ("recon", "reconstruct.py", "import recon.sfm.sparse\nfrom render.capture import read_capture"),
     ],
 )

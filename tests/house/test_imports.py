@@ -6,10 +6,11 @@ import ast
 import json
 import subprocess
 import sys
+from graphlib import CycleError, TopologicalSorter
 
 import pytest
 
-from tests.house.house import ROOMS, assert_clean, python_files
+from tests.house.house import ROOMS, ROOT, assert_clean, python_files
 
 # What each room may import of the house; a dotted name opens one module of a room and no other.
 ALLOWED: dict[str, set[str]] = {
@@ -97,6 +98,37 @@ def test_a_wrong_import_is_found(room: str, source: str) -> None:
 def test_a_right_import_passes(room: str, source: str) -> None:
     """The arrows of the design are no findings."""
     assert wrong_imports(room, source) == []
+
+
+def a_cycle(sources: dict[str, str]) -> list[str]:
+    """Name the modules of one circle of imports, inside functions and for types too; none where there is none.
+
+    Args:
+        sources: Dotted name of each module to its text.
+    """
+    graph: dict[str, set[str]] = {}
+    for module, source in sources.items():
+        ends = {end for _, name in imported_names(source) for end in (name, name.rpartition(".")[0])}
+        graph[module] = ends & sources.keys() - {module}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def test_no_modules_import_each_other() -> None:
+    """What imports what has no circle, over all rooms."""
+    dotted = {path: ".".join(path.relative_to(ROOT).with_suffix("").parts) for path in python_files(*ROOMS)}
+    sources = {name.removesuffix(".__init__"): path.read_text(encoding="utf-8") for path, name in dotted.items()}
+    assert a_cycle(sources) == []
+
+
+def test_a_circle_is_found() -> None:
+    """Over three modules, through a function and through a name that is imported out of a module."""
+    sources = {"a.x": "import a.y", "a.y": "def f():\n    from a import z", "a.z": "from a.x import g", "a": ""}
+    assert set(a_cycle(sources)) == {"a.x", "a.y", "a.z"}
+    assert a_cycle(sources | {"a.z": "from b.x import g"}) == []
 
 
 def loaded_by(statement: str) -> set[str]:
