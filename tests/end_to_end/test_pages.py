@@ -24,7 +24,7 @@ from falsework.commands.parsing import CONFIG
 from falsework.scenario import Scenario
 from groundwork.settings import parse_settings, read_toml
 from learn.datasets.class_map import read_class_map
-from learn.demo import demo
+from learn.demo import clouds, demo
 from learn.demo.clouds import thin_cloud
 from tests.end_to_end.conftest import TINY, Chain
 from tests.learn.toy_bridge import write_toy
@@ -191,4 +191,5 @@ def small_demo(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ]
     small = {"network": {"counts": [64, 16], "unit": 2.0, "dropout": 0.0}, "batch": 2, "epochs": 1}
     monkeypatch.setattr(demo, "demo_clouds", lambda: toys)
+    monkeypatch.setattr(clouds, "demo_clouds", lambda: toys)  # for `dataset demo`
     monkeypatch.setattr(demo, "MODEL", {**demo.MODEL, **small})
