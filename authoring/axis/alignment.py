@@ -120,7 +120,14 @@ class Alignment:
         return (station - np.tan(self.skew) * _near_part(left) if self.skew else station), left
 
     def height(self, station: F64) -> F64:
-        """Find the height of the finished surface on the axis [m], same shape as `station`, float64."""
+        """Find the height of the finished surface on the axis.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+
+        Returns:
+            Heights [m], the same shape (...), float64.
+        """
         line = self.level + self.grade * station
         if self.crest is None:
             return line
@@ -130,20 +137,41 @@ class Alignment:
         return line - (0.5 * inside * inside + length * beyond) / self.crest.radius
 
     def grade_at(self, station: F64) -> F64:
-        """Find the rise of the axis per metre [1], same shape as `station`, float64."""
+        """Find the rise of the axis per metre.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+
+        Returns:
+            Rise for each metre [1], the same shape (...), float64.
+        """
         if self.crest is None:
             return np.full(np.shape(station), self.grade)
         inside = np.clip(station - self.crest.begin, 0.0, self.crest.end - self.crest.begin)
         return self.grade - inside / self.crest.radius
 
     def crossfall(self, station: F64) -> F64:
-        """Find the rise of the road per metre to the left [1], same shape as `station`, float64."""
+        """Find the rise of the road per metre to the left.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+
+        Returns:
+            Rise for each metre [1], the same shape (...), float64.
+        """
         if not self.falls:
             return np.zeros(np.shape(station))
         return np.interp(station, *np.array(self.falls).T)
 
     def heading_at(self, station: F64) -> F64:
-        """Find the direction of the axis, counter-clockwise from +x [rad], same shape as `station`, float64."""
+        """Find the direction of the axis, counter-clockwise from +x.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+
+        Returns:
+            Headings [rad], the same shape (...), float64.
+        """
         if self.curve is None:
             return np.full(np.shape(station), self.heading)
         return self.curve.headings(np.asarray(station, np.float64))

@@ -80,19 +80,40 @@ class PlanCurve:
         return float(np.abs(self.headings(inner) - self.heading).max())
 
     def headings(self, station: F64) -> F64:
-        """Find the direction of the axis, counter-clockwise from +x [rad], same shape as `station`, float64."""
+        """Find the direction of the axis, counter-clockwise from +x.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+
+        Returns:
+            Headings [rad], the same shape (...), float64.
+        """
         number, local, _ = self._split(station)
         begin, change = np.moveaxis(self._curvatures[number], -1, 0)
         return self.first_heading + (self._turns[number] + local * (begin + 0.5 * change * local))
 
     def curvatures(self, station: F64) -> F64:
-        """Find the curvature, positive to the left, 0 beyond the ends [1/m], same shape as `station`, float64."""
+        """Find the curvature, positive to the left, 0 beyond the ends.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+
+        Returns:
+            Curvatures [1/m], the same shape (...), float64.
+        """
         number, local, beyond = self._split(station)
         begin, change = np.moveaxis(self._curvatures[number], -1, 0)
         return np.where(beyond == 0.0, begin + change * local, 0.0)
 
     def points(self, station: F64) -> F64:
-        """Find positions on the axis [m], shape (N, 2), float64, at stations [m], shape (N,), float64."""
+        """Find positions on the axis.
+
+        Args:
+            station: Distance along the axis [m], shape (N,), float64.
+
+        Returns:
+            World positions in plan [m], shape (N, 2), float64.
+        """
         return self.frames(station)[0]
 
     def frames(self, station: F64) -> tuple[F64, F64]:

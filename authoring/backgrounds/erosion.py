@@ -25,7 +25,7 @@ class Gullies:
     Attributes:
         spacing: From gully to gully [m].
         depth: From a crest to a gully's floor where it is steep [m].
-        nodes: Offsets of the waves' middles in parts of a cell, shape (LATTICE, LATTICE, 2), float64.
+        nodes: Offsets of the waves' middles in parts of a cell [1], shape (LATTICE, LATTICE, 2), float64.
     """
 
     spacing: float

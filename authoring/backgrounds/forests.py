@@ -36,7 +36,15 @@ class Forests:
     first: float
 
     def field(self, station: F64, left: F64) -> F64:
-        """Measure about how far places lie within a forest, negative outside [m], same shape, float64."""
+        """Measure about how far places lie within a forest.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+            left: Distance to the left of the axis [m], the same shape (...), float64.
+
+        Returns:
+            Depths within, negative outside [m], the same shape (...), float64.
+        """
         away = distance_beyond(self.inner, station, left)
         dense = 0.75 * smoothstep(self.first + 200.0, self.first + 1300.0, away) - 0.40
         inside = np.minimum(_SCALE * (self.stands(station, left) + dense), away - self.first)

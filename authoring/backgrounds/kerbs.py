@@ -58,7 +58,7 @@ def scatter(
         kind: Component kind.
         group: Name of the Xform that it stands under.
         models: Models to choose from.
-        which: Number of the model of each place, shape (N,), float64, or one for all.
+        which: Number of the model of each place [1], shape (N,), float64, or one for all.
         spots: Places.
         single: One instance id for the run, not one for each repeat.
 

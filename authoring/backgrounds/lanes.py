@@ -29,7 +29,7 @@ class Lane:
         crown: Height of its surface [m], shape (N,), float64.
         foot: Lowest ground beside it [m], shape (N,), float64.
         half: Half its width [m].
-        uphill: 1 where the slope rises to the left of the axis, -1 to the right.
+        uphill: 1 where the slope rises to the left of the axis, -1 to the right [1].
     """
 
     line: Line
@@ -53,7 +53,7 @@ def draw_lanes(
 
     Args:
         terrain: The terrain.
-        uphill: 1 where the slope rises to the left of the axis, -1 to the right.
+        uphill: 1 where the slope rises to the left of the axis, -1 to the right [1].
         ups: Distance of each lane from the axis [m].
         reach: How far they go before and behind the site's middle [m].
         half: Half their width [m].
@@ -145,7 +145,16 @@ def lane_pieces(
 
 
 def lane_room(lanes: tuple[Lane, ...], station: F64, left: F64) -> F64:
-    """Measure the distance of places to lanes, at most 60 [m], shape (N,), float64."""
+    """Measure the distance of places to the edges of lanes.
+
+    Args:
+        lanes: The lanes.
+        station: Distance along the axis [m], shape (N,), float64.
+        left: Distance to the left of the axis [m], shape (N,), float64.
+
+    Returns:
+        Distances, at most 60, negative on a lane [m], shape (N,), float64.
+    """
     free = np.full(len(station), 60.0)
     for lane in lanes:
         order = np.argsort(lane.line.station)

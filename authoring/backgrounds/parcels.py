@@ -37,7 +37,15 @@ class Parcel:
     crop: str
 
     def inside(self, station: F64, left: F64) -> F64:
-        """Measure how far places lie within its borders, negative outside [m], same shape, float64."""
+        """Measure how far places lie within its borders.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+            left: Distance to the left of the axis [m], the same shape (...), float64.
+
+        Returns:
+            Depths within, negative outside [m], the same shape (...), float64.
+        """
         cosine, sine = np.cos(self.heading), np.sin(self.heading)
         east, north = station - self.center[0], left - self.center[1]
         across, along = np.abs(east * cosine + north * sine), np.abs(north * cosine - east * sine)
@@ -154,7 +162,16 @@ def clear_of(axis: Alignment, places: F64, taken: F64, gap: float) -> NDArray[np
 
 
 def open_land(terrain: Terrain, station: F64, left: F64) -> F64:
-    """Measure the distance to site, river and roads, less a margin, negative in their way [m], same shape, float64."""
+    """Measure the distance to site, river and roads, less a margin.
+
+    Args:
+        terrain: The terrain.
+        station: Distance along the axis [m], shape (...), float64.
+        left: Distance to the left of the axis [m], the same shape (...), float64.
+
+    Returns:
+        Distances, negative in their way [m], the same shape (...), float64.
+    """
     land = terrain.land
     free = np.minimum(np.minimum(terrain.beyond(station, left), terrain.clear(station, left)) - 9.0, 60.0)
     free = np.minimum(free, land.crossing.distance(station, left) - land.crossing.half_width - 13.0)

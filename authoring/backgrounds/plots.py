@@ -53,7 +53,8 @@ def place_plots(
 
     Args:
         terrain: The terrain.
-        wanted: Station, left, heading and design of each candidate, shape (K, 4), float64.
+        wanted: Station [m], left [m], heading from the axis [rad] and design [1] of each candidate, shape (K, 4),
+            float64.
         halves: Half the length and depth of each design [m], shape (D, 2), float64.
         room: Distance of each candidate to what must stay free [m], shape (K,), float64.
         count: Most buildings.

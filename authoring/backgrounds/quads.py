@@ -25,7 +25,7 @@ def boxes(low: ArrayLike, high: ArrayLike, sides: str = ALL) -> F64:
 
     Args:
         low: Lowest corner of each box [m], shape (N, 3) or (3,), float64.
-        high: Highest corner of each box [m], the same shape, float64.
+        high: Highest corner of each box [m], the same shape (N, 3) or (3,), float64.
         sides: Sides wanted: small letters face down the axis, capitals up it.
 
     Returns:

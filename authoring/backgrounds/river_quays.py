@@ -61,7 +61,7 @@ def quay_line(terrain: Terrain, lefts: F64, bank: float, back: float) -> F64:
     Args:
         terrain: The terrain.
         lefts: Distances to the left of the axis [m], shape (N,), float64.
-        bank: -1 for the bank before the river, 1 for the one behind it.
+        bank: -1 for the bank before the river, 1 for the one behind it [1].
         back: Distance behind the wall's face [m].
 
     Returns:

@@ -85,7 +85,7 @@ def street_places(terrain: Terrain, basin: Basin, reaches: list[F64], aside: flo
         step: Distance between places [m].
 
     Returns:
-        Station, left, height and whether it is on the street, shape (N, 3), float64.
+        Station, left and height of the street [m], shape (N, 3), float64.
     """
     rows = []
     for stations in reaches:

@@ -98,7 +98,8 @@ def anchored(
 
     Args:
         place: The land and its water.
-        wanted: Station, left, heading and shape of each candidate, shape (K, 4), float64.
+        wanted: Station [m], left [m], heading from the axis [rad] and shape number [1] of each candidate, shape (K, 4),
+            float64.
         shapes: The vessels.
         half: Half the length and width of each shape [m], shape (D, 2), float64.
         count: Most vessels.

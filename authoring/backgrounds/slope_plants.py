@@ -61,7 +61,8 @@ def mountain_covers(
         rng: Random stream.
 
     Returns:
-        Each cover with its signed field at the terrain's nodes, shape (S, L), float64.
+        Each cover with its signed field at the terrain's nodes [m], shape (S, L), float64; roughly a distance to its
+        border.
     """
     station, left = terrain.nodes()
     heights = terrain.field.heights

@@ -36,13 +36,27 @@ class Frame:
     heading: float
 
     def turned(self, vectors: F64) -> F64:
-        """Turn local directions into bridge coordinates, shape (N, 3), float64."""
+        """Turn local directions into bridge axes.
+
+        Args:
+            vectors: Local positions [m] or directions [1], shape (N, 3), float64.
+
+        Returns:
+            The same in bridge axes [m or 1], shape (N, 3), float64.
+        """
         cosine, sine = np.cos(self.heading), np.sin(self.heading)
         x, y, z = vectors.T
         return np.stack([x * cosine - y * sine, x * sine + y * cosine, z], axis=1)
 
     def placed(self, points: F64) -> F64:
-        """Place local points in bridge coordinates [m], shape (N, 3), float64."""
+        """Place local points in bridge coordinates.
+
+        Args:
+            points: Local positions [m], shape (N, 3), float64.
+
+        Returns:
+            Station, left and height [m], shape (N, 3), float64.
+        """
         return self.turned(points) + np.array([self.station, self.left, self.height])
 
 

@@ -43,20 +43,34 @@ class FreeLand:
         Args:
             layer: `free`, `height` or `away` [m], shape (X, Y), float64.
             places: World positions in plan [m], shape (N, 2), float64.
-            outside: Value beyond the map.
+            outside: Value beyond the map [m].
 
         Returns:
-            Values, shape (N,), float64.
+            Values [m], shape (N,), float64.
         """
         at = ((places - self.corner) / CELL).T
         return map_coordinates(layer, at, order=1, mode="constant", cval=outside)
 
     def room(self, places: F64) -> F64:
-        """Measure the distance to what stays free [m], shape (N,), float64."""
+        """Measure the distance to what stays free.
+
+        Args:
+            places: World positions in plan [m], shape (N, 2), float64.
+
+        Returns:
+            Distances; -100 beyond the map [m], shape (N,), float64.
+        """
         return self.look(self.free, places, -100.0)
 
     def ground(self, places: F64) -> F64:
-        """Find the height of the ground [m], shape (N,), float64."""
+        """Find the height of the ground.
+
+        Args:
+            places: World positions in plan [m], shape (N, 2), float64.
+
+        Returns:
+            Heights; 0 beyond the map [m], shape (N,), float64.
+        """
         return self.look(self.height, places, 0.0)
 
 
@@ -73,7 +87,15 @@ class Block:
     high: tuple[float, float]
 
     def spots(self, step: float, inset: float = 0.0) -> F64:
-        """Spread places over the block, its corners among them, at most a step apart [m], shape (N, 2), float64."""
+        """Spread places over the block, its corners among them.
+
+        Args:
+            step: Largest distance of neighbouring places [m].
+            inset: Distance from the block's edge [m].
+
+        Returns:
+            Places in grid coordinates [m], shape (N, 2), float64.
+        """
         lines = [
             np.linspace(a + inset, b - inset, max(int(np.ceil((b - a - 2 * inset) / step)), 1) + 1)
             for a, b in zip(self.low, self.high, strict=True)
@@ -117,7 +139,14 @@ class TownPlan:
     land: FreeLand
 
     def to_world(self, grid: F64) -> F64:
-        """Turn grid coordinates into world positions in plan [m], shape (..., 2), float64."""
+        """Turn grid coordinates into world positions in plan.
+
+        Args:
+            grid: Grid coordinates [m], shape (..., 2), float64.
+
+        Returns:
+            World positions [m], shape (..., 2), float64.
+        """
         cosine, sine = np.cos(self.heading), np.sin(self.heading)
         return grid @ np.array([[cosine, sine], [-sine, cosine]]) + self.origin
 

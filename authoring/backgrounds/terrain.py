@@ -46,7 +46,11 @@ class Terrain:
     keep_out: tuple[Box, ...] = ()
 
     def with_heights(self, heights: F64) -> "Terrain":
-        """Give the same terrain other heights at its nodes [m], shape (S, L), float64."""
+        """Give the same terrain other heights at its nodes.
+
+        Args:
+            heights: Heights of the nodes [m], shape (S, L), float64.
+        """
         field = self.field
         level = interpolated_heights(heights, field, _middle(field, self.inner), self.kept)
         return replace(self, field=HeightField(field.stations, field.lefts, level))
@@ -64,11 +68,27 @@ class Terrain:
         return self.field(*self._unbent(station, left))
 
     def beyond(self, station: F64, left: F64) -> F64:
-        """Measure the distance to the site, 0 inside it [m], same shape, float64."""
+        """Measure the distance to the site.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+            left: Distance to the left of the axis [m], the same shape (...), float64.
+
+        Returns:
+            Distances, 0 inside it [m], the same shape (...), float64.
+        """
         return distance_beyond(self.inner, station, left)
 
     def clear(self, station: F64, left: F64) -> F64:
-        """Measure the distance to the keep-out volumes in plan, 0 inside them [m], same shape, float64."""
+        """Measure the distance to the keep-out volumes in plan.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+            left: Distance to the left of the axis [m], the same shape (...), float64.
+
+        Returns:
+            Distances, 0 inside them [m], the same shape (...), float64.
+        """
         plan = self.land.layout.alignment.point(station, left, np.zeros(np.shape(station)))[..., :2]
         free = np.full(np.shape(station), np.inf)
         for box in self.keep_out:
@@ -200,11 +220,11 @@ def distance_beyond(inner: Cell, station: F64, left: F64) -> F64:
 
     Args:
         inner: Lowest and highest station, lowest and highest left of the rectangle [m].
-        station: Distance along the axis [m], any shape, float64.
-        left: Distance to the left of the axis [m], the same shape, float64.
+        station: Distance along the axis [m], shape (...), float64.
+        left: Distance to the left of the axis [m], the same shape (...), float64.
 
     Returns:
-        Distances, 0 inside [m], the same shape, float64.
+        Distances, 0 inside [m], the same shape (...), float64.
     """
     first, last, low, high = inner
     return np.hypot(

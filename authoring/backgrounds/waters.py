@@ -31,7 +31,7 @@ class Basin:
     """A lake or a sea.
 
     Attributes:
-        side: 1 where it lies to the left of the axis, -1 to the right.
+        side: 1 where it lies to the left of the axis, -1 to the right [1].
         level: Height of its surface [m].
         shore: Distance of its near shore from the axis, on the average [m].
         inside: How far a place lies within it, negative on land [m], from station and left, same shape, float64.
@@ -60,11 +60,11 @@ def causeway_share(land: Land, station: F64, left: F64) -> F64:
 
     Args:
         land: The land.
-        station: Distance along the axis [m], any shape, float64.
-        left: Distance to the left of the axis [m], the same shape, float64.
+        station: Distance along the axis [m], shape (...), float64.
+        left: Distance to the left of the axis [m], the same shape (...), float64.
 
     Returns:
-        1 under it, 0 beside it and for rivers [1], the same shape, float64.
+        1 under it, 0 beside it and for rivers [1], the same shape (...), float64.
     """
     if land.crossing.kind == "river":
         return np.zeros(np.broadcast(station, left).shape)

@@ -90,7 +90,7 @@ def tree_runs(terrain: Terrain, prefix: str, places: F64, rng: np.random.Generat
     Args:
         terrain: The terrain.
         prefix: Put before the names of the runs.
-        places: Station, left, species and size of each tree, shape (N, 4), float64.
+        places: Station [m], left [m], species [1] and scale [1] of each tree, shape (N, 4), float64.
         rng: Random stream.
         first_id: Instance id of the first run.
 
@@ -125,7 +125,7 @@ def shrub_run(
     Args:
         terrain: The terrain.
         prefix: Put before the name of the run.
-        places: Station, left and size of each, shape (N, 3), float64.
+        places: Station [m], left [m] and scale [1] of each, shape (N, 3), float64.
         shapes: What they look like, in detail and then as many plain ones.
         rng: Random stream.
         first_id: Instance id of the run.
@@ -173,7 +173,15 @@ def clear_ground(terrain: Terrain, places: F64, plots: Plots, gap: float) -> B:
 
 
 def spaced(places: F64, gap: float) -> B:
-    """Keep at most one place in each square of a grid, the first [m]: shape (N,), bool."""
+    """Keep at most one place in each square of a grid, the first.
+
+    Args:
+        places: Positions in plan [m], shape (N, 2), float64.
+        gap: Side of the squares [m].
+
+    Returns:
+        Which places are kept, shape (N,), bool.
+    """
     cell = np.floor(places / gap).astype(np.int64)
     kept = np.zeros(len(places), bool)
     kept[np.unique(cell, axis=0, return_index=True)[1]] = True

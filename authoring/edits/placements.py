@@ -24,7 +24,8 @@ def moved_prims(scene: Usd.Stage, edited: Usd.Stage, pairs: dict[Sdf.Path, Usd.P
         pairs: Path in the scene to the prim of the edited stage.
 
     Returns:
-        New local transform of each moved prim, in the scene's units, shape (4, 4), float64, for column vectors.
+        New local transform of each moved prim, in the scene's units [stage units], shape (4, 4), float64, for column
+        vectors.
     """
     ours, theirs = UsdGeom.XformCache(), UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
     to_scene = np.linalg.inv(stage_to_world(scene)) @ stage_to_world(edited)
@@ -48,8 +49,8 @@ def differs(before: F64, after: F64) -> bool:
     """Tell whether two transforms differ by more than a round trip does.
 
     Args:
-        before: Transform, shape (4, 4), float64.
-        after: Transform, shape (4, 4), float64.
+        before: Transform [stage units], shape (4, 4), float64.
+        after: Transform [stage units], shape (4, 4), float64.
     """
     apart = np.abs(after - before)
     return bool(apart[:3, 3].max() > MOVED or apart[:3, :3].max() > TURNED)
@@ -62,7 +63,7 @@ def write_transform(layer: Sdf.Layer, path: Sdf.Path, prim: Usd.Prim, transform:
         layer: Layer to write into.
         path: Where in the layer.
         prim: The prim as the scene has it.
-        transform: Local transform for column vectors, shape (4, 4), float64.
+        transform: Local transform for column vectors [stage units], shape (4, 4), float64.
     """
     spec = Sdf.CreatePrimInLayer(layer, path)
     order = [str(name) for name in prim.GetAttribute("xformOpOrder").Get() or ()]

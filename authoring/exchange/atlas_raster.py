@@ -64,10 +64,10 @@ class AtlasRaster:
         """Let colours grow over the edges of their charts; what is far from all of them gets their mean.
 
         Args:
-            image: Colours of the drawn texels, shape (H, H, 3), float32.
+            image: Colours of the drawn texels [1], shape (H, H, 3), float32.
 
         Returns:
-            Colours everywhere, shape (H, H, 3), float32.
+            Colours everywhere [1], shape (H, H, 3), float32.
         """
         import cv2
 

@@ -234,6 +234,9 @@ def fit(choice: Choice, frame: Frame, strip: float) -> tuple[Pylon, Stays, float
         choice: Kind of the bridge.
         frame: What the elevation has to fit.
         strip: Width of each strip to begin with [m].
+
+    Returns:
+        Pylon, stays and width of each strip [m], or None.
     """
     while strip <= _WIDEST_STRIP:
         pylon, plane = pylon_of(choice, frame, strip)

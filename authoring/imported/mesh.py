@@ -47,7 +47,7 @@ def read_mesh(file: Path, warn: Warn, up: str = "", scale: float = 1.0) -> CityM
         file: `.glb`, `.gltf`, `.obj` or `.ply` file, or a `.zip` with one of them and its textures.
         warn: Called with one line for each thing that is left out.
         up: Axis that points up, `y` or `z`; nothing for what the format says (glTF: y, others: z).
-        scale: Metres that one unit of the file is.
+        scale: Metres that one unit of the file is [m].
 
     Returns:
         Buildings, ground and textured pieces in metres about an origin of its own.

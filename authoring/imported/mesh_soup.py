@@ -131,7 +131,7 @@ def y_up_to_z_up(points: F64) -> F64:
         points: Positions [m], shape (..., 3), float64.
 
     Returns:
-        The same positions with z up [m], the same shape, float64.
+        The same positions with z up [m], the same shape (..., 3), float64.
     """
     return np.stack([points[..., 0], -points[..., 2], points[..., 1]], axis=-1)
 

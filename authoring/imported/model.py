@@ -98,7 +98,7 @@ def face_normals(triangles: F64) -> F64:
         triangles: Corners [m], shape (T, 3, 3), float64.
 
     Returns:
-        Normals, shape (T, 3), float64.
+        Normals [1], shape (T, 3), float64.
     """
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     length = np.linalg.norm(normal, axis=1, keepdims=True)

@@ -80,11 +80,11 @@ class Clearance:
         """Measure how far places are from the crossing and the approach roads.
 
         Args:
-            station: Distance along the axis [m], any shape, float64.
-            left: Distance to the left of the axis [m], the same shape, float64.
+            station: Distance along the axis [m], shape (...), float64.
+            left: Distance to the left of the axis [m], the same shape (...), float64.
 
         Returns:
-            Distances, negative on the ways [m], the same shape, float64.
+            Distances, negative on the ways [m], the same shape (...), float64.
         """
         land: Land = self.site.land
         free = land.crossing.distance(station, left) - land.crossing.half_width
@@ -98,12 +98,12 @@ class Clearance:
         """Tell how far a piece is left as it is: 0 where it follows the terrain, 1 where it is not bent.
 
         Args:
-            station: Distance along the axis [m], any shape, float64.
-            left: Distance to the left of the axis [m], the same shape, float64.
-            beyond: Distance to the world's border, negative inside [m], the same shape, float64.
+            station: Distance along the axis [m], shape (...), float64.
+            left: Distance to the left of the axis [m], the same shape (...), float64.
+            beyond: Distance to the world's border, negative inside [m], the same shape (...), float64.
 
         Returns:
-            Shares [1], the same shape, float64.
+            Shares [1], the same shape (...), float64.
         """
         deep = np.minimum(distance_beyond(self.inner, station, left), np.minimum(self.ways(station, left), -beyond))
         return smoothstep(BENT, BENT + BENDING, deep)

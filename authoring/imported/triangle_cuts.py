@@ -30,7 +30,7 @@ def split_long(corners: F64, free: Callable[[F64], F64]) -> F64:
         free: Gives the distance of plan positions, shape (N, 2), from the border, negative inside [m].
 
     Returns:
-        The same surface in more triangles, shape (U, 3, K), float64.
+        The same surface in more triangles, rows of x, y [m] and further values, shape (U, 3, K), float64.
     """
     for _ in range(_ROUNDS):
         ends = np.roll(corners, -1, axis=1)
@@ -57,11 +57,11 @@ def cut_free(corners: F64, field: F64) -> F64:
     """Keep what lies where a field is positive.
 
     Args:
-        corners: Rows of values at the corners, shape (T, 3, K), float64.
-        field: The field at each corner, linear in between, shape (T, 3), float64.
+        corners: Rows of values at the corners, each in its own unit [any unit], shape (T, 3, K), float64.
+        field: The field at each corner, linear in between [any unit], shape (T, 3), float64.
 
     Returns:
-        Triangles, shape (U, 3, K), float64.
+        Triangles, in the units of `corners` [any unit], shape (U, 3, K), float64.
     """
     inside = field > 0.0
     count = inside.sum(axis=1)

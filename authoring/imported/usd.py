@@ -37,7 +37,7 @@ def read_usd(file: Path, warn: Warn, scale: float = 1.0) -> CityModel:
     Args:
         file: USD file; all that it refers to must lie in its folder or below.
         warn: Called with one line for each thing that is odd or left out.
-        scale: Metres that one metre of the stage is, where its unit is wrong.
+        scale: Metres that one metre of the stage is, where its unit is wrong [1].
 
     Returns:
         Buildings, ground and textured pieces in metres about an origin of its own.

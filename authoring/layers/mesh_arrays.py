@@ -16,7 +16,7 @@ class IndexedUV:
     """A UV set whose equal pairs are stored once.
 
     Attributes:
-        values: Different pairs, shape (N, 2), float32.
+        values: Different pairs [1], shape (N, 2), float32.
         indices: Pair of each face corner, shape (C,), int32.
     """
 
@@ -72,10 +72,10 @@ def snapped(values: NDArray[np.floating]) -> F32:
     """Round values to the grid; what is equal gets equal bytes.
 
     Args:
-        values: Any shape.
+        values: Values [any unit], shape (...), float.
 
     Returns:
-        Values of the same shape, float32.
+        Values [any unit], the same shape (...), float32.
     """
     steps = np.divide(values, GRID, dtype=np.float64)
     np.rint(steps, out=steps)

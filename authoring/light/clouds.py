@@ -25,14 +25,14 @@ def clouded(sky: F64, directions: F64, sun: F64, cover: float, rng: np.random.Ge
     """Draw clouds before a sky; they sink into the haze towards the horizon.
 
     Args:
-        sky: Clear sky, linear sRGB, shape (H, W, 3), float64.
+        sky: Clear sky, linear sRGB [kcd/m2], shape (H, W, 3), float64.
         directions: Unit vectors of its texels, world axes [1], shape (H, W, 3), float64.
         sun: Unit vector towards the sun [1], shape (3,), float64.
         cover: Share of the sky behind clouds [1].
         rng: Random stream of the clouds.
 
     Returns:
-        Linear sRGB, shape (H, W, 3), float64.
+        Linear sRGB [kcd/m2], shape (H, W, 3), float64.
     """
     heaps, wisps, drift = _heaps(rng), _wisps(rng), rng.random(4)
     rows = np.flatnonzero(directions[:, 0, 2] > 0)

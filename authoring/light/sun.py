@@ -49,7 +49,15 @@ def sun_position(date: datetime, latitude: float, longitude: float) -> tuple[flo
 
 
 def direction(height: float, azimuth: float) -> F64:
-    """Turn a height above the horizon and an azimuth clockwise from north [deg] into a unit vector, shape (3,)."""
+    """Turn a height and an azimuth into a direction.
+
+    Args:
+        height: Height above the horizon [deg].
+        azimuth: Azimuth, clockwise from north [deg].
+
+    Returns:
+        Unit vector towards it, x east, y north, z up [1], shape (3,), float64.
+    """
     level = np.cos(np.radians(height))
     return np.array(
         [level * np.sin(np.radians(azimuth)), level * np.cos(np.radians(azimuth)), np.sin(np.radians(height))]
@@ -63,6 +71,9 @@ def air_mass(height: float) -> float:
 
     Args:
         height: Height above the horizon [deg]; below it counts as on it.
+
+    Returns:
+        Length of the way through the air, as a multiple of that from overhead [1].
     """
     over = max(height, 0.0)
     return float(1 / (np.sin(np.radians(over)) + 0.50572 * (over + 6.07995) ** -1.6364))

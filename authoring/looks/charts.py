@@ -64,8 +64,11 @@ def spread(image: Floats, covered: NDArray[np.bool_]) -> Floats:
     """Fill the gaps between charts with the nearest value, so that no filter mixes in anything else.
 
     Args:
-        image: Values, shape (H, W, 3), float32.
+        image: Values [any unit], shape (H, W, 3), float32.
         covered: Texels that hold a value, shape (H, W), bool.
+
+    Returns:
+        The image, all of its texels filled [any unit], shape (H, W, 3), float32.
     """
     import cv2
 

@@ -15,10 +15,10 @@ def encode_srgb(albedo: Floats) -> U8:
     """Code linear colours as sRGB.
 
     Args:
-        albedo: Linear values [1], any shape, float32.
+        albedo: Linear values [1], shape (...), float32.
 
     Returns:
-        The same shape, uint8.
+        Codes, the same shape (...), uint8.
     """
     light = np.arange(_CODES, dtype=np.float64) / (_CODES - 1)
     curve = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
@@ -30,10 +30,10 @@ def encode_raw(values: Floats) -> U8:
     """Code numbers from 0 to 1 in 8 bits.
 
     Args:
-        values: Numbers [1], any shape, float32.
+        values: Numbers [1], shape (...), float32.
 
     Returns:
-        The same shape, uint8.
+        Codes, the same shape (...), uint8.
     """
     return np.clip(values * np.float32(255) + np.float32(0.5), 0, 255).astype(np.uint8)
 
@@ -60,10 +60,10 @@ def halved(field: Floats) -> Floats:
     """Average squares of 2 x 2 texels.
 
     Args:
-        field: Values, shape (H, W), float32.
+        field: Values [any unit], shape (H, W), float32.
 
     Returns:
-        Shape (H / 2, W / 2), float32.
+        Means [any unit], shape (H / 2, W / 2), float32.
     """
     return (field[::2, ::2] + field[1::2, ::2] + field[::2, 1::2] + field[1::2, 1::2]) * np.float32(0.25)
 

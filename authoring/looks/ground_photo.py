@@ -34,9 +34,9 @@ class Enlarged:
     """A coarse field that is enlarged by linear interpolation, some rows at a time: they stay in the cache.
 
     Attributes:
-        coarse: Values, shape (N, N), float32.
+        coarse: Values [any unit], shape (N, N), float32.
         pixels: Texels along a side of the enlarged field.
-        limits: Values that a ramp is at its two ends at; none leaves the values as they are.
+        limits: Values that a ramp is at its two ends at [any unit]; none leaves the values as they are.
     """
 
     coarse: Floats
@@ -50,7 +50,7 @@ class Enlarged:
             wanted: Which, of the enlarged field.
 
         Returns:
-            Values, shape (rows, pixels), float32.
+            Values; with limits, ramps from 0 to 1 [any unit], shape (rows, pixels), float32.
         """
         low, share = self._between(np.arange(wanted.start, wanted.stop))
         lines = self.coarse[low] + share[:, None] * (self.coarse[low + 1] - self.coarse[low])

@@ -25,12 +25,12 @@ class Members:
         tone: How much lighter than its role it is [1], shape (M,), float32.
         shift: Where it begins in the fields [texels], shape (M, 2), int32.
         lifts: Drawn from -0.5 to 0.5 for each lift, bay or patch of it [1], shape (M, 64), float32.
-        steel: 1 for steel, shape (M,), float32.
-        cast: 1 for concrete below the bearings, which is cast in lifts, shape (M,), float32.
-        foot: 1 for concrete that stands in the ground, shape (M,), float32.
-        road: 1 for surfacing and its markings, shape (M,), float32.
-        deck: 1 for slabs and parapets, shape (M,), float32.
-        girder: 1 for what has flanges, shape (M,), float32.
+        steel: 1 for steel [1], shape (M,), float32.
+        cast: 1 for concrete below the bearings, which is cast in lifts [1], shape (M,), float32.
+        foot: 1 for concrete that stands in the ground [1], shape (M,), float32.
+        road: 1 for surfacing and its markings [1], shape (M,), float32.
+        deck: 1 for slabs and parapets [1], shape (M,), float32.
+        girder: 1 for what has flanges [1], shape (M,), float32.
         lane: A quarter of the width [m], shape (M,), float32.
         along: The longer direction in plan [1], shape (M, 2), float32.
         start: Where it begins in that direction [m], shape (M,), float32.
@@ -79,7 +79,14 @@ class Spots:
 
 @dataclass(frozen=True)
 class Fields:
-    """Noise on a plane of 32 m that repeats: slow clouds, patches, streaks that run down, few ragged stains."""
+    """Noise on a plane of 32 m that repeats.
+
+    Attributes:
+        clouds: Slow changes of tone [1], shape (P, P), float32.
+        patches: Patches [1], shape (P, P), float32.
+        streaks: Streaks that run down [1], shape (P, P), float32.
+        stains: Few ragged stains [1], shape (P, P), float32.
+    """
 
     clouds: Floats
     patches: Floats

@@ -43,7 +43,7 @@ class Bank:
             key: Texels along a side, its length, then the arguments of `fractal`.
 
         Returns:
-            Values with mean 0 and standard deviation 1, shape (pixels, pixels), float32.
+            Values with mean 0 and standard deviation 1 [1], shape (pixels, pixels), float32.
         """
         with self._lock:
             known = self._fields.get(key)
@@ -80,10 +80,10 @@ def snap(values: Floats | np.floating) -> Floats:
     """Round to a fixed grid, so that the last digits of a transcendental function do not matter.
 
     Args:
-        values: Any numbers, any shape.
+        values: Numbers [any unit], shape (...), float.
 
     Returns:
-        The same shape, float32.
+        The nearest of the grid [any unit], the same shape (...), float32.
     """
     return (np.round(values.astype(np.float64) * _GRID) / _GRID).astype(np.float32)
 
@@ -101,7 +101,7 @@ def fractal(
         stretch: Factors that draw the pattern out along columns (u) and rows (v) [1].
 
     Returns:
-        Values with mean 0 and standard deviation 1, shape (pixels, pixels), float32.
+        Values with mean 0 and standard deviation 1 [1], shape (pixels, pixels), float32.
     """
     key = (tile.pixels, tile.metres, longest, shortest, slope, *stretch)
     if tile.bank is None:
@@ -122,7 +122,7 @@ def mottle(tile: Tile, waves: tuple[float, float], patches: tuple[float, float],
         most: Where peaks are cut off [1].
 
     Returns:
-        Values with mean 0 and standard deviation 1, shape (pixels, pixels), float32.
+        Values with mean 0 and standard deviation 1 [1], shape (pixels, pixels), float32.
     """
     noise = fractal(tile, *waves, slope=0.9)
     rough = np.clip(fractal(tile, *patches, slope=1.2), -2.2, 2.2)
@@ -151,7 +151,7 @@ def white(tile: Tile) -> Floats:
         tile: Where it repeats.
 
     Returns:
-        Values, shape (pixels, pixels), float32.
+        Values [1], shape (pixels, pixels), float32.
     """
     return draw(tile.rng, (tile.pixels, tile.pixels))
 
@@ -164,7 +164,7 @@ def draw(rng: np.random.Generator, shape: tuple[int, ...]) -> Floats:
         shape: Shape of the result.
 
     Returns:
-        Values of that shape, float32.
+        Values [1], shape (...) as wanted, float32.
     """
     return rng.integers(0, 1 << 16, shape, np.uint16).astype(np.float32) * np.float32(2**-16)
 
@@ -242,7 +242,7 @@ def per_cell(tile: Tile, parts: Cells) -> Floats:
         parts: Cells of this tile.
 
     Returns:
-        Values, shape (pixels, pixels), float32.
+        Values [1], shape (pixels, pixels), float32.
     """
     return np.take(draw(tile.rng, (parts.count,)), parts.seed)
 
@@ -257,7 +257,7 @@ def spots(tile: Tile, pitch: float, radius: float, share: float) -> Floats:
         share: Share of the places that carry a spot [1].
 
     Returns:
-        1 inside a spot, 0 outside, shape (pixels, pixels), float32.
+        1 inside a spot, 0 outside [1], shape (pixels, pixels), float32.
     """
     places = max(1, round(tile.metres / pitch))
     offset_v, offset_u, size, chance = draw(tile.rng, (4, places, places))
@@ -281,12 +281,12 @@ def ramp(field: Floats, low: Floats | float, high: Floats | float) -> Floats:
     """Rise smoothly from 0 at `low` to 1 at `high` (a fall when `high` is lower).
 
     Args:
-        field: Values, any shape, float32.
-        low: Where the result is 0; a number, or one for each value, the shape of `field`, float32.
-        high: Where the result is 1; a number, or one for each value, the shape of `field`, float32.
+        field: Values [any unit], shape (...), float32.
+        low: Where the result is 0 [any unit]; a number, or one for each value, the same shape (...), float32.
+        high: Where the result is 1 [any unit]; a number, or one for each value, the same shape (...), float32.
 
     Returns:
-        Values between 0 and 1, the same shape, float32.
+        Values between 0 and 1 [1], the same shape (...), float32.
     """
     low, high = np.asarray(low, np.float32), np.asarray(high, np.float32)
     step = np.clip((field - low) / (high - low), 0, 1)
@@ -303,7 +303,7 @@ def joints(tile: Tile, pitch: float, width: float, along: Literal["u", "v"]) -> 
         along: Lines run along columns (`u`: horizontal) or along rows (`v`: upright).
 
     Returns:
-        1 on a line, 0 beside it, shape (pixels, 1) or (1, pixels), float32.
+        1 on a line, 0 beside it [1], shape (pixels, 1) or (1, pixels), float32.
     """
     count = max(1, round(tile.metres / pitch))
     place = (np.arange(tile.pixels, dtype=np.float32) + np.float32(0.5)) * np.float32(count / tile.pixels)

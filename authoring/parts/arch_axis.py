@@ -28,10 +28,10 @@ class ArchAxis:
         """Find heights above the springings.
 
         Args:
-            x: Distance from the first springing [m], any shape, float64.
+            x: Distance from the first springing [m], shape (...), float64.
 
         Returns:
-            Heights [m], the same shape, float64.
+            Heights [m], the same shape (...), float64.
         """
         off = np.asarray(x, dtype=np.float64) - 0.5 * self.span
         if self.shape == "parabola":
@@ -119,10 +119,14 @@ class Rib:
 
     @cached_property
     def polygon(self) -> tuple[F64, F64, F64]:
-        """Nodes (station, height) [m], the way of the cut through each [1], both of shape (N, 2), and the depths [m].
+        """Give the axis as straight pieces.
 
         The cut halves the angle between two neighbouring sides, so that every side is a straight piece; a point at the
-        distance n from the axis lies at node + n * way. The depths have the shape (N,); all float64.
+        distance n from the axis lies at node + n * way.
+
+        Returns:
+            Nodes (station, height) [m], shape (N, 2); the way of the cut through each [1], shape (N, 2); and the depths
+            [m], shape (N,); all float64.
         """
         x = self.axis.nodes()
         if self.level_feet:
@@ -150,7 +154,7 @@ class Rib:
         """Find the line of its back or of its soffit.
 
         Args:
-            side: 1 for the extrados, -1 for the intrados, 0 for the axis.
+            side: 1 for the extrados, -1 for the intrados, 0 for the axis [1].
 
         Returns:
             Corners (station, height) [m], shape (N, 2), float64.
@@ -159,9 +163,23 @@ class Rib:
         return nodes + 0.5 * side * depth[:, None] * ways
 
     def extrados(self, station: F64) -> F64:
-        """Find heights of its back [m] at stations [m], any shape, float64."""
+        """Find heights of its back.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+
+        Returns:
+            Heights [m], the same shape (...), float64.
+        """
         return np.interp(station, *self.edge(1.0).T)
 
     def intrados(self, station: F64) -> F64:
-        """Find heights of its soffit [m] at stations [m], any shape, float64."""
+        """Find heights of its soffit.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+
+        Returns:
+            Heights [m], the same shape (...), float64.
+        """
         return np.interp(station, *self.edge(-1.0).T)

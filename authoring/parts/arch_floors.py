@@ -152,6 +152,9 @@ def brace_places(low: float, high: float, pitch: float) -> list[float]:
         low: Station from which there is room [m].
         high: Station up to which there is room [m].
         pitch: Wanted distance [m].
+
+    Returns:
+        Stations [m].
     """
     count = max(1, int(np.floor((high - low) / pitch)) + 1)
     places = 0.5 * (low + high) + pitch * (np.arange(count) - 0.5 * (count - 1))

@@ -178,7 +178,7 @@ def skewback_face(rib: Rib, end: int) -> tuple[F64, F64]:
         end: 0 for the first springing, 1 for the last.
 
     Returns:
-        Upper and lower corner (station, height) [m], a margin outside extrados and intrados, shape (2,), float64.
+        Upper and lower corner (station, height) [m], a margin outside extrados and intrados, shape (2,) each, float64.
     """
     nodes, ways, depth = rib.polygon
     k = -end
@@ -250,7 +250,7 @@ def rib_direction(rib: Rib, station: float) -> tuple[F64, F64]:
         station: Where [m].
 
     Returns:
-        Middle (station, height) [m] and unit direction [1], shape (2,), float64.
+        Middle (station, height) [m] and unit direction [1], shape (2,) each, float64.
     """
     x = np.array([station - rib.start])
     height = rib.base + rib.axis.height(x)[0] + rib.slope * (x[0] - 0.5 * rib.axis.span)

@@ -80,6 +80,9 @@ def deck_pieces(low: float, high: float, floor: tuple[float, ...]) -> list[tuple
         low: Station of its first end [m].
         high: Station of its last end [m].
         floor: Stations of the floor beams, rising, the first and the last near the ends [m].
+
+    Returns:
+        Stations of both ends of each piece [m].
     """
     cuts = np.linspace(low, high, int(np.ceil((high - low) / _LONGEST)) + 1)
     beams = np.array(floor)
@@ -136,6 +139,9 @@ def floor_stations(feet: tuple[float, ...], supports: tuple[float, ...]) -> tupl
     Args:
         feet: Stations of the cables' lower ends [m].
         supports: Stations of the bearing lines [m].
+
+    Returns:
+        Stations of the floor beams, rising [m].
     """
     fixed = sorted({round(s, 6) for s in supports} | {round(s, 6) for s in feet})
     kept = [s for s in fixed if s in supports or min(abs(s - support) for support in supports) > _CROWDED]

@@ -26,14 +26,14 @@ class Draws:
     profile: str = "default"
 
     def random(self) -> float:
-        """Draw a number from 0 up to 1."""
+        """Draw a number from 0 up to 1 [1]."""
         return float(self.rng.random())
 
     def choose(self, weights: Mapping[str, float]) -> str:
         """Draw one name.
 
         Args:
-            weights: How often each name is drawn, any scale; their order counts.
+            weights: How often each name is drawn, any scale [1]; their order counts.
         """
         return weighted_choice(weights, self.random())
 
@@ -42,8 +42,8 @@ def weighted_choice(weights: Mapping[Name, float], share: float) -> Name:
     """Find the name that lies at a share of all weights.
 
     Args:
-        weights: How often each name is drawn, any scale; their order counts.
-        share: From 0 up to 1.
+        weights: How often each name is drawn, any scale [1]; their order counts.
+        share: From 0 up to 1 [1].
     """
     edges = np.cumsum(list(weights.values()))
     return list(weights)[int(np.searchsorted(edges[:-1], share * edges[-1], side="right"))]
@@ -61,12 +61,12 @@ def drawn(
     """Declare an optional setting that is drawn from a range when the user leaves it out.
 
     Args:
-        low: Least value drawn.
-        high: Largest value drawn.
+        low: Least value drawn [any unit].
+        high: Largest value drawn [any unit].
         description: What it is, with its unit in brackets.
-        ge: Least value that a user may fix; default `low`.
-        le: Largest value that a user may fix; default `high`.
-        paper: Range that the profile `paper` draws from; default: the same.
+        ge: Least value that a user may fix [any unit]; default `low`.
+        le: Largest value that a user may fix [any unit]; default `high`.
+        paper: Range that the profile `paper` draws from [any unit]; default: the same.
 
     Returns:
         The pydantic field, default None.
@@ -91,6 +91,9 @@ def draw(settings: Settings, key: str, draws: Draws) -> float:
         settings: Model whose field `key` was declared with `drawn`.
         key: Name of the field.
         draws: Random stream and profile.
+
+    Returns:
+        The value, in the unit that the field states [any unit].
     """
     share = 0.5 * (draws.random() + draws.random())
     low, high = drawn_range(type(settings), key, draws.profile)
@@ -118,10 +121,10 @@ def chosen(
     """Declare an optional choice that is drawn when the user leaves it out.
 
     Args:
-        weights: How often each option is drawn, any scale; True comes before False.
+        weights: How often each option is drawn, any scale [1]; True comes before False.
         description: What it is.
         among: Which bridges the shares speak of, such as " of those with several spans"; default: all.
-        paper: How often the profile `paper` draws each option; default: the same.
+        paper: How often the profile `paper` draws each option [1]; default: the same.
 
     Returns:
         The pydantic field, default None; its description ends with the shares.
@@ -168,6 +171,9 @@ def drawn_range(model: type[Settings], key: str, profile: str = "default") -> tu
         model: Settings class.
         key: Name of a field declared with `drawn`.
         profile: `default` or `paper`.
+
+    Returns:
+        Lowest and highest value, in the unit that the field states [any unit].
     """
     extra = model.model_fields[key].json_schema_extra
     assert isinstance(extra, dict)

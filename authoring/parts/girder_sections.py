@@ -55,7 +55,7 @@ def girder_outline(girders: Girders, thickening: float = 0.0) -> F64:
 
     Args:
         girders: Section.
-        thickening: How much of the web of an I or bulb-T has become an end block, 0 to 1.
+        thickening: How much of the web of an I or bulb-T has become an end block, 0 to 1 [1].
 
     Returns:
         Outline [m], shape (P, 2), float64; the same P for every thickening.
@@ -149,7 +149,7 @@ def diaphragm_outline(girders: Girders, left_line: float, right_line: float, thi
         girders: Section of both girders.
         left_line: The line with the smaller distance to the left of the axis [m].
         right_line: The other line [m].
-        thickening: Of the girders' webs where it stands, 0 to 1.
+        thickening: Of the girders' webs where it stands, 0 to 1 [1].
 
     Returns:
         Outline, heights above the girders' soffit [m], shape (P, 2), float64.

@@ -145,6 +145,9 @@ def shape_weights(longest_span: float, width: float, *, paper: bool = False) -> 
         longest_span: Longest span [m].
         width: Deck width [m].
         paper: Profile `paper`.
+
+    Returns:
+        Weight of each section that suits [1].
     """
     if paper:
         return {"i": 50.0, "rectangle": 50.0}

@@ -254,7 +254,7 @@ def anchor_faces(pylon: Pylon, above: float, plane: float, room: float) -> tuple
     Args:
         pylon: Its elevation.
         above: Height of the stay's anchorage [m].
-        plane: Side of the stay: 1 left, -1 right, 0 for a single plane.
+        plane: Side of the stay: 1 left, -1 right, 0 for a single plane [1].
         room: Least distance from the anchorage's middle to the face's edge [m].
     """
     if pylon.headed and above > pylon.merge - room:

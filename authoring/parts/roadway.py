@@ -148,6 +148,9 @@ def asphalt_ranges(roadway: Roadway, spans: Spans) -> list[tuple[float, float]]:
     Args:
         roadway: Cross-section.
         spans: Stations.
+
+    Returns:
+        First and last station of each stretch [m].
     """
     half = 0.5 * roadway.joint_width - EMBEDDED
     joints = [station for _, station in spans.joints]

@@ -228,6 +228,9 @@ def lens_values(lens: UsdLens) -> tuple[float, float, float, float, float]:
 
     Args:
         lens: Lens attributes.
+
+    Returns:
+        Focal length, horizontal and vertical aperture, horizontal and vertical offset [0.1 stage units].
     """
     return (
         lens.focal_length,

@@ -24,7 +24,7 @@ class Net:
         source: Row of each corner's texture coordinates: those of the quads, of the first and of the last outline,
             shape (C,), int64.
         hand: Signs of each corner's texture coordinates that let no chart read mirrored from outside: v of the sides,
-            the horizontal of an end, shape (C, 2), float64.
+            the horizontal of an end [1], shape (C, 2), float64.
         corners: How the corners are connected.
     """
 

@@ -102,7 +102,8 @@ def mitres(outlines: F64) -> F64:
         outlines: Corners, counter-clockwise [m], shape (..., P, 2), float64.
 
     Returns:
-        For each corner the vector whose component along both neighbouring inward normals is one [1], same shape.
+        For each corner the vector whose component along both neighbouring inward normals is one [1], the same shape
+        (..., P, 2), float64.
     """
     along = _following(outlines) - outlines
     along /= np.sqrt(np.sum(along * along, axis=-1, keepdims=True))

@@ -38,7 +38,7 @@ def corner_normals(points: F64, face_counts: I32, corners: I32) -> F64:
         corners: Vertex number of each face corner, shape (C,), int32.
 
     Returns:
-        Unit normals, shape (C, 3), float64.
+        Unit normals [1], shape (C, 3), float64.
     """
     return normals_at(
         points, corner_topology(face_counts.astype(np.int32).tobytes(), corners.astype(np.int32).tobytes())
@@ -53,7 +53,7 @@ def normals_at(points: F64, corners: Corners) -> F64:
         corners: Faces of each of them.
 
     Returns:
-        Unit normals, shape (..., C, 3), float64.
+        Unit normals [1], shape (..., C, 3), float64.
     """
     # `take` picks rows in half the time that an index with an ellipsis does.
     at = points.take(corners.vertex, axis=-2)
@@ -93,11 +93,11 @@ def cross(a: F64, b: F64) -> F64:
     """Find the cross products of rows; numpy's own is several times slower on short arrays.
 
     Args:
-        a: Vectors, shape (..., 3), float64.
-        b: Vectors, same shape, float64.
+        a: Vectors [any unit], shape (..., 3), float64.
+        b: Vectors [any unit], the same shape (..., 3), float64.
 
     Returns:
-        Their products, same shape, float64.
+        Their products [any unit²], the same shape (..., 3), float64.
     """
     ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
     out = np.empty_like(a)

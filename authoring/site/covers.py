@@ -82,7 +82,7 @@ def soup_of(
 
     Args:
         nodes: Station, left and world height of each node [m], shape (V, 3), float64.
-        normals: Unit normals in bridge coordinates, shape (V, 3), float64.
+        normals: Unit normals in bridge coordinates [1], shape (V, 3), float64.
         faces: Node numbers, shape (T, 3), int64.
         shape: The covers, each field holding V values.
         covers: Covers to look for, the winning ones first.
@@ -224,10 +224,10 @@ def turn(alignment: Alignment, points: F64, normals: F64) -> F64:
     Args:
         alignment: Axis of the bridge.
         points: Station, left and height of where they stand [m], shape (N, 3), float64.
-        normals: Unit normals in bridge coordinates, shape (N, 3), float64.
+        normals: Unit normals in bridge coordinates [1], shape (N, 3), float64.
 
     Returns:
-        Unit normals, shape (N, 3), float64.
+        Unit normals [1], shape (N, 3), float64.
     """
     x, y, z = normals.T
     if alignment.square:

@@ -44,7 +44,15 @@ class Plots:
     aside: float
 
     def room(self, station: F64, left: F64) -> F64:
-        """Measure how far places lie inside a plot's outer borders but for ways and fills [m], same shape, float64."""
+        """Measure how far places lie inside a plot's outer borders but for ways and fills.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+            left: Distance to the left of the axis [m], the same shape (...), float64.
+
+        Returns:
+            Distances, negative outside [m], the same shape (...), float64.
+        """
         low, high, wide = self.bounds
         inside = np.minimum(np.minimum(station - low, high - station), wide - np.abs(left)) - BORDER
         split = np.where(left > 0.0, self.splits[1], self.splits[0])
@@ -67,12 +75,12 @@ class Plots:
         """Evaluate the cover of each use.
 
         Args:
-            behind: Whether places lie behind the crossing, any shape, bool.
-            left: Distance to the left of the axis [m], the same shape, float64.
-            room: How far they lie inside a plot [m], the same shape, float64.
+            behind: Whether places lie behind the crossing, shape (...), bool.
+            left: Distance to the left of the axis [m], the same shape (...), float64.
+            room: How far they lie inside a plot [m], the same shape (...), float64.
 
         Returns:
-            Signed fields [m], the same shape, float64.
+            Signed fields [m], the same shape (...), float64.
         """
         number = self.number(behind, left)
         found = {}

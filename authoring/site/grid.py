@@ -65,7 +65,7 @@ def surface_normals(nodes: F64, faces: I64) -> F64:
         faces: Triangles seen counter-clockwise from above, shape (T, 3), int64.
 
     Returns:
-        Unit normals, shape (N, 3), float64.
+        Unit normals [1], shape (N, 3), float64.
     """
     corner = nodes[faces]
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])

@@ -67,7 +67,8 @@ def icosphere(level: int) -> tuple[F64, I64]:
         level: How often every triangle is divided into four.
 
     Returns:
-        Unit positions, shape (V, 3), float64, and triangles seen counter-clockwise from outside, shape (T, 3), int64.
+        Positions on the unit sphere [1], shape (V, 3), float64, and triangles seen counter-clockwise from outside,
+        shape (T, 3), int64.
     """
     golden = (1.0 + np.sqrt(5.0)) / 2.0
     plane = [[-1.0, golden], [1.0, golden], [-1.0, -golden], [1.0, -golden]]

@@ -19,7 +19,15 @@ FIRST_STEP = 3.0  # distance from the strip's border to the first grid line of a
 
 
 def no_hills(station: F64, left: F64) -> F64:
-    """Give the site's land at large: level at 0, the same shape as the arguments [m]."""
+    """Give the site's land at large: level at 0.
+
+    Args:
+        station: Distance along the axis [m], shape (...), float64.
+        left: Distance to the left of the axis [m], the same shape (...), float64.
+
+    Returns:
+        Heights, all 0 [m], the same shape (...), float64.
+    """
     return np.zeros(np.broadcast(station, left).shape)
 
 

@@ -16,7 +16,7 @@ class Octave:
     Attributes:
         wavelength: Distance between lattice nodes [m].
         amplitude: Largest deviation from zero [m].
-        nodes: Values from -1 to 1, repeated beyond the lattice, shape (LATTICE, LATTICE), float64.
+        nodes: Values from -1 to 1, repeated beyond the lattice [1], shape (LATTICE, LATTICE), float64.
     """
 
     wavelength: float
@@ -67,12 +67,12 @@ def smoothstep(low: float, high: float, value: F64) -> F64:
     """Rise from 0 at `low` to 1 at `high` without a kink.
 
     Args:
-        low: Where the rise begins.
-        high: Where it ends.
-        value: Any shape, float64.
+        low: Where the rise begins [any unit].
+        high: Where it ends [any unit].
+        value: Values [any unit], shape (...), float64.
 
     Returns:
-        From 0 to 1, the same shape, float64.
+        From 0 to 1 [1], the same shape (...), float64.
     """
     share = np.clip((value - low) / (high - low), 0.0, 1.0)
     return share * share * (3.0 - 2.0 * share)
@@ -82,12 +82,12 @@ def smooth_minimum(one: F64, other: F64, width: float) -> F64:
     """Take the lower of two surfaces, rounded where they meet.
 
     Args:
-        one: Heights [m], any shape, float64.
-        other: Heights [m], the same shape, float64.
+        one: Heights [m], shape (...), float64.
+        other: Heights [m], the same shape (...), float64.
         width: Height difference within which the edge is rounded [m].
 
     Returns:
-        Heights [m], nowhere above the lower of the two, the same shape, float64.
+        Heights [m], nowhere above the lower of the two, the same shape (...), float64.
     """
     overlap = np.maximum(width - np.abs(one - other), 0.0) / width
     return np.minimum(one, other) - overlap * overlap * width / 4.0

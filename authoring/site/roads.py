@@ -114,7 +114,16 @@ def approach_pieces(
 
 
 def spread(first: float, last: float, step: float) -> F64:
-    """Divide a range into equal steps of at most `step` [m], shape (N,), float64."""
+    """Divide a range into equal steps.
+
+    Args:
+        first: Where the range begins [m].
+        last: Where it ends [m].
+        step: Largest step [m].
+
+    Returns:
+        Ends of the steps [m], shape (N,), float64.
+    """
     return np.linspace(first, last, int(np.ceil(abs(last - first) / step)) + 1)
 
 

@@ -56,15 +56,37 @@ class Crossing:
     axis: Alignment | None = None
 
     def center(self, left: F64) -> F64:
-        """Find the station of its centre line at distances to the left of the axis [m], shape (N,), float64."""
+        """Find the station of its centre line.
+
+        Args:
+            left: Distance to the left of the axis [m], shape (...), float64.
+
+        Returns:
+            Stations [m], the same shape (...), float64.
+        """
         return self.station + self.swing * (np.sin(left / self.wavelength + self.phase) - np.sin(self.phase))
 
     def distance(self, station: F64, left: F64) -> F64:
-        """Measure how far positions lie from its centre line, square to it [m], same shape, float64."""
+        """Measure how far positions lie from its centre line, square to it.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+            left: Distance to the left of the axis [m], the same shape (...), float64.
+
+        Returns:
+            Distances [m], the same shape (...), float64.
+        """
         return np.abs(station - self.center(left)) / self.stretch(left)
 
     def stretch(self, left: F64) -> F64:
-        """Find how much longer than its width a cut through it along the axis is [1], same shape, float64."""
+        """Find how much longer than its width a cut through it along the axis is.
+
+        Args:
+            left: Distance to the left of the axis [m], shape (...), float64.
+
+        Returns:
+            Lengths for each metre of width [1], the same shape (...), float64.
+        """
         slope = self.swing / self.wavelength * np.cos(left / self.wavelength + self.phase)
         if self.axis is None or self.axis.square:
             return np.sqrt(1.0 + slope * slope)
@@ -94,16 +116,37 @@ class Approach:
     axis: Alignment | None = None
 
     def along(self, station: F64) -> F64:
-        """Measure the distance behind the back face, negative towards the bridge [m], same shape, float64."""
+        """Measure the distance behind the back face, negative towards the bridge.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+
+        Returns:
+            Distances [m], the same shape (...), float64.
+        """
         return self.sign * (station - self.back)
 
     def center(self, station: F64) -> F64:
-        """Find how far to the left its centre line runs [m], same shape, float64."""
+        """Find how far to the left its centre line runs.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+
+        Returns:
+            Distances to the left of the axis [m], the same shape (...), float64.
+        """
         beyond = np.maximum(self.along(station) - self.straight, 0.0)
         return self.bend * (1.0 - np.cos(beyond / BEND_LENGTH))
 
     def stretch(self, station: F64) -> F64:
-        """Find how much longer than its width a cut through it square to the axis is [1], same shape, float64."""
+        """Find how much longer than its width a cut through it square to the axis is.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+
+        Returns:
+            Lengths for each metre of width [1], the same shape (...), float64.
+        """
         beyond = np.maximum(self.along(station) - self.straight, 0.0)
         slope = self.bend / BEND_LENGTH * np.sin(beyond / BEND_LENGTH)
         if self.axis is None or self.axis.square:
@@ -117,10 +160,10 @@ class Approach:
         Args:
             layout: The bridge; at its abutments the road continues its deck.
             hills: Height of the land at large [m], the same shape.
-            station: Distance along the axis [m], any shape, float64.
+            station: Distance along the axis [m], shape (...), float64.
 
         Returns:
-            World heights [m], the same shape, float64.
+            World heights [m], the same shape (...), float64.
         """
         along = np.maximum(self.along(station), 0.0)
         deck = layout.alignment.height(station)
@@ -139,7 +182,15 @@ def _stretch(axis: Alignment, station: F64, left: F64, course: tuple[F64, F64]) 
 
 
 def verge_fall(across: F64, half_road: float) -> F64:
-    """Find how far the verge falls beside a road's edge [m], same shape as `across`, float64."""
+    """Find how far the verge falls beside a road's edge.
+
+    Args:
+        across: Distance from the centre line [m], shape (...), float64.
+        half_road: Half the road's width [m].
+
+    Returns:
+        Drops [m], the same shape (...), float64.
+    """
     return 0.12 * np.clip(across - half_road, 0.0, SHOULDER)
 
 
@@ -147,11 +198,11 @@ def crossfall(along: F64, across: F64) -> F64:
     """Find how far an approach road's surface lies below its crown; none where it meets the deck.
 
     Args:
-        along: Distance behind the abutment's back face [m], any shape, float64.
-        across: Distance from the centre line [m], the same shape, float64.
+        along: Distance behind the abutment's back face [m], shape (...), float64.
+        across: Distance from the centre line [m], the same shape (...), float64.
 
     Returns:
-        Drop [m], the same shape, float64.
+        Drop [m], the same shape (...), float64.
     """
     return 0.02 * np.abs(across) * smoothstep(0.0, 12.0, along)
 
@@ -161,8 +212,8 @@ class Shape:
     """Ground heights and the fields that say what covers the ground: each is positive inside its cover.
 
     Attributes:
-        height: World heights [m], any shape, float64.
-        covers: Signed fields [m], roughly distances, of the same shape, float64.
+        height: World heights [m], shape (...), float64.
+        covers: Signed fields [m], roughly distances, of the same shape (...), float64.
     """
 
     height: F64
@@ -197,8 +248,8 @@ class Land:
         """Shape the ground.
 
         Args:
-            station: Distance along the axis [m], any shape, float64.
-            left: Distance to the left of the axis [m], the same shape, float64.
+            station: Distance along the axis [m], shape (...), float64.
+            left: Distance to the left of the axis [m], the same shape (...), float64.
             hills: Height of the land at large [m], the same shape, 0 on the site.
 
         Returns:

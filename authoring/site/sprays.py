@@ -35,7 +35,7 @@ def cards(middle: F64, across: F64, up: F64, cells: I64, normals: F64) -> Mesh:
         across: From the middle to the right edge [m], shape (N, 3), float64.
         up: From the middle to the upper edge [m], shape (N, 3), float64.
         cells: Cells of the sheet, shape (N,), int64.
-        normals: Unit normals that light falls on, at each corner of each card, shape (N, 4, 3), float64.
+        normals: Unit normals that light falls on, at each corner of each card [1], shape (N, 4, 3), float64.
 
     Returns:
         Two quads for each, back to back.

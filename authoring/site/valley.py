@@ -55,7 +55,7 @@ def floor_room(layout: Layout, station: float) -> float:
         station: Middle of the floor [m].
 
     Returns:
-        Half the width; infinite under a low bridge, whose land does not rise.
+        Half the width [m]; infinite under a low bridge, whose land does not rise.
     """
     decks = layout.alignment.height(np.array([layout.supports[0], layout.supports[-1]]))
     if decks.max() <= HIGH:

@@ -141,9 +141,9 @@ def boxes(place: F64, ahead: F64, left: F64, up: F64, size: tuple[float, float, 
 
     Args:
         place: Middles of their tops [m], shape (N, 3), float64.
-        ahead: Unit vectors along them, shape (N, 3), float64.
-        left: Unit vectors to their left, shape (N, 3), float64.
-        up: Unit vectors, shape (N, 3), float64.
+        ahead: Unit vectors along them [1], shape (N, 3), float64.
+        left: Unit vectors to their left [1], shape (N, 3), float64.
+        up: Unit vectors [1], shape (N, 3), float64.
         size: Along, across and down [m].
     """
     half = 0.5 * np.array(size[:2])

@@ -23,7 +23,7 @@ def frames_along(place: Alignment, stations: F64, left: float, above: float, *, 
         upright: Keep them plumb; otherwise they lean with grade and superelevation.
 
     Returns:
-        Frames that take template coordinates (along, left, up) to the world, shape (N, 4, 4), float64.
+        Frames that take template coordinates (along, left, up) to the world [m], shape (N, 4, 4), float64.
     """
     stations = np.asarray(stations, dtype=np.float64)
     side, height = np.full(len(stations), left), np.full(len(stations), above)
@@ -47,7 +47,7 @@ def copied(template: Surface, frame: F64) -> Surface:
 
     Args:
         template: Solid round the origin of `LOCAL`.
-        frame: A row of `frames_along`, shape (4, 4), float64.
+        frame: A row of `frames_along` [m], shape (4, 4), float64.
     """
     turn = frame[:3, :3].T
     return replace(template, points=template.points @ turn + frame[:3, 3], normals=template.normals @ turn)
@@ -58,7 +58,7 @@ def copied_together(template: Surface, frames: F64) -> Surface:
 
     Args:
         template: Solid round the origin of `LOCAL`.
-        frames: Result of `frames_along`, shape (N, 4, 4), float64, N > 0.
+        frames: Result of `frames_along` [m], shape (N, 4, 4), float64, N > 0.
     """
     count, charts = len(frames), int(template.chart.max()) + 1
     number = np.arange(count, dtype=np.int32)[:, None]

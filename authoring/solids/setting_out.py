@@ -22,7 +22,7 @@ def prisms(outlines: F64, low: F64, high: F64, axis: Axis, far: F64 | None = Non
         low: Where each solid begins along the axis [m], shape (N,), float64.
         high: Where it ends [m], shape (N,), float64.
         axis: Which way the solids run.
-        far: Sections at the far ends, for bars that lean, shape (N, P, 2), float64; default: the same.
+        far: Sections at the far ends, for bars that lean [m], shape (N, P, 2), float64; default: the same.
 
     Returns:
         Closed surface in bridge coordinates; `to_world` finds its normals.

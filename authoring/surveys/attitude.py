@@ -12,7 +12,7 @@ def attitude_of(rotations: F64) -> F64:
     """Measure yaw, pitch and roll as drones write them.
 
     Args:
-        rotations: Camera to world, axes right, down, forward, shape (N, 3, 3), float64.
+        rotations: Camera to world, axes right, down, forward [1], shape (N, 3, 3), float64.
 
     Returns:
         Yaw clockwise from +y within ±180, pitch above the horizon, roll clockwise [deg], shape (N, 3), float64.
@@ -32,7 +32,7 @@ def measured_attitude(rotations: F64, sigma: tuple[float, float, float], rng: np
     """Add the errors of a gimbal's angles: white noise, yaw and roll kept within ±180.
 
     Args:
-        rotations: Camera to world, axes right, down, forward, shape (N, 3, 3), float64.
+        rotations: Camera to world, axes right, down, forward [1], shape (N, 3, 3), float64.
         sigma: Standard deviation of yaw, pitch and roll [deg].
         rng: Stream `attitude/<id>`.
 

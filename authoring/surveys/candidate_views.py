@@ -42,7 +42,7 @@ def directions(heading: float, highest: float) -> F64:
         highest: Highest pitch of the gimbal [rad].
 
     Returns:
-        Camera to world, axes right, down, forward, shape (D, 3, 3), float64.
+        Camera to world, axes right, down, forward [1], shape (D, 3, 3), float64.
     """
     pitches = np.unique(np.minimum(np.radians(PITCHES), highest))
     turns = heading + np.arange(HEADINGS) * 2.0 * np.pi / HEADINGS
@@ -58,7 +58,7 @@ def look_round(places: F64, turns: F64, eye: Eye, targets: Targets, reach: float
 
     Args:
         places: Camera centres [m], shape (P, 3), float64.
-        turns: Rotations of the views of each place, camera to world, shape (D, 3, 3), float64.
+        turns: Rotations of the views of each place, camera to world [1], shape (D, 3, 3), float64.
         eye: The camera.
         targets: Members and stretches.
         reach: Greatest distance [m].

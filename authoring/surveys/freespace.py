@@ -167,7 +167,7 @@ def smooth_field(shape: tuple[int, ...], cells: float, rng: np.random.Generator)
         rng: Random stream.
 
     Returns:
-        Values [1], of that shape, float64.
+        Values [1], shape (...) as wanted, float64.
     """
     field = ndimage.gaussian_filter(rng.random(shape) - 0.5, 0.5 * cells, mode="reflect")
     return (field - field.mean()) / max(float(field.std()), 1e-12)

@@ -82,6 +82,6 @@ def aim(positions: F64, targets: F64) -> F64:
         targets: Points of interest [m], shape (N, 3), float64.
 
     Returns:
-        camera_to_world, shape (N, 4, 4), float64.
+        camera_to_world [m], shape (N, 4, 4), float64.
     """
     return np.stack([look_at(position, target) for position, target in zip(positions, targets, strict=True)])

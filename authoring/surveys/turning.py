@@ -13,12 +13,12 @@ def turn_between(keys: F64, stations: F64, wanted: F64) -> F64:
     """Turn cameras along the great arcs between key cameras.
 
     Args:
-        keys: Rotations of the key cameras, camera to world, shape (K, 3, 3), float64.
+        keys: Rotations of the key cameras, camera to world [1], shape (K, 3, 3), float64.
         stations: Where along the flight each key camera is, rising [m], shape (K,), float64.
         wanted: Where the cameras are [m], shape (N,), float64, within the first and the last key.
 
     Returns:
-        Rotations, shape (N, 3, 3), float64.
+        Rotations [1], shape (N, 3, 3), float64.
     """
     if len(keys) == 1:
         return np.repeat(keys, len(wanted), axis=0)
@@ -29,8 +29,8 @@ def angle_between(first: F64, second: F64) -> float:
     """Measure how far apart two rotations are [rad].
 
     Args:
-        first: A rotation, shape (3, 3), float64.
-        second: Another, shape (3, 3), float64.
+        first: A rotation [1], shape (3, 3), float64.
+        second: Another [1], shape (3, 3), float64.
     """
     cosine = 0.5 * (float(np.trace(first.T @ second)) - 1.0)
     return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
@@ -40,7 +40,7 @@ def pitch_of(rotations: F64) -> F64:
     """Measure how far cameras look up, negative below the horizon.
 
     Args:
-        rotations: Camera to world, axes right, down, forward, shape (N, 3, 3), float64.
+        rotations: Camera to world, axes right, down, forward [1], shape (N, 3, 3), float64.
 
     Returns:
         Pitch [rad], shape (N,), float64.
@@ -53,11 +53,11 @@ def look_along(directions: F64, right: F64 | None = None) -> F64:
 
     Args:
         directions: Where they look, of any length [m], shape (N, 3), float64.
-        right: Unit directions to the right for cameras that look straight up or down, shape (N, 3), float64;
+        right: Unit directions to the right for cameras that look straight up or down [1], shape (N, 3), float64;
             default: that of the camera before, +x for the first.
 
     Returns:
-        Camera to world, axes right, down, forward, shape (N, 3, 3), float64.
+        Camera to world, axes right, down, forward [1], shape (N, 3, 3), float64.
     """
     forward = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     level = np.cross(forward, [0.0, 0.0, 1.0])
@@ -73,11 +73,11 @@ def lowered(rotations: F64, highest: float) -> F64:
     """Turn cameras that look up further than a gimbal does down to its limit, by the least turn.
 
     Args:
-        rotations: Camera to world, axes right, down, forward, shape (N, 3, 3), float64.
+        rotations: Camera to world, axes right, down, forward [1], shape (N, 3, 3), float64.
         highest: Largest pitch [rad].
 
     Returns:
-        Camera to world, shape (N, 3, 3), float64.
+        Camera to world [1], shape (N, 3, 3), float64.
     """
     forward = rotations[:, :, 2]
     wanted = limit_pitch(forward, highest)
@@ -96,7 +96,7 @@ def limit_pitch(directions: F64, highest: float) -> F64:
         highest: Largest pitch [rad].
 
     Returns:
-        Unit directions, shape (N, 3), float64.
+        Unit directions [1], shape (N, 3), float64.
     """
     unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     plan = np.linalg.norm(unit[:, :2], axis=1, keepdims=True)
