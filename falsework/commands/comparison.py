@@ -44,7 +44,7 @@ class Job:
         task: What its key is made of.
         make: Fills its folder.
         kind: What its time is learned by.
-        work: Samples that pass through a network, or clouds that are cut: what its time grows with.
+        work: Samples that pass through a network, or clouds that are cut: what its time grows with [1].
         about: What it is of, for people.
     """
 

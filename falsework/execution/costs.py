@@ -21,8 +21,8 @@ class RunningStatistics:
 
     Attributes:
         count: How many.
-        total: Their sum.
-        greatest: The greatest of them.
+        total: Their sum [any unit].
+        greatest: The greatest of them [any unit].
     """
 
     count: int = 0
@@ -40,7 +40,7 @@ class RunningStatistics:
 
     @property
     def mean(self) -> float:
-        """Their mean; there has to be one."""
+        """Their mean [any unit]; there has to be one."""
         return self.total / self.count
 
 

@@ -93,7 +93,7 @@ def close_to_concrete(scene: FlatScene, pose: F64) -> F64:
         pose: camera_to_world [m], shape (4, 4), float64.
 
     Returns:
-        camera_to_world half a metre before a surface, shape (4, 4), float64.
+        camera_to_world half a metre before a surface [m], shape (4, 4), float64.
     """
     feet = {row.id for row in scene.instances if row.component in _FEET}
     corners, ids, _ = world_triangles(scene)

@@ -101,6 +101,9 @@ def dead_share(code: F64, sky: B8) -> float:
     Args:
         code: Luminance [of 255], shape (H, W), float64.
         sky: Where there is sky, shape (H, W), bool.
+
+    Returns:
+        Share of the patches [1]; 0 where none is free of sky.
     """
     high, wide = (size // _BLOCK for size in code.shape)
     if not high or not wide:

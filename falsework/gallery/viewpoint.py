@@ -47,7 +47,7 @@ class Subject:
         bridge: Instance ids of its members, sorted, shape (M,), uint32.
         rays: Everything near it.
         land: Ground and water alone.
-        square: Unit vector in plan square to the bridge, shape (2,), float64.
+        square: Unit vector in plan square to the bridge [1], shape (2,), float64.
         length: Its length in plan [m].
         sun: Azimuth of the sun, counter-clockwise from +x [rad], or None.
     """
@@ -185,7 +185,7 @@ def fitted_pose(subject: Subject, camera: Pinhole, side: float, turn: float, slo
     Args:
         subject: The bridge.
         camera: Intrinsics.
-        side: 1 for the left of the bridge, -1 for its right.
+        side: 1 for the left of the bridge, -1 for its right [1].
         turn: Turn of the view out of the square to the bridge [deg].
         slope: Of the view down to the middle of the bridge [deg]; 0 stands on the land.
 

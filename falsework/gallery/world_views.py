@@ -25,7 +25,7 @@ def world_views(layout: Layout, site: Site) -> F64:
         site: Its site.
 
     Returns:
-        camera_to_world, shape (4, 4, 4), float64.
+        camera_to_world [m], shape (4, 4, 4), float64.
     """
     return np.stack(
         [_from_aside(layout, site), _from_below(layout, site), _by_a_pier(layout, site), _from_above(layout)]

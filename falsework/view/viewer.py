@@ -387,7 +387,7 @@ def rotation_quaternion(rotation: F64) -> tuple[float, float, float, float]:
     """Spell a rotation as a unit quaternion.
 
     Args:
-        rotation: Rotation, shape (3, 3), float64.
+        rotation: Rotation [1], shape (3, 3), float64.
 
     Returns:
         w, x, y, z [1].
