@@ -101,7 +101,7 @@ def mean_iou(matrices: F64 | I64) -> F64:
     """Give the mean IoU of many confusion matrices at once.
 
     Args:
-        matrices: Confusion matrices, shape (…, C, C).
+        matrices: Confusion matrices [1], shape (…, C, C).
 
     Returns:
         Mean over the classes that occur [1], shape (…), float64; NaN where none does.
@@ -141,8 +141,8 @@ def reliability(confidence: F32, right: Bools, bins: int = BINS) -> tuple[I64, F
         bins: Number of bins.
 
     Returns:
-        Points of each bin, shape (bins,), int64; sum of their confidence [1] and number of right ones, shape (bins,),
-        float64.
+        Points of each bin, shape (bins,), int64; sum of their confidence [1], shape (bins,), float64; number of right
+        ones [1], shape (bins,), float64.
     """
     values = confidence.astype(np.float64)
     bin_of = np.clip(np.ceil(values * bins).astype(np.int64) - 1, 0, bins - 1)

@@ -122,7 +122,7 @@ def class_iou(matrices: F64 | I64) -> F64:
     """Give the IoU of each class of many confusion matrices at once.
 
     Args:
-        matrices: Confusion matrices, shape (…, C, C).
+        matrices: Confusion matrices [1], shape (…, C, C).
 
     Returns:
         IoU of each class [1], shape (…, C), float64; NaN where it occurs in neither.

@@ -105,7 +105,8 @@ class TrainedForest:
 
     Attributes:
         facts: What it is.
-        arrays: As `learn.models.forest.grow_forest`, shapes as there.
+        arrays: As `learn.models.forest.grow_forest`: `first`, shape (T + 1,); of every node `column`, `threshold`,
+            `left`, `right`, shape (M,), and `share`, shape (M, classes).
     """
 
     facts: ModelFacts

@@ -31,7 +31,7 @@ class Backbone(Protocol):
             coord: Positions [m or 1], shape (N, 3), float32.
 
         Returns:
-            Named arrays of row numbers, int32.
+            Named arrays of row numbers: `kept{l}`, shape (points of level l,), others shape (rows, neighbours), int32.
         """
         ...
 

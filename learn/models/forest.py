@@ -65,7 +65,8 @@ def forest_probabilities(arrays: Arrays, features: F32) -> F32:
     """Let the trees vote.
 
     Args:
-        arrays: As `grow_forest`, shapes as there.
+        arrays: As `grow_forest`: `first`, shape (T + 1,); of every node `column`, `threshold`, `left`, `right`, shape
+            (M,), and `share`, shape (M, classes).
         features: One row a point [m or 1], shape (N, C), float32.
 
     Returns:

@@ -82,7 +82,8 @@ class PointNet2(nn.Module):
             coord: Positions [m or 1], shape (N, 3), float32.
 
         Returns:
-            As `learn.neighborhoods.pyramids.farthest_pyramid`.
+            As `learn.neighborhoods.pyramids.farthest_pyramid`: `kept{l}`, shape (points of level l,), `ball{l}_{j}` and
+            `up{l}`, shape (rows, neighbours), int32.
         """
         return farthest_pyramid(coord, self.settings.counts, self.balls)
 

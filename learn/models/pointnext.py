@@ -81,7 +81,8 @@ class PointNext(nn.Module):
             coord: Positions [m or 1], shape (N, 3), float32.
 
         Returns:
-            As `farthest_pyramid`, with `own{l}` of `add_own_balls` where residual blocks need them.
+            As `learn.neighborhoods.pyramids.farthest_pyramid`: `kept{l}`, shape (points of level l,), `ball{l}_{j}` and
+            `up{l}`, shape (rows, neighbours), int32; with `own{l}` of `add_own_balls` where residual blocks need them.
         """
         counts = [len(coord) // STRIDE ** (level + 1) for level in range(LEVELS)]
         near = self.settings.neighbours

@@ -83,7 +83,8 @@ class RandlaNet(nn.Module):
             coord: Positions [m or 1], shape (N, 3), float32.
 
         Returns:
-            As `learn.neighborhoods.pyramids.random_pyramid`.
+            As `learn.neighborhoods.pyramids.random_pyramid`: `near{l}` and `up{l}`, shape (rows, neighbours),
+            `kept{l}`, shape (points of level l + 1,), int32.
         """
         return random_pyramid(coord, self.settings.ratios, self.settings.neighbours, self.settings.sampling_seed)
 

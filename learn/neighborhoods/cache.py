@@ -44,7 +44,8 @@ def cached_pyramid(folder: Path | None, coord: F32, parameters: object, build: C
         build: Makes it.
 
     Returns:
-        The pyramid; a file that is torn or of another make is built anew.
+        The pyramid: named arrays of row numbers, shape (rows,) or (rows, neighbours), int32; a file that is torn or of
+        another make is built anew.
     """
     if folder is None:
         return build(coord)

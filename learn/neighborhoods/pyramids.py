@@ -49,7 +49,8 @@ def add_own_balls(arrays: Indices, coord: F32, levels: int, balls: Sequence[tupl
     """Add to a pyramid the balls about the points of each level among the points of that same level.
 
     Args:
-        arrays: A pyramid of `farthest_pyramid`, with its shapes.
+        arrays: A pyramid of `farthest_pyramid`: `kept{l}`, shape (points of level l,), `ball{l}_{j}` and `up{l}`, shape
+            (rows, neighbours), int32.
         coord: Positions that it was made of [m or 1], shape (N, 3), float32.
         levels: Number of levels.
         balls: (radius [m or 1], neighbours) at each level.

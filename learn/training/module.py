@@ -193,7 +193,7 @@ def log_table(history: list[dict[str, float | None]]) -> str:
     """Spell the history as CSV.
 
     Args:
-        history: Rows with the same keys.
+        history: Rows with the same keys [any unit].
 
     Returns:
         A header and one line an epoch; floats as Python spells them, so that equal trainings have equal logs; nothing
