@@ -129,11 +129,16 @@ class DepthMaps:
 
     @property
     def poses(self) -> NDArray[np.float64]:
-        """Return camera_to_world of every image, shape (I, 4, 4), float64."""
+        """Return camera_to_world of every image [model units], shape (I, 4, 4), float64."""
         return self._model.poses
 
     def put_image(self, row: int, image: NDArray[np.uint8]) -> None:
-        """Keep a working image, shape (H, W, 3), uint8."""
+        """Keep a working image.
+
+        Args:
+            row: Row of the image.
+            image: The image, shape (H, W, 3), uint8.
+        """
         save_array(self._images / f"{row:06d}.npy", image)
 
     def image(self, row: int) -> NDArray[np.uint8]:
@@ -141,7 +146,12 @@ class DepthMaps:
         return np.load(self._images / f"{row:06d}.npy", allow_pickle=False)
 
     def put_depth(self, row: int, depth: NDArray[np.float32]) -> None:
-        """Keep a depth map [model units], shape (H, W), float32."""
+        """Keep a depth map.
+
+        Args:
+            row: Row of the image.
+            depth: Planar depths [model units], shape (H, W), float32.
+        """
         save_array(self._depths / f"{row:06d}.npy", depth)
 
     def depth(self, row: int) -> NDArray[np.float32]:

@@ -38,7 +38,7 @@ def measure_with_colmap(
         camera: Camera of the depth maps to return.
 
     Yields:
-        Planar depth of each image, 0 where unknown, shape (H, W), float32.
+        Planar depth of each image, 0 where unknown [model units], shape (H, W), float32.
 
     Raises:
         InputError: This COLMAP has no CUDA.

@@ -49,7 +49,7 @@ def measure_slanted(
         others: Its sources, best first.
         camera: Working camera of all of them.
         covered: Working pixels that hold a picture, shape (H, W), bool.
-        reach: Smallest and largest depth to look for.
+        reach: Smallest and largest depth to look for [model units].
         tolerance: Difference of depths that still agree, as a share of the depth [1].
 
     Returns:
@@ -72,8 +72,8 @@ class Views(NamedTuple):
     """What planes are compared with.
 
     Attributes:
-        sources: Grey values of the sources, shape (S, H, W), float32.
-        to_other: Transforms from the view into each source, shape (S, 4, 4), float64.
+        sources: Grey values of the sources [of 255], shape (S, H, W), float32.
+        to_other: Transforms from the view into each source [model units], shape (S, 4, 4), float64.
         lens: fx, fy, cx, cy of all cameras [px], shape (4,), float64.
         least: Smallest inverse depth that is looked for [1 / model units].
         most: Largest [1 / model units].
@@ -101,14 +101,14 @@ def refine(gray: F32, views: Views, wanted: Mask, depth: F32, normal: F32) -> F3
     """Improve a plane for every pixel, in rounds over the two colours of a chessboard.
 
     Args:
-        gray: Grey values of the view, shape (H, W), float32.
+        gray: Grey values of the view [of 255], shape (H, W), float32.
         views: Its sources.
         wanted: Pixels to work on, shape (H, W), bool.
         depth: Planar depth to start from, 0 where unknown [model units]; receives the result, shape (H, W), float32.
-        normal: Unit normals in camera axes; receives the result, shape (H, W, 3), float32.
+        normal: Unit normals in camera axes [1]; receives the result, shape (H, W, 3), float32.
 
     Returns:
-        Cost of each pixel's plane: 1 - correlation, shape (H, W), float32.
+        Cost of each pixel's plane: 1 - correlation [1], shape (H, W), float32.
     """
     height, width = gray.shape
     cost = np.full((height, width), np.float32(_WORST))

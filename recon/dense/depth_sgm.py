@@ -59,7 +59,7 @@ def measure_depth(
         others: Its sources, best first.
         camera: Working camera of all of them.
         covered: Working pixels that hold a picture, shape (H, W), bool.
-        reach: Smallest and largest depth to look for.
+        reach: Smallest and largest depth to look for [model units].
         tolerance: Difference of depths that still agree, as a share of the depth [1].
 
     Returns:
@@ -154,9 +154,10 @@ def depth_of_disparity(
 
     Args:
         disparity: Disparities [1/16 px], shape (H', W'), int16.
-        turn: Rotation from the view's axes into the common ones, shape (3, 3), float64.
-        plane: Focal length, centre (x, y), focal times baseline, disparity of infinity, shape (5,), float64.
-        to_other: Transform from the view into the source, shape (4, 4), float64.
+        turn: Rotation from the view's axes into the common ones [1], shape (3, 3), float64.
+        plane: Focal length [px], centre (x, y) [px], focal times baseline [px model units], disparity of infinity [px],
+            shape (5,), float64.
+        to_other: Transform from the view into the source [model units], shape (4, 4), float64.
         camera: fx, fy, cx, cy of the working camera [px], shape (4,), float64.
         covered: Pixels of view and source that hold a picture, shape (H, W), bool.
 
@@ -217,7 +218,7 @@ def consensus_depth(depths: F32, weights: F64, tolerance: float, least: int) -> 
 
     Args:
         depths: Depths by each source, 0 where unknown [model units], shape (S, H, W), float32.
-        weights: How exact each source is, shape (S,), float64.
+        weights: How exact each source is [px² model units²], shape (S,), float64; only their ratios count.
         tolerance: Largest difference, as a share of the depth [1].
         least: Sources that must agree.
 

@@ -31,7 +31,7 @@ class DepthView:
     Attributes:
         image: Row in the model.
         depth: Planar depth, 0 where unknown [model units], shape (H, W), float32.
-        normal: Unit normals in camera axes, towards the camera, shape (H, W, 3), float32.
+        normal: Unit normals in camera axes, towards the camera [1], shape (H, W, 3), float32.
         color: Working image, shape (H, W, 3), uint8.
         used: Pixels that are part of a point already, shape (H, W), bool; fusion sets them.
         pose: camera_to_world [m], shape (4, 4), float64.

@@ -103,7 +103,7 @@ def covisibility(model: SparseModel, settings: DenseSettings) -> F64:
         settings: Limits of the angle.
 
     Returns:
-        Score of every pair of images, shape (I, I), float64, symmetric; 0 where they share too little.
+        Score of every pair of images [1], shape (I, I), float64, symmetric; 0 where they share too little.
     """
     count = len(model.names)
     points = [np.unique(model.obs_point[model.obs_image == row]) for row in range(count)]

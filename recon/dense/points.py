@@ -20,7 +20,7 @@ class DensePoints:
 
     Attributes:
         points: Positions [model units], shape (N, 3), float64.
-        normals: Unit normals towards the cameras, shape (N, 3), float32.
+        normals: Unit normals towards the cameras [1], shape (N, 3), float32.
         colors: Mean sRGB colours, shape (N, 3), uint8.
         counts: Views of each point, shape (N,), int64.
         image: Row in the model of each observation, sorted by point, then ascending, shape (M,), uint32.
@@ -79,7 +79,7 @@ def save_array(path: Path, array: NDArray[Any]) -> None:
 
     Args:
         path: File to write.
-        array: Array of any shape.
+        array: Array, shape (...), any type.
     """
     data = BytesIO()
     np.lib.format.write_array(data, array, allow_pickle=False)

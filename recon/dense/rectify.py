@@ -29,8 +29,8 @@ class RectifiedPair:
         focal: Focal length [px].
         left_center: Principal point of the left image [px].
         right_center: Principal point of the right image [px]; its row is the left one's.
-        left: Rotation from the reference's camera axes into the common ones, shape (3, 3), float64.
-        right: Rotation from the source's camera axes into the common ones, shape (3, 3), float64.
+        left: Rotation from the reference's camera axes into the common ones [1], shape (3, 3), float64.
+        right: Rotation from the source's camera axes into the common ones [1], shape (3, 3), float64.
         baseline: Distance of the camera centres [model units].
         disparities: Number of disparities to search, from 0, a multiple of 16.
         infinity: Disparity of infinity, negated [px].
@@ -61,10 +61,10 @@ def rectify(camera: Pinhole, reference: F64, source: F64, near: float, far: floa
 
     Args:
         camera: Intrinsics of both views.
-        reference: camera_to_world of the reference, shape (4, 4), float64.
-        source: camera_to_world of the source, shape (4, 4), float64.
-        near: Smallest depth of the reference that matters.
-        far: Largest depth of the reference that matters.
+        reference: camera_to_world of the reference [model units], shape (4, 4), float64.
+        source: camera_to_world of the source [model units], shape (4, 4), float64.
+        near: Smallest depth of the reference that matters [model units].
+        far: Largest depth of the reference that matters [model units].
 
     Returns:
         The pair, or None where it cannot be rectified: too little of either image has a place on the plane, the two
@@ -116,7 +116,7 @@ def source_maps(pair: RectifiedPair, camera: Pinhole, right: bool) -> tuple[NDAr
         right: Of the right image instead of the left one.
 
     Returns:
-        Columns and rows in the view [px], from the centre of its top-left pixel, shape (H, W), float32.
+        Columns and rows in the view [px], from the centre of its top-left pixel, shape (H, W) each, float32.
     """
     width, height = pair.size
     center, turn = (pair.right_center, pair.right) if right else (pair.left_center, pair.left)

@@ -22,10 +22,10 @@ class Scan:
     Attributes:
         coord: Positions, as a rule [m], shape (N, 3), float64.
         color: sRGB colours, shape (N, 3), uint8.
-        normal: Normals, shape (N, 3), float32.
+        normal: Normals [1], shape (N, 3), float32.
         segment: Class ids, shape (N,), uint8.
         instance: Instance ids, shape (N,), uint32.
-        intensity: Strength of the echo, in the unit of the file, shape (N,), float32.
+        intensity: Strength of the echo, in the unit of the file [any unit], shape (N,), float32.
         classification: What LAS calls so, unchanged, shape (N,), uint8.
         class_names: Names that the file gives to numbers of `classification`.
     """

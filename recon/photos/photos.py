@@ -79,7 +79,7 @@ def local_position(place: tuple[float, float, float], origin: tuple[float, float
 
     Args:
         place: Latitude [deg], longitude [deg], height above the ellipsoid [m].
-        origin: The same of the local zero.
+        origin: Latitude [deg], longitude [deg], height above the ellipsoid [m] of the local zero.
 
     Returns:
         East, north, up [m].

@@ -52,7 +52,7 @@ class Target:
             rows: Their rows in the capture, shape (I,), int64.
 
         Returns:
-            Rotations, shape (I, 3, 3), float64.
+            Rotations [1], shape (I, 3, 3), float64.
         """
         turns = np.zeros(len(rows), np.int64) if self.quarter_turns is None else self.quarter_turns[rows]
         return turn_upright(poses[:, :3, :3], turns)
@@ -202,7 +202,7 @@ def find_inliers(source: F64, goal: F64, known: Mask, limit: float, iterations: 
     """Find the points that one similarity explains, by RANSAC over triples.
 
     Args:
-        source: Points, shape (N, 3), float64.
+        source: Points [model units], shape (N, 3), float64.
         goal: Matching points [m], shape (N, 3), float64.
         known: Points that may take part, shape (N,), bool.
         limit: Largest distance of an inlier [m].

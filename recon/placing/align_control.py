@@ -139,7 +139,7 @@ def triangulate(centers: F64, directions: F64) -> F64:
         directions: Unit directions [1], shape (N, 3), float64.
 
     Returns:
-        The point, shape (3,), float64; NaN for parallel rays.
+        The point [model units], shape (3,), float64; NaN for parallel rays.
     """
     across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
     weights = np.ones(len(centers))

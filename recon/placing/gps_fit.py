@@ -78,7 +78,7 @@ def fit_to_fixes(
     """Fit a similarity to positions that were measured, some of them wrongly, and to what gravity says.
 
     Args:
-        source: Camera centres in model units, shape (N, 3), float64, in the order in which they were flown.
+        source: Camera centres [model units], shape (N, 3), float64, in the order in which they were flown.
         goal: Their measured positions [m], shape (N, 3), float64.
         sigma: Stated standard deviation of each along x, y, z [m], shape (N, 3), float64: along the ground and in
             height each may be wrong by a factor, which the residuals tell.

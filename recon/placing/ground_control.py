@@ -38,7 +38,12 @@ _HEADS: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Mark:
-    """Where a photograph shows a point: its name, or file, and the pixel [px]."""
+    """Where a photograph shows a point.
+
+    Attributes:
+        image: Name of the photograph, or its file.
+        uv: The pixel [px].
+    """
 
     image: str
     uv: tuple[float, float]

@@ -57,11 +57,12 @@ def fit_similarity(source: F64, goal: F64) -> tuple[F64, F64, F64]:
     Source: Umeyama, Least-squares estimation of transformation parameters between two point patterns (1991).
 
     Args:
-        source: Points, shape (..., N, 3), float64.
-        goal: Matching points, shape (..., N, 3), float64.
+        source: Points [any unit], shape (..., N, 3), float64.
+        goal: Matching points [any unit], shape (..., N, 3), float64.
 
     Returns:
-        Scales, shape (...,); rotations, shape (..., 3, 3); translations, shape (..., 3); all float64.
+        Scales, units of `goal` for each of `source` [1], shape (...,); rotations [1], shape (..., 3, 3); translations,
+        in the unit of `goal` [any unit], shape (..., 3); all float64.
     """
     source_mean, goal_mean = source.mean(axis=-2), goal.mean(axis=-2)
     source_free, goal_free = source - source_mean[..., None, :], goal - goal_mean[..., None, :]
@@ -99,7 +100,7 @@ def camera_up(rotations: F64) -> F64:
         rotations: Camera-to-world rotations in any frame [1], shape (N, 3, 3), float64.
 
     Returns:
-        Unit vector in that frame, shape (3,), float64.
+        Unit vector in that frame [1], shape (3,), float64.
     """
     rows = rotations[:, :, 0]
     tops = (-rotations[:, :, 1] - _BEHIND * rotations[:, :, 2]).mean(axis=0)
@@ -115,7 +116,7 @@ def turn_upright(rotations: F64, quarter_turns: NDArray[np.int64]) -> F64:
         quarter_turns: Turns by 90 degrees clockwise that each picture needs, shape (N,), int64.
 
     Returns:
-        Rotations whose columns are right, down and forward of the upright pictures, shape (N, 3, 3), float64.
+        Rotations whose columns are right, down and forward of the upright pictures [1], shape (N, 3, 3), float64.
     """
     right, down, forward = (rotations[:, :, column] for column in range(3))
     rights = np.stack([right, -down, -right, down])  # a picture turned clockwise has its former left side on top
@@ -133,7 +134,7 @@ def level_rotation(rotations: F64, gimbal: F64 | None = None) -> F64:
             Where half of the cameras know it, nothing else is asked.
 
     Returns:
-        Rotation from that frame into one with +z up, shape (3, 3), float64.
+        Rotation from that frame into one with +z up [1], shape (3, 3), float64.
     """
     up = camera_up(rotations)
     told = np.flatnonzero(np.isfinite(gimbal).all(axis=1)) if gimbal is not None else np.zeros(0, np.int64)

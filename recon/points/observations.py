@@ -142,11 +142,11 @@ def median_per_point(values: F64, observations: Observations) -> F64:
     """Take the median of each point's values; of an even number, the mean of the middle two.
 
     Args:
-        values: One value per observation, shape (M,), float64; may be +inf.
+        values: One value per observation [any unit], shape (M,), float64; may be +inf.
         observations: Their points.
 
     Returns:
-        Medians, shape (N,), float64.
+        Medians [any unit], shape (N,), float64.
     """
     return _medians(values, observations.start)
 

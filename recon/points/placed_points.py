@@ -28,7 +28,7 @@ class PlacedPoints:
         judged: Which points of those that were made these are, shape (P,), bool.
         fate: What becomes of each, a number of `FATES`, shape (N,), uint8.
         coord: World positions [m], shape (N, 3), float64.
-        normal: Unit normals, shape (N, 3), float32.
+        normal: Unit normals [1], shape (N, 3), float32.
         color: sRGB colours, shape (N, 3), uint8.
         reprojection_error: Mean distance between keypoints and reprojected point [px], shape (N,), float32; NaN where
             no keypoint was found, as of dense points.

@@ -91,7 +91,7 @@ class Target:
 
         Args:
             origins: Starts [m], shape (N, 3), float64.
-            directions: Unit directions, shape (N, 3), float64.
+            directions: Unit directions [1], shape (N, 3), float64.
             colored: Whether the colours are needed.
             behind: Range that a surface must lie behind [m], shape (N,), float64; None for none.
         """

@@ -28,7 +28,7 @@ class Samples:
         points: Measured positions [m], shape (N, 3), float64.
         true_points: Places on the surface that they come from [m], shape (N, 3), float64.
         rows: Triangle that each comes from, shape (N,), int64.
-        normals: Unit normals of those triangles, shape (N, 3), float64.
+        normals: Unit normals of those triangles [1], shape (N, 3), float64.
         colors: sRGB base colours, shape (N, 3), uint8.
         uncertainty: Error of the measurement itself [m], shape (N,), float64.
         relative: That error over the measured distance, NaN where there is none [1], shape (N,), float64.

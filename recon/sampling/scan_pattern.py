@@ -19,7 +19,7 @@ class Rays:
 
     Attributes:
         origins: Where the mirror is [m], shape (N, 3), float64.
-        directions: Unit vectors, shape (N, 3), float64.
+        directions: Unit vectors [1], shape (N, 3), float64.
         errors: Measured minus true position of the mirror [m], shape (N, 3), float64.
         station: Number of the station [1], shape (N,), uint16.
     """

@@ -20,7 +20,7 @@ class SceneSurface:
 
     Attributes:
         corners: Corner positions [m], shape (T, 3, 3), float64.
-        normals: Unit normals of the faces, outward; NaN where there is no area, shape (T, 3), float64.
+        normals: Unit normals of the faces, outward [1]; NaN where there is no area, shape (T, 3), float64.
         areas: Areas [m²], shape (T,), float64.
         vertices: Rows in the geometry's vertices, shape (T, 3), uint32.
         draws: Row in the scene's draws, shape (T,), int64.

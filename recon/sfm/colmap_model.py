@@ -115,7 +115,7 @@ def rotation_from_quaternion(quaternion: F64) -> F64:
         quaternion: w, x, y, z [1], shape (4,), float64.
 
     Returns:
-        Rotation, shape (3, 3), float64.
+        Rotation [1], shape (3, 3), float64.
     """
     w, x, y, z = quaternion / np.linalg.norm(quaternion)
     return np.array(

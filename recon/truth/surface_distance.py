@@ -44,7 +44,8 @@ def without_moving(
         nearest: Class of that surface, shape (N,), uint8.
 
     Returns:
-        The same, NaN and 255 on things that move, shape (N,) each.
+        Distances [m], NaN on things that move, shape (N,), float64; classes, 255 on things that move, shape (N,),
+        uint8.
     """
     moving = np.isin(instance, [row.id for row in truth.instances if row.moves])
     return np.where(moving, np.nan, distance), np.where(moving, np.uint8(UNLABELED), nearest)

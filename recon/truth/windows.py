@@ -22,7 +22,7 @@ class Windows:
 
     Attributes:
         origin: Where they begin, horizontally [m], shape (2,), float64.
-        direction: Unit vector along the bridge, horizontally, shape (2,), float64.
+        direction: Unit vector along the bridge, horizontally [1], shape (2,), float64.
         count: How many; all are `LENGTH` long but the last, which is between half of that and one and a half.
         area: True surface of each class in each [m2], shape (256, count), float64.
     """
