@@ -15,7 +15,7 @@ class Soup:
     Attributes:
         corners: Positions [stage units], shape (T, 3, 3), float64.
         normals: Unit normals [1], shape (T, 3, 3), float64.
-        carried: Texture coordinates and colours, shape (T, 3, K), float64; corners keep them wherever they go.
+        carried: Texture coordinates and colours [1], shape (T, 3, K), float64; corners keep them wherever they go.
         alike: Both sides take the same light.
     """
 

@@ -21,7 +21,7 @@ def clip_from_camera(camera: Pinhole, near: float) -> F64:
         near: Near plane [m].
 
     Returns:
-        Clip from camera axes right, down, forward, shape (4, 4), float64, for column vectors.
+        Clip from camera axes right, down, forward [1], shape (4, 4), float64, for column vectors.
     """
     return np.array(
         [
@@ -42,11 +42,11 @@ def clip_from_relative(camera: Pinhole, camera_to_world: F64, near: float) -> F3
 
     Args:
         camera: Intrinsics.
-        camera_to_world: Camera pose, shape (4, 4), float64.
+        camera_to_world: Camera pose [m], shape (4, 4), float64.
         near: Near plane [m].
 
     Returns:
-        Clip from camera-relative positions, shape (4, 4), float32.
+        Clip from camera-relative positions [1], shape (4, 4), float32.
     """
     turn = np.eye(4)
     turn[:3, :3] = camera_to_world[:3, :3].T
@@ -60,7 +60,7 @@ def visible_boxes(lower: F64, upper: F64, camera: Pinhole, camera_to_world: F64)
         lower: Lower corners [m], shape (D, 3), float64.
         upper: Upper corners [m], shape (D, 3), float64.
         camera: Intrinsics.
-        camera_to_world: Camera pose, shape (4, 4), float64.
+        camera_to_world: Camera pose [m], shape (4, 4), float64.
 
     Returns:
         Rows, ordered by distance from the camera plus half the diagonal, equal ones by row; shape (N,), int64.

@@ -39,7 +39,7 @@ class Facets:
         draw: Draw of each, ascending, shape (N,), int64.
         positions: Mesh-local corners [m], shape (N, 3, 3), float32.
         corners: Corners counted from `anchor` [m], shape (N, 3, 3), float64.
-        normals: Unit normals, shape (3, N), float64.
+        normals: Unit normals [1], shape (3, N), float64.
         heights: Distance of the plane from `anchor` along the normal [m], shape (N,), float64.
         slenderness: Length^2 over height [m], shape (N,), float64.
         anchor: What corners are counted from [m], shape (3,), float64.

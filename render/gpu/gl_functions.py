@@ -79,7 +79,7 @@ class GlFunctions:
 
         Args:
             attachment: Number of the colour attachment.
-            value: What every pixel becomes.
+            value: What every pixel becomes [any unit].
         """
         self._clear_float(_COLOR, attachment, (ctypes.c_float * 4)(*value))
 

@@ -208,7 +208,7 @@ def placed_textures(material: Material) -> Iterator[tuple[TextureKey, float, int
         material: A material.
 
     Yields:
-        Key, least number of times that the texture repeats along a unit of its UV set, and the number of that set.
+        Key, least number of times that the texture repeats along a unit of its UV set [1], and the number of that set.
     """
     maps = _maps(material)
     for name, key in _keys(material).items():

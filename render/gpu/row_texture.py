@@ -19,7 +19,7 @@ def row_texture(context: moderngl.Context, rows: F32) -> moderngl.Texture:
 
     Args:
         context: Open context.
-        rows: The rows, shape (N, 4 K), float32.
+        rows: The rows [any unit], shape (N, 4 K), float32.
 
     Returns:
         A texture of shape (N / 1024 rounded up, 1024 K, 4), float32.

@@ -19,7 +19,7 @@ def decode_exr(path: Path) -> F32:
         path: The file.
 
     Returns:
-        Linear values, shape (H, W, 3), float32.
+        Linear values [any unit], shape (H, W, 3), float32.
 
     Raises:
         InputError: Not such a picture, without colours, or too large.
@@ -47,7 +47,7 @@ def decode_float(path: Path) -> F32:
         path: `.exr` or `.hdr`.
 
     Returns:
-        Linear values, shape (H, W, 3), float32.
+        Linear values [any unit], shape (H, W, 3), float32.
 
     Raises:
         InputError: Not readable as one.

@@ -34,7 +34,7 @@ class Daylight:
         sun_direction: Unit vector towards the sun [1], world axes, shape (3,), float64.
         sun_irradiance: Linear irradiance on a facing surface [1], shape (3,), float64; zeros without a sun.
         panorama: Linear radiance by direction [1], first row at the dome's pole, shape (R, 2 R, 3), float32.
-        dome_from_world: Turns world directions into the dome's, shape (3, 3), float64.
+        dome_from_world: Turns world directions into the dome's [1], shape (3, 3), float64.
         open_sky: Irradiance coefficients of the unobstructed dome [1], shape (4, 3), float64: E(n) = c0 + c1..3 . n.
         haze: Radiance that far air has, by the cosine c of the angle to the sun [1]: haze[0] + haze[1] c + haze[2]
             g(c), where g is `glow`, shape (3, 3), float64.

@@ -152,12 +152,12 @@ def fit_to_surfaces(
         cell: Distance of neighbouring probes [m].
         places: Places on surfaces, N of them.
         irradiance: What they receive [1], shape (N, 3), float32.
-        before: Coefficients of an earlier fit, whose light errors are shares of, shape (Z, Y, X, 4, 3), float32. A
+        before: Coefficients of an earlier fit, whose light errors are shares of [1], shape (Z, Y, X, 4, 3), float32. A
             place casts few rays: as shares of what these few found, what they missed would count more than what they
             met, and the fit would be a fifth too dark below decks. None: there is no better guess yet.
 
     Returns:
-        Coefficients [1], of the same shape.
+        Coefficients [1], shape (Z, Y, X, 4, 3), float32.
     """
     matrix, inside = look_up_matrix(coefficients.shape[2::-1], lower, cell, places)
     wanted = irradiance[inside].astype(np.float64)

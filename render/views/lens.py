@@ -40,8 +40,8 @@ class Geometry(NamedTuple):  # numba reads these, and no data classes
         normals: Mesh-local normals [1], shape (V, 3), float32.
         triangles: Vertex numbers, shape (T, 3), uint32.
         first: First triangle of each draw, shape (D,), int64.
-        transform: Mesh to world, shape (D, 4, 4), float64.
-        cofactor: What turns each draw's normals, shape (D, 3, 3), float64.
+        transform: Mesh to world [m], shape (D, 4, 4), float64.
+        cofactor: What turns each draw's normals [1], shape (D, 3, 3), float64.
         mirrored: Whether a draw is mirrored, shape (D,), bool.
         alike: Whether both sides of a draw take the same light, shape (D,), bool.
         cut_out: Whether a draw has holes that only its texture knows, shape (D,), bool.

@@ -30,7 +30,7 @@ class Image:
     Attributes:
         level: Height of the water [m].
         eye: Camera centre that it was drawn for [m], shape (3,), float64.
-        clip: What takes positions on the water relative to that centre to the image, shape (4, 4), float64.
+        clip: What takes positions on the water relative to that centre to the image [1], shape (4, 4), float64.
     """
 
     level: float

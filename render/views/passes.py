@@ -95,7 +95,7 @@ class Painter:
         """Draw one view.
 
         Args:
-            camera_to_world: Camera pose, shape (4, 4), float64.
+            camera_to_world: Camera pose [m], shape (4, 4), float64.
             near: Near plane [m].
         """
         return self.draw_bands(camera_to_world[None], [(0, self._camera.height)], near)

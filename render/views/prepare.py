@@ -167,7 +167,7 @@ def prepare(
         settings: How to draw it.
         progress: Told about the light volume.
         cast: Casts the light volume, or finds the one that was cast before.
-        needs: Least width of a pixel in widths of each texture; None for every texel.
+        needs: Least width of a pixel in widths of each texture [1]; None for every texel.
         flight: Centres of all cameras that will be drawn [m], shape (N, 3), float64, and how far one may stray from
             its own [m]; None for cameras anywhere.
         bars: Members that may be too thin for samples; found here when not given.

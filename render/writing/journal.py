@@ -83,7 +83,7 @@ class Journal:
         write_json(self._notes / f"{name}.json", {"files": digests, "facts": facts})
 
     def gain(self) -> float | None:
-        """Return the exposure that was metered for the survey, or None."""
+        """Return the exposure that was metered for the survey [1], or None."""
         if self.is_complete():
             return read_json(self._folder / RECORD)["gain"]
         return self._read("gain.json")
