@@ -47,7 +47,7 @@ class Distortion:
             xy: Normalised coordinates [1], shape (..., 2), float64.
 
         Returns:
-            Distorted normalised coordinates [1], same shape, float64.
+            Distorted normalised coordinates [1], the same shape (..., 2), float64.
         """
         x, y = xy[..., 0], xy[..., 1]
         square = x * x + y * y
@@ -67,7 +67,7 @@ class Distortion:
             xy: Distorted normalised coordinates [1], shape (..., 2), float64.
 
         Returns:
-            Normalised coordinates [1], same shape, float64.
+            Normalised coordinates [1], the same shape (..., 2), float64.
 
         Raises:
             InputError: The polynomial folds before it reaches a point: the lens cannot have drawn it.

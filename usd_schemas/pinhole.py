@@ -116,7 +116,7 @@ def look_at(eye: Array, target: Array, up: Array | None = None) -> Array:
         up: Direction that shall point up in the image [1], shape (3,), float64; world z when None.
 
     Returns:
-        camera_to_world, shape (4, 4), float64, with camera axes right, down, forward.
+        camera_to_world [m], shape (4, 4), float64, with camera axes right, down, forward.
     """
     forward = target - eye
     forward = forward / np.linalg.norm(forward)
@@ -136,7 +136,7 @@ def project(points: Array, camera: Pinhole, camera_to_world: Array) -> tuple[Arr
     Args:
         points: World positions [m], shape (N, 3), float64.
         camera: Intrinsics.
-        camera_to_world: Camera pose, shape (4, 4), float64.
+        camera_to_world: Camera pose [m], shape (4, 4), float64.
 
     Returns:
         Pixel positions [px], shape (N, 2), float64, and planar depths [m], shape (N,), float64, negative behind.
@@ -155,7 +155,7 @@ def unproject(pixels: Array, depth: Array, camera: Pinhole, camera_to_world: Arr
         pixels: Pixel positions [px], shape (N, 2), float64.
         depth: Planar depths [m], shape (N,), float64.
         camera: Intrinsics.
-        camera_to_world: Camera pose, shape (4, 4), float64.
+        camera_to_world: Camera pose [m], shape (4, 4), float64.
 
     Returns:
         World positions [m], shape (N, 3), float64.

@@ -43,7 +43,7 @@ def face_normals(points: F64, face_counts: I64, corners: I64) -> F64:
         corners: Vertex number of each face corner, shape (C,), int64.
 
     Returns:
-        Area vectors [unit squared], shape (F, 3), float64.
+        Area vectors [any unit²], shape (F, 3), float64.
     """
     starts = np.cumsum(face_counts) - face_counts
     face = np.repeat(np.arange(len(face_counts)), face_counts)
@@ -62,10 +62,10 @@ def cross(a: F64, b: F64) -> F64:
 
     Args:
         a: Vectors [any unit], shape (..., 3), float64.
-        b: Vectors [any unit], of a shape that broadcasts with `a`, float64.
+        b: Vectors [any unit], shape (..., 3) or one that broadcasts with `a`, float64.
 
     Returns:
-        Products [unit squared], shape (..., 3), float64.
+        Products [any unit²], shape (..., 3), float64.
     """
     result = np.empty(np.broadcast_shapes(a.shape, b.shape), np.float64)
     for axis, first, second in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):

@@ -41,9 +41,9 @@ def read_cameras(
 
     Args:
         stage: Composed stage.
-        stage_to_world: Stage units to metres with z up, shape (4, 4), float64.
+        stage_to_world: Stage units to metres with z up [m per stage unit], shape (4, 4), float64.
         warn: Called with one line for each camera that is left out.
-        frames: Time codes of every camera's images, whatever it says itself; empty for its own.
+        frames: Time codes of every camera's images, whatever it says itself [time codes]; empty for its own.
     """
     tracks = []
     for prim in composed_prims(stage):
@@ -84,7 +84,7 @@ def image_codes(stage: Usd.Stage, track: CameraTrack, frames: tuple[float, ...] 
     Args:
         stage: Composed stage.
         track: A camera of it; one without a prim takes one image.
-        frames: As for `read_cameras`.
+        frames: As for `read_cameras` [time codes].
     """
     if frames:
         return [Usd.TimeCode(frame) for frame in frames]

@@ -20,7 +20,7 @@ class StageChoices:
 
     Attributes:
         camera: Name or prim path of the one camera; empty for all products.
-        frames: Time codes of the images; empty for those of each camera.
+        frames: Time codes of the images [time codes]; empty for those of each camera.
         purposes: Which purposes are drawn.
         variants: Prim path, variant set and name of each variant that is chosen otherwise than on the stage.
         width: Image width [px]; 0 as the product says, or as the height asks for.
@@ -68,6 +68,9 @@ def frames_of(words: Sequence[str]) -> tuple[float, ...]:
 
     Args:
         words: What the user wrote.
+
+    Returns:
+        Time codes, each once [time codes].
 
     Raises:
         InputError: Neither a number nor a range, or too many.

@@ -67,7 +67,7 @@ def flatten(runs: list[list[Placement]], stage_to_world: F64, table: Taxonomy, l
 
     Args:
         runs: What is drawn, in runs: what never moves, then what does, moment by moment.
-        stage_to_world: Stage units to metres with z up, shape (4, 4), float64.
+        stage_to_world: Stage units to metres with z up [m per stage unit], shape (4, 4), float64.
         table: Class table in force.
         level: How many times subdivision surfaces are refined.
         warn: Called with one line for each thing that could not be read as authored.
@@ -146,7 +146,7 @@ def world_bounds(scene: FlatScene | Flattened) -> tuple[F64, F64]:
         scene: Scene with at least one draw.
 
     Returns:
-        Lower and upper corner [m], shape (3,), float64.
+        Lower and upper corner [m], shape (3,) each, float64.
     """
     geometry, draws = scene.geometry, scene.draws
     low, high = np.full(3, np.inf), np.full(3, -np.inf)

@@ -51,7 +51,7 @@ def read_lights(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> Lights:
 
     Args:
         stage: Composed stage.
-        stage_to_world: Stage units to metres with z up, shape (4, 4), float64.
+        stage_to_world: Stage units to metres with z up [m per stage unit], shape (4, 4), float64.
         warn: Called with one line for each light that is left out.
     """
     suns: list[Sun] = []

@@ -33,8 +33,8 @@ class FlatMesh:
     Attributes:
         positions: Positions [stage units], shape (V, 3), float32.
         normals: Unit normals [1], shape (V, 3), float32.
-        st: First UV set, shape (V, 2), float32.
-        st1: Second UV set, shape (V, 2), float32.
+        st: First UV set [1], shape (V, 2), float32.
+        st1: Second UV set [1], shape (V, 2), float32.
         colors: Linear displayColor [1], shape (V, 3), float32.
         triangles: Vertex numbers, counter-clockwise from outside, shape (T, 3), int64.
         face: Face of each triangle, shape (T,), int64.

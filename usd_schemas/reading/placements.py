@@ -42,7 +42,7 @@ class Placement:
 
     Attributes:
         prim: What is drawn; an instance proxy inside instances.
-        transforms: Prim to stage, for column vectors, shape (N, 4, 4), float64.
+        transforms: Prim to stage, for column vectors [stage units], shape (N, 4, 4), float64.
         label: What it is called.
         numbers: Instance id of each of its N places where an instancer gives them, shape (N,), uint32, or None.
         owner: The prim that gets an id where none is authored: the instancer's path, or the prim's own.

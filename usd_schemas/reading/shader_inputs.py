@@ -77,7 +77,10 @@ def number_of(source: Source, default: float) -> float:
 
     Args:
         source: What feeds an input.
-        default: Taken where it feeds no number.
+        default: Taken where it feeds no number [any unit].
+
+    Returns:
+        The number, in the unit of the input [any unit].
     """
     return float(source.value) if isinstance(source.value, int | float) else default
 
@@ -100,7 +103,10 @@ def pair_of(source: Source, default: tuple[float, float]) -> tuple[float, float]
 
     Args:
         source: What feeds an input.
-        default: Taken where it feeds nothing.
+        default: Taken where it feeds nothing [any unit].
+
+    Returns:
+        The two numbers, in the unit of the input [any unit].
     """
     return default if source.value is None else (float(source.value[0]), float(source.value[1]))
 
@@ -110,7 +116,10 @@ def triple_of(source: Source, default: tuple[float, float, float]) -> tuple[floa
 
     Args:
         source: What feeds an input.
-        default: Taken where it feeds nothing.
+        default: Taken where it feeds nothing [any unit].
+
+    Returns:
+        The three numbers, in the unit of the input [any unit].
     """
     if source.value is None:
         return default

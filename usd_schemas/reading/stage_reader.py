@@ -192,7 +192,7 @@ def stage_to_world(stage: Usd.Stage, where: Path | None = None) -> F64:
         where: Its file, for the error.
 
     Returns:
-        For column vectors, shape (4, 4), float64.
+        For column vectors [m per stage unit], shape (4, 4), float64.
 
     Raises:
         InputError: The stage's unit is no length.

@@ -24,8 +24,8 @@ class Cage:
         counts: Corners of each face, shape (F,), int64.
         corners: Vertex of each corner, shape (C,), int64.
         creases: Pairs of vertices, the smaller first, shape (E, 2), int64.
-        crease_sharpness: How many refinements each of them stays sharp, shape (E,), float64.
-        corner_sharpness: The same of each vertex, shape (V,), float64.
+        crease_sharpness: How many refinements each of them stays sharp [1], shape (E,), float64.
+        corner_sharpness: The same of each vertex [1], shape (V,), float64.
         sharp_corners: Vertices of a single face stay where they are.
         parent: Face of the first cage that each face lies in, shape (F,), int64.
     """
@@ -56,10 +56,10 @@ def refine(cage: Cage, values: list[F64]) -> tuple[Cage, list[F64]]:
 
     Args:
         cage: The cage.
-        values: Values at its corners, each of shape (C, W), float64, which change evenly over each face.
+        values: Values at its corners [any unit], each of shape (C, W), float64, which change evenly over each face.
 
     Returns:
-        The finer cage, and the values at its corners, each of shape (4 C, W), float64.
+        The finer cage, and the values at its corners [any unit], each of shape (4 C, W), float64.
     """
     owner = np.repeat(np.arange(len(cage.counts)), cage.counts)
     ahead, behind = _neighbours(cage.counts)
@@ -91,10 +91,10 @@ def smooth_normals(cage: Cage, areas: F64) -> tuple[F64, I64]:
 
     Args:
         cage: A refined cage.
-        areas: Area vector of each face, shape (F, 3), float64.
+        areas: Area vector of each face [any unit²], shape (F, 3), float64.
 
     Returns:
-        Sums of area vectors, shape (N, 3), float64, and the row of each corner, shape (C,), int64.
+        Sums of area vectors [any unit²], shape (N, 3), float64, and the row of each corner, shape (C,), int64.
     """
     owner = np.repeat(np.arange(len(cage.counts)), cage.counts)
     ahead, _ = _neighbours(cage.counts)

@@ -61,7 +61,7 @@ def table_of(value: Any, width: int) -> NDArray[np.float64] | None:
         width: Numbers in a row.
 
     Returns:
-        Rows, shape (N, width), float64, none for no value; None where the value is something else.
+        Rows [any unit], shape (N, width), float64, none for no value; None where the value is something else.
     """
     if value is None:
         return np.zeros((0, width))
