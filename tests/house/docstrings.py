@@ -5,30 +5,28 @@ from __future__ import annotations
 import ast
 import re
 
+from tests.house.house import ROOMS, ROOT
+
 SECTION = re.compile(r"^\s*(Args|Attributes|Returns|Yields|Raises|Source|Example|Examples|Note):")
 ENTRY = re.compile(r"^(\s+)\*{0,2}([A-Za-z_][\w, *]*?)(?: \([^)]*\))?:(?:\s|$)")
-ARRAY = re.compile(r"\b(ndarray|NDArray|ArrayLike|\w*Array|[FIU](8|16|32|64))\b")
+ARRAY = re.compile(r"\b(ndarray|NDArray|ArrayLike|\w*Array)\b")
 # [m], [px], [m/s], [m²], [1/m], [0.1 stage units], [1]: a bracket that begins with a unit, after a number or not.
+_WORDS = "electrons?|codes?|cells?|tiles?|texels?|time codes"
 UNIT = re.compile(
     r"\[(?:[\d.]+ )?(?:(?:1/)?"
-    r"(?:mm|cm|km|m|px|rad|deg|ms|min|s|h|kg|N|lx|lm|W|EV|K|B|bytes|[kMG]i?B)(?![A-Za-z])[^\]]*"
-    r"|1|%|(?:stage|model|scan|any) units?)\]"
+    rf"(?:mm|cm|km|m|px|points?/|rad|deg|°|sr|ms|min|s|h|kg|k?N|k?lx|lm|k?cd|W|EV|K|B|bytes|[kMG]i?B|{_WORDS})"
+    r"(?![A-Za-z])[^\]]*|(?:1/|1 / )?(?:stage|model|scan|any) units?[²³]?|1|%|of 255)\]"
 )
-# The last word of a name that is a length, an angle or a time wherever it stands.
-PHYSICAL = frozenset(
-    {"length", "width", "height", "depth", "thickness", "radius", "diameter", "distance", "spacing", "gap", "clearance"}
-    | {"elevation", "altitude", "offset", "overhang", "span", "spans", "chainage", "station"}
-    | {"angle", "heading", "yaw", "roll", "skew", "azimuth", "fov", "time", "duration", "seconds", "speed"}
+# (N, 3), (N,), (..., 3), (2 * (N - 1), 3), (...), (): sizes with commas between them, as numpy writes a shape.
+_SIZE = r"(?:[^(),]|\([^()]*\))+"
+SIZES = rf"\((?:\.\.\.|…|{_SIZE},(?:{_SIZE},)*(?:{_SIZE})?)?\)"
+SHAPE = re.compile(rf"\b[Ss]hapes? {SIZES}(?:(?:,| and|, and| or) {SIZES})*")
+# "each of shape (3,)", "shape (3,) each", "shapes (3,)": said of every array there.
+OF_ALL = re.compile(
+    rf"\beach (?:of |with )?shape {SIZES}|\bshape {SIZES}(?:,? u?(?:float|int)\d+)?,? each\b"
+    rf"|\bshapes {SIZES}(?!(?:,| and|, and) \()"
 )
-# Arrays of these names hold lengths, whatever the word before them: a unit belongs to each.
-PLACES = frozenset(
-    {"points", "point", "positions", "position", "poses", "pose", "centers", "center", "centres", "vertices"}
-    | {"coord", "coords", "origin", "origins", "translation", "translations", "bounds", "box", "boxes", "extent"}
-    | {"depths", "distances", "heights", "widths", "lengths", "radii", "elevations", "angles", "offsets", "stations"}
-    | {"intrinsics", "uncertainty", "displacement", "residuals"}
-)
-COUNTED = re.compile(r"\b(I64|I32|U8|U16|U32|U64|Bool|np\.u?int\d*|np\.bool_?)\b|moderngl")
-MEASURED = re.compile(r"\bfloat\b")  # an int is a count, an index or pixels
+MEASURED = re.compile(r"\b(float|np\.float\d*|np\.floating)\b")  # an int is a count, an index or pixels
 
 
 def sections(doc: str) -> dict[str, str]:
@@ -58,40 +56,103 @@ def entries(section: str) -> dict[str, str]:
 
 
 def describes(doc: str, section: str, name: str) -> str:
-    """Give the text that describes one name: its entry, or the text above all sections where that section is absent."""
+    """Give the text of a name's own entry; no text above the sections serves in its place."""
+    return entries(sections(doc).get(section, "")).get(name, "")
+
+
+def returned(doc: str) -> str:
+    """Give the text that describes a return value: its section, or the text above all sections where it has none."""
     parts = sections(doc)
-    if section not in parts:
-        return parts[""]
-    return entries(parts[section]).get(name, "")
+    return parts.get("Returns", parts.get("Yields", parts[""]))
 
 
-def array_aliases(tree: ast.Module) -> set[str]:
-    """Name the module's own aliases of array types, such as F64 = NDArray[np.float64]."""
-    found: set[str] = set()
-    for node in tree.body:
-        if isinstance(node, ast.Assign) and ARRAY.search(ast.unparse(node.value).split("(")[0]):
-            found |= {target.id for target in node.targets if isinstance(target, ast.Name)}
+def aliases_of(tree: ast.Module) -> dict[str, str]:
+    """Name the array types that a module calls by names of its own or by another's, such as F64, written out."""
+    found: dict[str, str] = {}
+    for node in _top(tree):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in ROOMS:
+            theirs = _aliases_in(node.module)
+            found |= {each.asname or each.name: theirs[each.name] for each in node.names if each.name in theirs}
+        elif isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            text = written_out(node.value, found)
+            if isinstance(node.value, ast.Subscript | ast.BinOp | ast.Name | ast.Attribute) and ARRAY.search(text):
+                found |= {target.id: text for target in targets if isinstance(target, ast.Name)}
     return found
 
 
-def is_array(annotation: ast.expr | None, aliases: set[str]) -> bool:
-    """Tell whether an annotation speaks of arrays, lists and mappings of arrays included, callables left out."""
-    if annotation is None:
-        return False
-    text = ast.unparse(annotation).strip("'\"")
-    if "Callable" in text:
-        return False
-    return bool(ARRAY.search(text)) or any(re.search(rf"\b{alias}\b", text) for alias in aliases)
+def _top(tree: ast.Module) -> list[ast.stmt]:
+    """List a module's statements, those below `if TYPE_CHECKING` among them."""
+    return [each for node in tree.body for each in ([*node.body, *node.orelse] if isinstance(node, ast.If) else [node])]
 
 
-def is_physical(name: str, annotation: ast.expr | None, aliases: set[str]) -> bool:
-    """Tell whether a name and its annotation speak of a number with a unit."""
-    if annotation is None:
-        return False
-    last = name.split("_")[-1]
-    if last in PLACES and is_array(annotation, aliases):
-        return not COUNTED.search(ast.unparse(annotation))  # rows and flags have names such as `obs_point`, too
-    if last not in PHYSICAL:
-        return False
-    text = ast.unparse(annotation)
-    return (bool(MEASURED.search(text)) and "Callable" not in text) or is_array(annotation, aliases)
+_READ: dict[str, dict[str, str]] = {}
+
+
+def _aliases_in(module: str) -> dict[str, str]:
+    """Give the aliases of a module of the house; a package's are those of its `__init__.py`."""
+    path = ROOT.joinpath(*module.split("."))
+    if module not in _READ:
+        _READ[module] = {}  # what imports itself in a circle ends here
+        for file in (path.with_suffix(".py"), path / "__init__.py"):
+            if file.is_file():
+                _READ[module] = aliases_of(ast.parse(file.read_text(encoding="utf-8")))
+    return _READ[module]
+
+
+def written_out(annotation: ast.expr, aliases: dict[str, str]) -> str:
+    """Write an annotation with every alias replaced by what it stands for."""
+    text = ast.unparse(annotation).replace("'", "")
+    return re.sub(r"(?<![.\w])[A-Za-z_]\w*", lambda name: aliases.get(name.group(), name.group()), text)
+
+
+def parts_of(text: str) -> list[str]:
+    """List what a written-out return type gives one by one: the parts of a tuple, else the type itself."""
+    try:
+        node: ast.expr = ast.parse(text, mode="eval").body
+    except SyntaxError:
+        return [text]
+    return [ast.unparse(part) for part in _parts(node)]
+
+
+def _parts(node: ast.expr) -> list[ast.expr]:
+    """Take a type apart: `A | None` is A, an iterator of tuples is its tuple."""
+    if isinstance(node, ast.BinOp):
+        return max(_parts(node.left), _parts(node.right), key=lambda parts: (_weight(parts), len(parts)))
+    if isinstance(node, ast.Subscript):
+        name = ast.unparse(node.value)
+        if name == "tuple" and isinstance(node.slice, ast.Tuple):
+            inner = [part for part in node.slice.elts if not isinstance(part, ast.Constant)]
+            return [leaf for part in inner for leaf in _parts(part)]
+        if name in ("Iterator", "Iterable", "Generator", "list", "Sequence"):
+            first = node.slice.elts[0] if isinstance(node.slice, ast.Tuple) else node.slice
+            return _parts(first)
+    return [node]
+
+
+def _weight(parts: list[ast.expr]) -> int:
+    """Count the arrays among the parts of a type."""
+    return sum(holds_array(ast.unparse(part)) for part in parts)
+
+
+def holds_array(text: str) -> bool:
+    """Tell whether a written-out type speaks of arrays, lists and mappings of arrays included, callables left out."""
+    return "Callable" not in text and bool(ARRAY.search(text))
+
+
+def holds_float(text: str) -> bool:
+    """Tell whether a written-out type is a float, an array of floats, or a tuple, list or mapping of them."""
+    return "Callable" not in text and bool(MEASURED.search(text))
+
+
+def states_unit(text: str) -> bool:
+    """Tell whether a text states a unit, such as [m] or [1]."""
+    return bool(UNIT.search(" ".join(text.split())))
+
+
+def shapes_in(text: str) -> int:
+    """Count the shapes that a text states, such as `shape (N, 3)`; one that is said of each counts as many."""
+    text = " ".join(text.split())
+    if OF_ALL.search(text):
+        return 99
+    return sum(len(re.findall(SIZES, found.group())) for found in SHAPE.finditer(text))
