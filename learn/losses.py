@@ -49,14 +49,14 @@ def cross_entropy(
     The mean is over the points, as RandLA-Net has it, and not over the weights, as torch has it.
 
     Args:
-        logits: Shape (P, C).
+        logits: Scores [1], shape (P, C).
         labels: Classes, 255 where unknown, shape (P,), int64.
         weights: Of the classes [1], shape (C,), or None.
         points: Of the points [1], shape (P,), or None.
         smoothing: Share of the target that is spread over all classes [1].
 
     Returns:
-        A number; 0 without a labelled point.
+        A number [1], shape (); 0 without a labelled point.
     """
     known = labels != UNLABELED
     target = labels.clamp(max=logits.shape[-1] - 1)
@@ -72,11 +72,11 @@ def lovasz_softmax(logits: Tensor, labels: Tensor) -> Tensor:
     """Average the Lovasz extension of 1 - IoU over the classes that are present.
 
     Args:
-        logits: Shape (P, C).
+        logits: Scores [1], shape (P, C).
         labels: Classes, 255 where unknown, shape (P,), int64.
 
     Returns:
-        A number; 0 without a labelled point.
+        A number [1], shape (); 0 without a labelled point.
 
     Source: Berman et al., The Lovasz-softmax loss, 2018, algorithm 1.
     """
@@ -111,12 +111,12 @@ def noise_loss(logits: Tensor, labels: Tensor, noisy: int) -> Tensor:
     """Score the head for noise: one output of its own, so that noise does not compete with the components.
 
     Args:
-        logits: Shape (P, C); column `noisy` is the head for noise.
+        logits: Scores [1], shape (P, C); column `noisy` is the head for noise.
         labels: Classes, 255 where unknown, shape (P,), int64.
         noisy: Number of the class of noisy points.
 
     Returns:
-        Mean binary cross-entropy over the labelled points; 0 without one.
+        Mean binary cross-entropy over the labelled points [1], shape (); 0 without one.
     """
     known = labels != UNLABELED
     target = (labels == noisy).to(logits.dtype)

@@ -212,7 +212,7 @@ def write_model(folder: Path, facts: ModelFacts, weights: Mapping[str, Tensor]) 
     Args:
         folder: Where to; made when absent.
         facts: What it is.
-        weights: Its arrays by name.
+        weights: Its arrays by name, shape (...), any type.
     """
     folder.mkdir(parents=True, exist_ok=True)
     # safetensors orders what it writes by type and name, so that equal weights are equal bytes
@@ -282,7 +282,7 @@ def read_weights(folder: Path) -> dict[str, Tensor]:
         folder: A model.
 
     Returns:
-        Arrays by name.
+        Arrays by name, shape (...), any type.
 
     Raises:
         InputError: Missing or torn.
@@ -316,7 +316,7 @@ def load_weights(module: nn.Module, weights: Mapping[str, Tensor], where: Path) 
 
     Args:
         module: The network.
-        weights: Arrays by name.
+        weights: Arrays by name, shape (...), any type.
         where: File that they come from.
 
     Raises:

@@ -159,7 +159,7 @@ def read_spots(
         charts: The atlas.
         members: Facts of the members.
         fields: Noise.
-        texels: Triangle, column and row of each, shape (N,) each.
+        texels: Triangle, column and row of each [texels], shape (N,) each.
         edges: Distance of each to the nearest arris [texels], shape (N,), float32.
     """
     triangle, column, row = texels

@@ -44,7 +44,8 @@ class Backbone(Protocol):
 
         Args:
             features: Inputs [1], shape (B, N, C), float32.
-            geometry: Positions and pyramids of the B clouds.
+            geometry: Of the B clouds `coord` [m or 1], shape (B, N, 3), float32, and the pyramids, shape (B, rows) or
+                (B, rows, neighbours), int64.
 
         Returns:
             Logits [1], shape (B, N, classes), float32.
@@ -64,7 +65,7 @@ def geometry_of(
         moved: The same points turned, mirrored or scaled afterwards [m or 1], shape (N, 3), float32; None: not at all.
 
     Returns:
-        `coord` (N, 3), float32, and the pyramid, int64.
+        `coord` [m or 1], shape (N, 3), float32, and the pyramid, shape (rows,) or (rows, neighbours), int64.
     """
     arrays = cached_pyramid(cache, coord, backbone.pyramid_parameters(), backbone.pyramid)
     geometry = {name: torch.from_numpy(rows.astype(np.int64)) for name, rows in arrays.items()}
@@ -76,9 +77,11 @@ def batched(geometries: list[dict[str, Tensor]]) -> dict[str, Tensor]:
     """Stack the geometries of clouds with the same number of points.
 
     Args:
-        geometries: One a cloud.
+        geometries: One a cloud, as of `geometry_of`: `coord` [m or 1], shape (N, 3), float32, and pyramids, shape
+            (rows,) or (rows, neighbours), int64.
 
     Returns:
-        One geometry with a batch axis.
+        One geometry with a batch axis: `coord` [m or 1], shape (B, N, 3), float32, and pyramids, shape (B, rows) or (B,
+        rows, neighbours), int64.
     """
     return {name: torch.stack([geometry[name] for geometry in geometries]) for name in geometries[0]}

@@ -30,8 +30,8 @@ def grow_forest(
         seed: Seed of every draw.
 
     Returns:
-        `first` (T + 1,), where each tree begins; of every node `column` (-1: a leaf), `threshold`, `left`, `right`
-        (nodes of the whole), shape (M,), and `share` of the classes, shape (M, classes).
+        `first` (T + 1,), where each tree begins; of every node `column` (-1: a leaf), `threshold` [m or 1], `left`,
+        `right` (nodes of the whole), shape (M,), and `share` of the classes [1], shape (M, classes).
 
     Raises:
         InputError: Fewer than two classes.

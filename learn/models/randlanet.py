@@ -103,7 +103,8 @@ class RandlaNet(nn.Module):
 
         Args:
             features: Inputs [1], shape (B, N, C), float32.
-            geometry: Positions and pyramids.
+            geometry: Of the B clouds `coord` [m or 1], shape (B, N, 3), float32, and the pyramids, shape (B, rows) or
+                (B, rows, neighbours), int64.
 
         Returns:
             Logits [1], shape (B, N, classes).

@@ -94,7 +94,7 @@ class Segmentation(lightning.LightningModule):
             number: Number of the batch in the epoch.
 
         Returns:
-            The loss.
+            The loss [1], shape (), float32.
         """
         # Dropout depends on the seed and the step alone, so that a resumed training goes on alike.
         place = [self._settings.seed, self.global_step] + ([self.global_rank] if self.global_rank else [])

@@ -18,7 +18,7 @@ def open_array(path: Path) -> np.ndarray:
         path: The file.
 
     Returns:
-        Numbers, shape (N, C), or records, shape (N,).
+        Numbers [any unit], shape (N, C), or records, shape (N,).
 
     Raises:
         InputError: Damaged, of another shape, or one that would have to be unpickled.

@@ -9,7 +9,7 @@ from tests.house.house import ROOMS, ROOT
 
 SECTION = re.compile(r"^\s*(Args|Attributes|Returns|Yields|Raises|Source|Example|Examples|Note):")
 ENTRY = re.compile(r"^(\s+)\*{0,2}([A-Za-z_][\w, *]*?)(?: \([^)]*\))?:(?:\s|$)")
-ARRAY = re.compile(r"\b(ndarray|NDArray|ArrayLike|\w*Array)\b")
+ARRAY = re.compile(r"\b(ndarray|NDArray|ArrayLike|\w*Array|Tensor)\b")
 # [m], [px], [m/s], [m²], [1/m], [0.1 stage units], [1]: a bracket that begins with a unit, after a number or not.
 _WORDS = "electrons?|codes?|cells?|tiles?|texels?|time codes"
 UNIT = re.compile(
@@ -27,6 +27,11 @@ OF_ALL = re.compile(
     rf"|\bshapes {SIZES}(?!(?:,| and|, and) \()"
 )
 MEASURED = re.compile(r"\b(float|np\.float\d*|np\.floating)\b")  # an int is a count, an index or pixels
+
+
+# An array that does not say of what: of floats, unless its text says so.
+BARE = re.compile(r"\bndarray\b(?!\[)")
+COUNTS = re.compile(r"\b(u?int\d+|bool)\b")
 
 
 def sections(doc: str) -> dict[str, str]:
@@ -118,7 +123,7 @@ def parts_of(text: str) -> list[str]:
 def _parts(node: ast.expr) -> list[ast.expr]:
     """Take a type apart: `A | None` is A, an iterator of tuples is its tuple."""
     if isinstance(node, ast.BinOp):
-        return max(_parts(node.left), _parts(node.right), key=lambda parts: (_weight(parts), len(parts)))
+        return max(_parts(node.left), _parts(node.right), key=_weight)
     if isinstance(node, ast.Subscript):
         name = ast.unparse(node.value)
         if name == "tuple" and isinstance(node.slice, ast.Tuple):
@@ -130,9 +135,10 @@ def _parts(node: ast.expr) -> list[ast.expr]:
     return [node]
 
 
-def _weight(parts: list[ast.expr]) -> int:
-    """Count the arrays among the parts of a type."""
-    return sum(holds_array(ast.unparse(part)) for part in parts)
+def _weight(parts: list[ast.expr]) -> tuple[int, int, int]:
+    """Count the arrays, the floats and all parts of a type: of alternatives, the one that asks for more counts."""
+    texts = [ast.unparse(part) for part in parts]
+    return sum(map(holds_array, texts)), sum(map(holds_float, texts)), len(texts)
 
 
 def holds_array(text: str) -> bool:
@@ -140,9 +146,10 @@ def holds_array(text: str) -> bool:
     return "Callable" not in text and bool(ARRAY.search(text))
 
 
-def holds_float(text: str) -> bool:
-    """Tell whether a written-out type is a float, an array of floats, or a tuple, list or mapping of them."""
-    return "Callable" not in text and bool(MEASURED.search(text))
+def holds_float(text: str, doc: str = "") -> bool:
+    """Tell whether a written-out type speaks of floats: one, an array of them, or a list or mapping of them."""
+    bare = bool(BARE.search(text)) and not COUNTS.search(doc)
+    return "Callable" not in text and (bare or bool(MEASURED.search(text)))
 
 
 def states_unit(text: str) -> bool:

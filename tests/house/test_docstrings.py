@@ -116,10 +116,7 @@ def _in_function(function: Function, aliases: dict[str, str]) -> list[Quantity]:
             name = f"{function.name}({parameter.arg})"
             found.append(_quantity(function.lineno, name, parameter.annotation, aliases, text))
     if function.returns is not None and not _is_overload(function):
-        given = written_out(function.returns, aliases)
-        arrays = sum(holds_array(part) for part in parts_of(given))
-        doc = returned(doc)
-        found.append(Quantity(function.lineno, f"{function.name} returns", arrays, holds_float(given), doc))
+        found.append(_quantity(function.lineno, f"{function.name} returns", function.returns, aliases, returned(doc)))
     return found
 
 
@@ -139,9 +136,9 @@ def _in_class(node: ast.ClassDef, aliases: dict[str, str]) -> list[Quantity]:
 
 
 def _quantity(line: int, what: str, annotation: ast.expr, aliases: dict[str, str], text: str) -> Quantity:
-    """Judge one argument or field by its type."""
-    given = written_out(annotation, aliases)
-    return Quantity(line, what, int(holds_array(given)), holds_float(given), text)
+    """Judge an argument, a field or a return value by its type, the parts of a tuple one by one."""
+    parts = parts_of(written_out(annotation, aliases))
+    return Quantity(line, what, sum(map(holds_array, parts)), any(holds_float(part, text) for part in parts), text)
 
 
 def _is_overload(node: ast.AST) -> bool:
@@ -190,7 +187,7 @@ def test_a_missing_docstring_is_found(source: str, count: int) -> None:
 def function(signature: str, *doc: str) -> str:
     """Write a documented function."""
     lines = "".join(f"\n    {line}" for line in ("Do it.", *doc))
-    return f'F64 = NDArray[np.float64]\ndef f{signature}:\n    """{lines}\n    """'
+    return f'F64 = NDArray[np.float64]\nI64 = NDArray[np.int64]\ndef f{signature}:\n    """{lines}\n    """'
 
 
 @pytest.mark.parametrize(
@@ -208,6 +205,7 @@ def function(signature: str, *doc: str) -> str:
         (function("(points: np.ndarray | None) -> None", "Args:", "    points: Positions [m]."), 1),
         (function("() -> F64", "Returns:", "    Positions [m]."), 1),
         (function("() -> F64", "Returns:", "    Positions [m], shape (N, 3)."), 0),
+        (function("(a: tuple[F64, F64]) -> None", "Args:", "    a: Positions and normals [m], shape (N, 3)."), 1),
         (function("(pier_height: float) -> None", "Args:", "    pier_height: From the ground up."), 1),
         (function("(pier_height: float) -> None", "Args:", "    pier_height: From the ground up [m]."), 0),
         (function("(pier_height: float) -> None", "Args:", "    pier_height: From 0 to 1, one of [a, b]."), 1),
@@ -234,6 +232,8 @@ def test_every_float_needs_a_unit_whatever_its_name(name: str, text: str, count:
         ("-> float", "The result.", 1),
         ("-> float | None", "The result.", 1),
         ("-> tuple[float, ...]", "The results.", 1),
+        ("-> str | dict[str, float]", "The results.", 1),
+        ("-> I64 | F64", "The results, shape (N,).", 1),
         ("-> dict[str, F64]", "The results, shape (N,).", 1),
         ("-> int", "The result.", 0),
         ("-> NDArray[np.bool_]", "Which, shape (N,).", 0),
@@ -246,6 +246,10 @@ def test_every_float_needs_a_unit_whatever_its_name(name: str, text: str, count:
         ("-> tuple[F64, F64, F64]", "Positions [m] and distances, shapes (N, 3) and (N,).", 1),
         ("-> tuple[F64, F64] | None", "Positions [m], shape (N, 3), and normals.", 1),
         ("-> Iterator[tuple[F64, F64]]", "Positions [m], shape (N, 3), and normals.", 1),
+        ("-> tuple[Callable[[], int], F64]", "A function, and positions, shape (N, 3).", 1),
+        ("-> np.ndarray", "Positions, shape (N, 3), float32.", 1),
+        ("-> np.ndarray", "Rows, shape (N,), int64.", 0),
+        ("-> dict[str, Tensor]", "Arrays by name.", 1),
         ("-> tuple[F64, int]", "Positions [m], shape (N, 3), and a count.", 0),
     ],
 )
