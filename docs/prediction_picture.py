@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.shipped.scan_scores import TABLES, Labelled, label_scan, read_labelled_scan
+from benchmarks.shipped.scan_scores import TABLES, Labelled, label_scan, read_labeled_scan
 from docs.sampling_picture import GAP, PANEL, draw
 from groundwork.files import write_bytes
 from learn.datasets.class_tables import ClassTable, class_table
@@ -103,7 +103,7 @@ def main() -> None:
     given = parser.parse_args()
     model, rows, labels = named_model(given.model), list[U8](), list[I64]()
     for path in given.clouds:
-        found = label_scan(read_labelled_scan(path), model)
+        found = label_scan(read_labeled_scan(path), model)
         source = read_cloud(path).source
         rows.append(panels(found, given.table, KINDS.get(source, source)))
         labels += [found.truth[given.table], found.found[given.table]]

@@ -384,7 +384,7 @@ def _roots(allowed: str | PathLike[str] | Iterable[str | PathLike[str]]) -> tupl
 def _settings(given: S, *kinds: type[Any]) -> S:
     if not isinstance(given, kinds):
         raise InputError(
-            "settings of another function",
+            "settings of a wrong class",
             field="settings",
             value=type(given).__name__,
             allowed=", ".join(kind.__name__ for kind in kinds),

@@ -268,7 +268,7 @@ def shard_of(scenes: range, text: str | None) -> list[int]:
         return list(scenes)
     part, slash, count = text.partition("/")
     if not (slash and part.isdecimal() and count.isdecimal() and len(text) < 20 and int(part) < int(count)):
-        raise InputError("no such part", field="--shard", value=text, allowed="i/n with i from 0 to n - 1")
+        raise InputError("invalid shard", field="--shard", value=text, allowed="i/n with i from 0 to n - 1")
     return list(scenes)[int(part) :: int(count)]
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from usd_schemas.components import UNLABELLED
+from usd_schemas.components import UNLABELED
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -33,7 +33,7 @@ def connected_parts(coord: F64, classes: NDArray[np.uint8], link: float, fewest:
     cell = np.floor((coord - coord.min(axis=0)) / link).astype(np.int64) + 1 if len(coord) else found.reshape(-1, 3)
     key = (cell[:, 0] << 2 * _BITS) | (cell[:, 1] << _BITS) | cell[:, 2]
     for label in np.unique(classes):
-        if label == UNLABELLED or int(label) in without:
+        if label == UNLABELED or int(label) in without:
             continue
         rows = np.flatnonzero(classes == label)
         cells, inverse = np.unique(key[rows], return_inverse=True)
@@ -81,7 +81,7 @@ class Boxes:
         self.high = np.full((count + 1, 3), -np.inf)
         self.points = np.zeros(count + 1, np.int64)
         self.sure = np.zeros(count + 1)
-        self.label = np.full(count + 1, UNLABELLED, np.int64)
+        self.label = np.full(count + 1, UNLABELED, np.int64)
 
     def add(
         self, coord: F64, instance: NDArray[np.integer], classes: NDArray[np.uint8], confidence: NDArray[np.float32]

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from learn.sample import UNLABELLED
+from learn.sample import UNLABELED
 
 WeightRule = Literal["none", "cube-root", "randla", "sqrt"]
 
@@ -58,7 +58,7 @@ def cross_entropy(
     Returns:
         A number; 0 without a labelled point.
     """
-    known = labels != UNLABELLED
+    known = labels != UNLABELED
     target = labels.clamp(max=logits.shape[-1] - 1)
     each = functional.cross_entropy(logits, target, reduction="none", label_smoothing=smoothing)
     if weights is not None:
@@ -80,7 +80,7 @@ def lovasz_softmax(logits: Tensor, labels: Tensor) -> Tensor:
 
     Source: Berman et al., The Lovasz-softmax loss, 2018, algorithm 1.
     """
-    known = labels != UNLABELLED
+    known = labels != UNLABELED
     probabilities, target = logits[known].softmax(dim=-1), labels[known]
     losses = []
     for number in range(logits.shape[-1]):
@@ -118,7 +118,7 @@ def noise_loss(logits: Tensor, labels: Tensor, noisy: int) -> Tensor:
     Returns:
         Mean binary cross-entropy over the labelled points; 0 without one.
     """
-    known = labels != UNLABELLED
+    known = labels != UNLABELED
     target = (labels == noisy).to(logits.dtype)
     each = functional.binary_cross_entropy_with_logits(logits[:, noisy], target, reduction="none")
     return (each * known).sum() / known.sum().clamp(min=1)
@@ -136,7 +136,7 @@ def components_only(logits: Tensor, labels: Tensor, noisy: int) -> tuple[Tensor,
         Logits, shape (P, C), -1e9 in column `noisy`; labels, shape (P,), 255 for noisy points.
     """
     column = torch.arange(logits.shape[-1], device=logits.device) == noisy
-    return logits.masked_fill(column, -1e9), labels.masked_fill(labels == noisy, UNLABELLED)
+    return logits.masked_fill(column, -1e9), labels.masked_fill(labels == noisy, UNLABELED)
 
 
 def merge_noise(logits: Tensor, noisy: int) -> Tensor:

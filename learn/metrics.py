@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.sample import UNLABELLED
+from learn.sample import UNLABELED
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -63,7 +63,7 @@ def confusion(truth: I64, predicted: I64, classes: int) -> I64:
     Returns:
         Counts, true classes down and predicted ones across, shape (C, C), int64; matrices of several clouds add up.
     """
-    known = truth != UNLABELLED
+    known = truth != UNLABELED
     flat = truth[known].astype(np.int64) * classes + predicted[known]
     return np.bincount(flat, minlength=classes * classes).reshape(classes, classes).astype(np.int64)
 

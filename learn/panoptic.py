@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.sample import UNLABELLED
+from learn.sample import UNLABELED
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -71,7 +71,7 @@ def count_instances(
 
     Source: Kirillov et al., Panoptic segmentation, 2019, section 4.
     """
-    known = true_class != UNLABELLED
+    known = true_class != UNLABELED
     truth, true_of, true_size = _segments(true_class[known], true_instance[known])
     found, found_of, found_size = _segments(found_class[known], found_instance[known])
     pairs, shared = np.unique(np.stack([true_of, found_of]), axis=1, return_counts=True)

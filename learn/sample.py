@@ -11,7 +11,7 @@ from groundwork.errors import InputError
 F32 = NDArray[np.float32]
 I64 = NDArray[np.int64]
 
-UNLABELLED = 255
+UNLABELED = 255
 
 
 @dataclass(frozen=True)

@@ -308,7 +308,7 @@ def _check(folder: Path, cloud: Cloud, count: int | None = None, observation_cou
     fewest = int(cloud.source in RECONSTRUCTED)
     start, image = cloud.observations["start"], cloud.observations["image"]
     if start[0] != 0 or start[-1] != observation_count or (np.diff(start) < fewest).any():
-        raise InputError("does not count through the observations", where=folder / OBSERVATIONS / "start.npy")
+        raise InputError("must rise from 0 to the number of observations", where=folder / OBSERVATIONS / "start.npy")
     if observation_count and image.max() >= len(cloud.cameras):
         raise InputError("an image that is not listed", where=folder / OBSERVATIONS / "image.npy")
     if not np.isfinite(cloud.columns["coord"]).all():

@@ -43,7 +43,7 @@ from recon.truth.surface_distance import nearest_surface, without_moving
 from recon.truth.uncertainty import Uncertainty, depths, measure
 from recon.truth.windows import lay_windows
 from render.capture import Capture, Truth, read_truth
-from usd_schemas.components import UNLABELLED, class_rows
+from usd_schemas.components import UNLABELED, class_rows
 
 
 def reconstruct(
@@ -245,10 +245,10 @@ def _label(
     count, total = len(points), len(seen.image)
     components = ("", *sorted({row.component for row in truth.instances} - {""})) if truth else ("",)
     if truth is None:
-        nothing, unknown = np.full(count, np.nan), np.full(count, UNLABELLED, np.uint8)
+        nothing, unknown = np.full(count, np.nan), np.full(count, UNLABELED, np.uint8)
         nan32 = nothing.astype(np.float32)
         error = np.full(total, np.nan)
-        observed = ObservedTruth(np.full(total, UNLABELLED, np.uint8), np.zeros(total, np.uint32), error, error)
+        observed = ObservedTruth(np.full(total, UNLABELED, np.uint8), np.zeros(total, np.uint32), error, error)
         verdict = Annotation(unknown, np.zeros(count, np.uint32), nan32, nan32)
         measured = Uncertainty(nothing, nothing, nothing, nothing, nothing)
         distance, nearest, component = nothing, unknown, np.zeros(count, np.uint16)

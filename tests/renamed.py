@@ -1,6 +1,6 @@
 """Renew the rows of docs/proof.json that are stale by names alone.
 
-Usage: python -m tests.renamed NEW=OLD…
+Usage: python -m tests.renamed NEW=OLD…   (a name, or the words of a message)
 
 Undoes the renaming in a copy of the repository. Where the copy's code hashes to what a row speaks of, the row speaks of
 the code as it is, but for its names, and gets today's hash. A row that any other change made stale stays stale.
@@ -27,10 +27,10 @@ def undo(names: dict[str, str], root: Path, copy: Path) -> None:
         root: Folder of the repository.
         copy: Folder to fill.
     """
-    words = re.compile(r"\b(" + "|".join(map(re.escape, names)) + r")\b")
+    words = re.compile(r"(?<!\w)(" + "|".join(map(re.escape, names)) + r")(?!\w)")
     listed = subprocess.run(["git", "ls-files", *HASHED], cwd=root, check=True, capture_output=True, text=True).stdout
     for file in map(Path, listed.splitlines()):
-        target = copy / file.with_stem(names.get(file.stem, file.stem))
+        target = copy.joinpath(*(words.sub(lambda match: names[match[0]], part) for part in file.parts))
         target.parent.mkdir(parents=True, exist_ok=True)
         if (root / file).is_dir():  # a link
             shutil.copytree(root / file, target)

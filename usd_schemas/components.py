@@ -9,7 +9,7 @@ from groundwork.errors import InputError
 
 BACKGROUND = 0
 NOISY_POINT = 16
-UNLABELLED = 255
+UNLABELED = 255
 
 
 @dataclass(frozen=True)

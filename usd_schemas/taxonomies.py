@@ -7,11 +7,11 @@ from functools import cache
 from importlib.resources import files
 
 from groundwork.errors import InputError
-from usd_schemas.components import NOISY_POINT, UNLABELLED, ClassRow, class_rows, component_classes
+from usd_schemas.components import NOISY_POINT, UNLABELED, ClassRow, class_rows, component_classes
 
 BASE = "falsework"
 TAXONOMIES = (BASE, "kim2020", "kim2023", "semanticbridge", "randla_bridgenet", "hgcnn", "ifc43", "asprs")
-RESERVED = (NOISY_POINT, UNLABELLED)
+RESERVED = (NOISY_POINT, UNLABELED)
 
 
 @dataclass(frozen=True)

@@ -162,7 +162,7 @@ class Alignment:
         ahead = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
         aside = _quarter(ahead)
         lean = np.tan(self.skew)
-        share = skew_share(left)[..., None]
+        share = skew_blend(left)[..., None]
         normal = np.array([-np.sin(self.heading), np.cos(self.heading)])
         by_left = share * (aside + lean * ahead) + (1.0 - share) * normal
         if self.curve is None:
@@ -303,7 +303,7 @@ class Alignment:
         return np.stack(self._plan_position(place[:, 0], place[:, 1]), axis=1) - goal
 
 
-def skew_share(left: F64) -> F64:
+def skew_blend(left: F64) -> F64:
     """Find how far lines of constant station follow the supports: 1 near the axis, 0 beyond `FAR`.
 
     Args:
@@ -317,7 +317,7 @@ def skew_share(left: F64) -> F64:
 
 
 def _near_part(left: F64) -> F64:
-    """Integrate `skew_share` from the axis [m], same shape as `left`, float64."""
+    """Integrate `skew_blend` from the axis [m], same shape as `left`, float64."""
     size = np.abs(left)
     if np.all(size <= NEAR):
         return left

@@ -55,7 +55,7 @@ def water_level(land: Land) -> float:
     return crossing.level - 0.45 * min(crossing.depth, 1.3) if crossing.kind == "river" else -2.3
 
 
-def dammed(land: Land, station: F64, left: F64) -> F64:
+def causeway_share(land: Land, station: F64, left: F64) -> F64:
     """Tell where land under the water's level carries the crossing way.
 
     Args:
@@ -99,7 +99,7 @@ def with_shore(land: Land, basin: Basin, dry: Hills, foreshore: float, slope: Hi
         ashore = np.minimum(ashore, own) - 0.3 * overlap * overlap
         bed = basin.level - np.minimum(0.3 * np.maximum(inside, 0.0), 9.0)
         wet = np.where(inside > 0.0, bed, ashore)
-        carried = dammed(land, station, left) * (1.0 - smoothstep(-ROAD_END, -0.3 * ROAD_END, out))
+        carried = causeway_share(land, station, left) * (1.0 - smoothstep(-ROAD_END, -0.3 * ROAD_END, out))
         return np.where(basin.side * left > 0.0, wet + carried * np.maximum(-wet, 0.0), own)
 
     return hills

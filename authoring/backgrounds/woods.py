@@ -160,10 +160,10 @@ def clear_ground(terrain: Terrain, places: F64, plots: Plots, gap: float) -> B:
     free = open_land(terrain, places[:, 0], places[:, 1]) > 0.5
     axis = terrain.land.layout.alignment
     world = to_world(axis, np.column_stack([places, np.zeros(len(places))]))[:, :2]
-    centre = to_world(axis, plots.places)[:, :2]
+    plot_centers = to_world(axis, plots.places)[:, :2]
     turn = plots.heading + axis.heading_at(plots.places[:, 0])
-    around = KDTree(world).query_ball_point(centre, np.hypot(*plots.half.T) + gap)
-    for middle, yaw, half, close in zip(centre, turn, plots.half, around, strict=True):
+    around = KDTree(world).query_ball_point(plot_centers, np.hypot(*plots.half.T) + gap)
+    for middle, yaw, half, close in zip(plot_centers, turn, plots.half, around, strict=True):
         near = np.array(close, np.int64)
         east, north = (world[near] - middle).T
         along = np.abs(east * np.cos(yaw) + north * np.sin(yaw))

@@ -24,7 +24,7 @@ LOOKS = f"{ADDITIONS}/AdditionsLooks"
 
 
 @dataclass(frozen=True)
-class Labelling:
+class Labeling:
     """What new objects are called.
 
     Attributes:
@@ -34,7 +34,7 @@ class Labelling:
     rules: tuple[tuple[str, str], ...] = ()
 
     @classmethod
-    def parse(cls, words: Iterable[str]) -> "Labelling":
+    def parse(cls, words: Iterable[str]) -> "Labeling":
         """Read `kind` or `pattern=kind` words; a bare kind stands for every object.
 
         Args:

@@ -7,7 +7,7 @@ from pathlib import Path
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from authoring.edits import additions
-from authoring.edits.additions import ADDITIONS, Labelling, write_binding
+from authoring.edits.additions import ADDITIONS, Labeling, write_binding
 from authoring.edits.bodies import bound_materials
 from authoring.edits.cameras import harvest_cameras
 from authoring.edits.daylight import find_sun, harvest_sun
@@ -71,7 +71,7 @@ class Harvest:
     left_out: list[str] = field(default_factory=list)
 
 
-def harvest_edits(edited: Path, scene: Path, labels: Labelling, remove: bool = False) -> Harvest:
+def harvest_edits(edited: Path, scene: Path, labels: Labeling, remove: bool = False) -> Harvest:
     """Compare an edited stage with the scene that it came from, and write the scene's edits layer anew.
 
     The scene is taken without its earlier edits, so that harvesting the same file twice changes nothing. What earlier
@@ -263,7 +263,7 @@ def _add(
     layer: Sdf.Layer,
     before: Usd.Stage,
     matches: Matches,
-    labels: Labelling,
+    labels: Labeling,
     former: dict[str, int],
     found: Harvest,
 ) -> dict[str, str]:

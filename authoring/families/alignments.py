@@ -128,7 +128,7 @@ def _refuse(settings: AlignmentSettings) -> None:
         value = getattr(settings, key)
         if value not in (None, plain):
             raise InputError(
-                "arches and cables hang in one plane: their bridges are straight, square and without a crest",
+                "arch, suspension and cable-stayed bridges are straight and square, without a crest",
                 field=f"bridge.alignment.{key}",
                 value=value,
                 allowed=str(plain),

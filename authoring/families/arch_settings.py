@@ -140,11 +140,11 @@ def draw_choice(settings: ArchSettings, draws: Draws) -> ArchChoice:
     paper = draws.profile == "paper"
     drawn_arrangement, drawn_shape, share = draws.choose(ARRANGEMENTS), draws.choose(SHAPES), draws.random()
     drawn_deck, bracing = draws.choose(DECKS), draw_option(settings, "bracing", draws)
-    arrangement = settings.arrangement or _told(drawn_arrangement, "deck", paper)
+    arrangement = settings.arrangement or _for_profile(drawn_arrangement, "deck", paper)
     above = arrangement in _ABOVE
-    shape = settings.shape or _told(drawn_shape, "parabola", paper)
-    form = settings.form or _told(_pick(THROUGH_FORMS if above else DECK_FORMS, share), "ring", paper)
-    deck = settings.deck or _told(drawn_deck, "box", paper)
+    shape = settings.shape or _for_profile(drawn_shape, "parabola", paper)
+    form = settings.form or _for_profile(_pick(THROUGH_FORMS if above else DECK_FORMS, share), "ring", paper)
+    deck = settings.deck or _for_profile(drawn_deck, "box", paper)
     below_span, below_flatness = draw(settings, "span", draws), draw(settings, "span_to_rise", draws)
     above_span, above_flatness = draw(settings.above, "span", draws), draw(settings.above, "span_to_rise", draws)
     span, flatness = (above_span, above_flatness) if above else (below_span, below_flatness)
@@ -188,7 +188,7 @@ def _refuse_idle(settings: ArchSettings) -> None:
             )
 
 
-def _told(drawn_name: str, paper_name: str, paper: bool) -> str:
+def _for_profile(drawn_name: str, paper_name: str, paper: bool) -> str:
     return paper_name if paper else drawn_name
 
 

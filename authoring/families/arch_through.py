@@ -180,7 +180,7 @@ def build_through_arch(layout: Layout, arch: DrawnThroughArch, ground: Ground) -
 def _refuse_ring(choice: ArchChoice) -> None:
     if choice.form == "ring":
         raise InputError(
-            "a ring has no room for traffic",
+            "a ring as wide as the deck cannot rise above it",
             field="bridge.arch.form",
             value="ring",
             allowed="concrete or steel ribs",

@@ -16,7 +16,7 @@ from authoring.families.stayed_choices import (
     Choice,
     choose,
     draw_random,
-    stretched,
+    with_longer_spans,
     with_median,
 )
 from authoring.families.stayed_elevation import FLATTEST, GAUGE, Frame, NoRoomForStays, fit, leg_size
@@ -190,7 +190,7 @@ def _fitted(make: _Make, choice: Choice, top: DeckTop) -> Fitted:
             return found
         if found is not None:
             break
-        longer = stretched(longer, _GROWTH)
+        longer = with_longer_spans(longer, _GROWTH)
     raise InputError(
         f"leaves no clear gauge beside {choice.shape} pylons",
         field="bridge.cable_stayed.main",

@@ -96,7 +96,7 @@ def lay_out(
         if not rule.shortest <= length <= rule.longest:
             nearest = min(max(length, rule.shortest), rule.longest)
             raise InputError(
-                f"a span that {rule.members} do not have",
+                f"a span out of the range of {rule.members}",
                 field=f"bridge.{rule.family}.spans",
                 value=length,
                 allowed=f"{rule.shortest:g} to {rule.longest:g} m",

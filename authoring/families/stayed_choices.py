@@ -281,7 +281,7 @@ def _wrong(field: str, value: object, allowed: str, hint: str) -> NoReturn:
     )
 
 
-def stretched(choice: Choice, factor: float) -> Choice:
+def with_longer_spans(choice: Choice, factor: float) -> Choice:
     """Lengthen all spans.
 
     Args:

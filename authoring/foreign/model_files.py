@@ -117,7 +117,7 @@ def unpack(archive: Path, folder: Path, suffixes: tuple[str, ...]) -> Path:
             if len(data) != entry.file_size:
                 raise InputError("holds more than it says", where=f"{archive}: {entry.filename}")
             if target.is_dir():
-                raise InputError("a file and a folder of one name", where=f"{archive}: {entry.filename}")
+                raise InputError("an entry that is both a file and a folder", where=f"{archive}: {entry.filename}")
             write_bytes(target, data)
     return folder / models[0]
 

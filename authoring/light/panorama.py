@@ -53,7 +53,7 @@ def read_panorama(path: Path) -> F32:
     if not path.is_file():
         raise MissingError("no such sky", field="light.sky", value=path.name)
     if path.suffix.lower() not in PANORAMAS:
-        raise InputError("not a sky", field="light.sky", value=path.name, allowed=", ".join(PANORAMAS))
+        raise InputError("unknown format of a sky", field="light.sky", value=path.name, allowed=", ".join(PANORAMAS))
     pixels = _read_exr(path) if path.suffix.lower() == ".exr" else _read_radiance(path)
     if np.isnan(pixels).any():
         raise InputError("holds values that are not finite", field="light.sky", value=path.name)

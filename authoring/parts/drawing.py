@@ -191,7 +191,7 @@ def check_depth(field: str, depth: float, span: float, ratios: tuple[float, floa
     most = float(np.floor(100.0 * span / ratios[0] + 1e-6)) / 100.0
     if not least <= depth <= most:
         raise InputError(
-            f"does not go with a span of {span:g} m",
+            f"incompatible with a span of {span:g} m",
             field=field,
             value=depth,
             allowed=f"{least:g} to {most:g} m here, span over depth {ratios[0]:g} to {ratios[1]:g}",

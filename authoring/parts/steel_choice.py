@@ -133,7 +133,7 @@ def _haunch(settings: PlateGirderSettings, spans: Spans, paper: bool, draws: Dra
     possible = spans.one_row and spans.count > 1
     if settings.haunch not in (None, "none") and not possible:
         raise InputError(
-            "a haunch wants a girder that is continuous over a pier",
+            "a haunch requires a girder that is continuous over a pier",
             field="bridge.girder.steel.haunch",
             value=settings.haunch,
             allowed="none",

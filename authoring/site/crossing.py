@@ -151,7 +151,7 @@ def _check(kind: CrossingKind, layout: Layout) -> None:
         )
     if kind in ("valley", "rail") and room < rule.headroom - 1.0:
         raise InputError(
-            f"the bearing seats lie only {room:.1f} m over the land",
+            f"the bearing seats are only {room:.1f} m above the ground",
             field="site.crossing",
             value=kind,
             allowed=f"a {kind} under seats {rule.headroom - 1.0:g} m high and more",

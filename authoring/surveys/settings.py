@@ -217,7 +217,12 @@ class MixSettings(CameraSettings):
     @model_validator(mode="after")
     def _record_is_shared(self) -> Self:
         for number, leg in enumerate(self.legs):
-            twice = sorted(leg.model_fields_set & set(CameraSettings.model_fields))
+            fields = type(leg).model_fields
+            twice = [  # a scenario that was written out in full names every default
+                name
+                for name in sorted(leg.model_fields_set & set(CameraSettings.model_fields))
+                if getattr(leg, name) != fields[name].default
+            ]
             if twice:
                 raise ValueError(f"legs[{number}].{twice[0]} belongs to the whole flight: give it to the mix")
         return self

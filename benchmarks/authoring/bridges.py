@@ -18,9 +18,9 @@ from authoring.layers.layer import export
 from authoring.layers.semantics import semantics_layer
 from authoring.shapes.component import F64, Component, Scatter
 from authoring.streams import stream
+from benchmarks.page import write_page
 from benchmarks.speed_unit import slower, this_machine
 from groundwork.errors import InputError
-from groundwork.files import write_text
 from groundwork.settings import parse_settings
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "benchmarks" / "bridges.md"
@@ -73,7 +73,7 @@ def main() -> None:
         for axis in (("straight",) if family in ("arch", "suspension", "cable_stayed") else tuple(AXES))
     ]
     PAGE.parent.mkdir(parents=True, exist_ok=True)
-    write_text(PAGE, _page(rows))
+    write_page(PAGE, _page(rows), __file__)
 
 
 def measure(family: str, axis: str, least_parts: int = LEAST_PARTS) -> Row:

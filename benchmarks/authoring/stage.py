@@ -21,8 +21,8 @@ from authoring.layers.semantics import semantics_layer
 from authoring.looks.material import MaterialRecipe
 from authoring.scenes.diff import diff_scenes
 from authoring.shapes.component import Component, Mesh
+from benchmarks.page import write_page
 from benchmarks.speed_unit import slower, this_machine
-from groundwork.files import write_text
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "benchmarks" / "stage.md"
 SIZES = (100, 1_000, 2_000, 10_000)
@@ -39,7 +39,7 @@ def main() -> None:
     """Measure, and write the page."""
     rows = [measure(size) for size in SIZES]
     PAGE.parent.mkdir(parents=True, exist_ok=True)
-    write_text(PAGE, _page(rows, _large_mesh()))
+    write_page(PAGE, _page(rows, _large_mesh()), __file__)
 
 
 def measure(count: int) -> dict[str, float]:

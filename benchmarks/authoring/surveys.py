@@ -22,8 +22,8 @@ from authoring.surveys.score import score_flight
 from authoring.surveys.settings import GlobalSettings, GridSettings, LocalSettings
 from authoring.surveys.subject import Subject, make_subject
 from benchmarks.authoring.inspection import inspection_rows
+from benchmarks.page import write_page
 from benchmarks.speed_unit import slower, this_machine
-from groundwork.files import write_text
 from usd_schemas.raycast import RayScene
 
 F64 = NDArray[np.float64]
@@ -56,7 +56,7 @@ def main() -> None:
         _score(long),
     ]
     PAGE.parent.mkdir(parents=True, exist_ok=True)
-    write_text(PAGE, _page(rows, inspection_rows(INSPECTED)))
+    write_page(PAGE, _page(rows, inspection_rows(INSPECTED)), __file__)
 
 
 def _subject(bridge: dict[str, object]) -> Subject:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from groundwork.files import read_json, write_text
+from benchmarks.page import write_page
+from groundwork.files import read_json
 
 ROOT = Path(__file__).resolve().parents[2]
 PROOF = ROOT / "docs" / "proof.json"
@@ -36,7 +37,7 @@ class FaultTest:
 def main() -> None:
     """Write the page."""
     tests = [test for path in sorted((ROOT / "tests").rglob("test_*.py")) for test in fault_tests(path)]
-    write_text(PAGE, page(tests, read_json(PROOF)["rows"]))
+    write_page(PAGE, page(tests, read_json(PROOF)["rows"]), __file__)
 
 
 def fault_tests(path: Path) -> Iterator[FaultTest]:

@@ -22,26 +22,16 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.checks.named_faults import NAMED
+from benchmarks.page import write_page
 from groundwork.canonical import digest
-from groundwork.files import read_json, write_json, write_text
+from groundwork.files import read_json, write_json
+from tests.provenance import HASHED
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "benchmarks" / "mutants.md"
 TIME_LIMIT = 600.0  # [s] for the tests of one fault; an endless loop is noticed
-FOLDERS = (
-    "groundwork",
-    "usd_schemas",
-    "authoring",
-    "render",
-    "recon",
-    "learn",
-    "falsework",
-    "tests",
-    "benchmarks",
-    "scenarios",
-    "docs",
-    "typings",
-)
+FOLDERS = (*HASHED, "scenarios", "docs", "typings")
 
 # What is tried: the modules of each subject, and the tests that are there to notice.
 SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -144,11 +134,12 @@ class Mutant:
     """One fault.
 
     Attributes:
-        subject: Row of `SUBJECTS`.
+        subject: Row of `SUBJECTS`, or `named`.
         module: File, from the root of the repository.
         line: Line of the fault.
         what: The expression before and after.
         text: The module with the fault in it.
+        tests: Files of the tests that are there to notice.
     """
 
     subject: str
@@ -156,6 +147,7 @@ class Mutant:
     line: int
     what: str
     text: str
+    tests: tuple[str, ...]
 
 
 def mutants_of(subject: str, module: str) -> Iterator[Mutant]:
@@ -173,21 +165,32 @@ def mutants_of(subject: str, module: str) -> Iterator[Mutant]:
         before = _shown(node)
         change()
         after = _shown(node)
-        yield Mutant(subject, module, getattr(node, "lineno", 0), f"`{before}` → `{after}`", ast.unparse(tree))
+        what, tests = f"`{before}` → `{after}`", SUBJECTS[subject][1]
+        yield Mutant(subject, module, getattr(node, "lineno", 0), what, ast.unparse(tree), tests)
+
+
+def named_mutants() -> list[Mutant]:
+    """Give the faults that a reviewer chose; each stands in one place."""
+    found = []
+    for fault in NAMED:
+        before, after = (ROOT / fault.file).read_text(encoding="utf-8").split(fault.before)
+        text = before + fault.after + after
+        found.append(Mutant("named", fault.file, before.count("\n") + 1, fault.what, text, fault.tests))
+    return found
 
 
 class TestRunner:
-    """Runs the tests of one subject in a copy of the repository."""
+    """Runs some tests in a copy of the repository."""
 
-    def __init__(self, subject: str, tree: Path) -> None:
+    def __init__(self, tests: tuple[str, ...], tree: Path) -> None:
         """Start the process whose forks run the tests.
 
         Args:
-            subject: Row of `SUBJECTS`.
+            tests: Their files.
             tree: The copy.
         """
         self.tree = tree
-        command = [sys.executable, "-m", "benchmarks.checks.mutant_tests", str(TIME_LIMIT), *SUBJECTS[subject][1]]
+        command = [sys.executable, "-m", "benchmarks.checks.mutant_tests", str(TIME_LIMIT), *tests]
         environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(tree)}
         pipe = subprocess.PIPE
         self._process = subprocess.Popen(command, cwd=tree, env=environment, stdin=pipe, stdout=pipe, text=True)
@@ -235,8 +238,10 @@ def main() -> None:
         tree = _copied(Path(scratch) / "tree")
         for subject in [chosen.only] if chosen.only else list(SUBJECTS):
             found += _judge(draw(subject, share, chosen.seed), tree, known, chosen.kept)
+        for mutant in [] if chosen.only else named_mutants():
+            found += _judge([mutant], tree, known, chosen.kept)
     if chosen.page:
-        write_text(PAGE, _page(found, chosen.seed))
+        write_page(PAGE, _page(found, chosen.seed), __file__)
 
 
 def draw(subject: str, count: int, seed: int) -> list[Mutant]:
@@ -253,11 +258,11 @@ def draw(subject: str, count: int, seed: int) -> list[Mutant]:
 
 
 def _judge(drawn: list[Mutant], tree: Path, known: dict[str, bool], kept: Path | None) -> list[tuple[Mutant, bool]]:
-    """Try the faults of one subject that are not known yet, and print all."""
-    subject, found = drawn[0].subject, []
-    runner = TestRunner(subject, tree)
+    """Try the faults that are held against the same tests and are not known yet, and print all."""
+    found = []
+    runner = TestRunner(drawn[0].tests, tree)
     if any(_identity(mutant) not in known for mutant in drawn) and not runner.passes():
-        sys.exit(f"the tests of {subject} fail without any fault")  # else every fault would count as noticed
+        sys.exit(f"the tests of {drawn[0].subject} fail without any fault")  # else every fault would count as noticed
     for mutant in drawn:
         identity = _identity(mutant)
         if identity not in known:
@@ -273,7 +278,7 @@ def _judge(drawn: list[Mutant], tree: Path, known: dict[str, bool], kept: Path |
 
 def _identity(mutant: Mutant) -> str:
     """Hash a fault and the tests that it is held against."""
-    tests = [(ROOT / test).read_text(encoding="utf-8") for test in SUBJECTS[mutant.subject][1]]
+    tests = [(ROOT / test).read_text(encoding="utf-8") for test in mutant.tests]
     return digest([mutant.module, mutant.text, *tests])
 
 
@@ -365,7 +370,8 @@ def _page(found: list[tuple[Mutant, bool]], seed: int) -> str:
         "# Would the tests notice?",
         "",
         "Written by `python -m benchmarks.checks.mutants --page`.",
-        f"{len(found)} small faults, drawn with seed {seed}, one at a time; their tests must fail.",
+        f"{len(found)} small faults, one at a time; their tests must fail. They are drawn with seed {seed}; those",
+        "called *named* were chosen by a reviewer, and tests once passed over them.",
         "",
         "| subject | faults | noticed |",
         "|---|---|---|",

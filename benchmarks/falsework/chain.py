@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.page import write_page
 from benchmarks.speed_unit import this_machine
 from falsework.execution.events import read_events
 from falsework.pipeline import Outcome, run_scenario
 from falsework.platform import render_platform
 from falsework.scenario import demo_scenario
-from groundwork.files import write_text
 from groundwork.progress import SILENT
 from recon.cloud import read_cloud
 
@@ -33,7 +33,7 @@ def main() -> None:
         second = time.perf_counter() - begin
         size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file() and not path.is_symlink())
         PAGE.parent.mkdir(parents=True, exist_ok=True)
-        write_text(PAGE, _page(out, outcome, again, (first, second), size))
+        write_page(PAGE, _page(out, outcome, again, (first, second), size), __file__)
 
 
 def _page(out: Path, outcome: Outcome, again: Outcome, walls: tuple[float, float], size: int) -> str:

@@ -8,10 +8,11 @@ them evenly.
 from pathlib import Path
 from statistics import fmean
 
+from benchmarks.page import write_page
 from falsework.platform import processor
 from falsework.scenario import load_scenario
 from groundwork.errors import InputError
-from groundwork.files import read_json, write_text
+from groundwork.files import read_json
 
 ROOT = Path(__file__).resolve().parents[2]
 PROOF = ROOT / "docs" / "proof.json"
@@ -47,7 +48,7 @@ def main() -> None:
             f"| {name} | {count} | {len(measured)} | {fmean(figures['images'] for figures in measured):.0f} | "
             f"{fmean(seconds) / _MINUTE:.0f} | {min(seconds) / _MINUTE:.0f} | {max(seconds) / _MINUTE:.0f} | {days} |"
         )
-    write_text(PAGE, "\n".join(lines) + "\n")
+    write_page(PAGE, "\n".join(lines) + "\n", __file__)
 
 
 if __name__ == "__main__":

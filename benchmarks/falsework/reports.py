@@ -20,8 +20,8 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
+from benchmarks.page import write_page
 from groundwork.errors import InputError
-from groundwork.files import write_text
 
 if TYPE_CHECKING:
     from tests.falsework.live_browser import Tab
@@ -68,7 +68,7 @@ def main(words: Sequence[str]) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         rows = [measure(kind, places, Path(scratch)) for kind, places in asked(words)]
     machine = f"One of {len(os.sched_getaffinity(0))} cores of {this_machine()}" if rows else ""
-    write_text(PAGE, "\n".join(page_lines(rows, machine)) + "\n")
+    write_page(PAGE, "\n".join(page_lines(rows, machine)) + "\n", __file__)
 
 
 def asked(words: Sequence[str]) -> list[tuple[str, list[Path]]]:

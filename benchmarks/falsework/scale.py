@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
 
+from benchmarks.page import write_page
 from benchmarks.speed_unit import this_machine
 from falsework.execution.costs import DEFAULT_BYTES, Costs
 from falsework.execution.events import read_events
@@ -102,7 +103,7 @@ def main() -> None:
         *_projected(each, costs),
         *_disk(costs, asked.run),
     ]
-    write_text(PAGE, "\n".join(lines) + "\n")
+    write_page(PAGE, "\n".join(lines) + "\n", __file__)
 
 
 def fake_run(scenes: int, seconds: float, kind: str, workers: int, rate: float = 1.0) -> Timed:

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundwork.files import read_json, write_text
+from benchmarks.page import write_page
+from groundwork.files import read_json
 from groundwork.slug import slug
 from learn.compare.pieces import counts_of
 from learn.compare.tables import page
@@ -44,7 +45,7 @@ def main() -> None:
         record = read_json(output / "comparison.json")
         pieces = sorted((output / "store" / "pieces").iterdir())
         grounds = ground_offsets(pieces, record["settings"]["fewest"]) if name == SENSORS else {}
-        write_text(PAGES / f"{name}.md", experiment_page(record, name, grounds))
+        write_page(PAGES / f"{name}.md", experiment_page(record, name, grounds), __file__)
 
 
 def compare(runs: Sequence[Path], name: str, output: Path) -> None:

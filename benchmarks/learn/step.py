@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from groundwork.files import write_text
+from benchmarks.page import write_page
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "benchmarks" / "learn.md"
@@ -40,7 +40,7 @@ class Cost:
 
     Attributes:
         name: Which way.
-        geometry: Processor seconds for the neighbourhoods of a step, by step [s].
+        geometry: Processor seconds for the neighborhoods of a step, by step [s].
         step: Processor seconds for forward pass, backward pass and the optimizer, by step [s].
     """
 
@@ -74,7 +74,7 @@ def main() -> None:
         ways["open3d"] = lambda: _child([str(chosen.open3d_python), script, "open3d", "-", "1"])
     costs = take_turns(ways, chosen.steps)
     commit = chosen.commit or (_commit(chosen.yanx27) if chosen.yanx27 else "")
-    write_text(PAGE, page(costs, chosen.steps, load, commit))
+    write_page(PAGE, page(costs, chosen.steps, load, commit), __file__)
 
 
 def take_turns(ways: dict[str, Callable[[], dict[str, list[float]]]], rounds: int) -> dict[str, Cost]:

@@ -4,7 +4,8 @@ Usage: python -m benchmarks.recon.accuracy WORK [--only NAME…] [--page] [--not
 
 Makes a bridge for every row, flies, renders and reconstructs it, and writes `docs/benchmarks/accuracy.md`. WORK keeps
 what was made: a second call goes on. `--page` writes the page of what is there. Some six processor minutes a row.
-The same bridges are sampled on their mesh and by a tripod's laser, for `benchmarks.compare`.
+The same bridges are sampled on their mesh and by a tripod's laser, for `benchmarks.compare`. Rows of `inspection` are
+short bridges whose every member is flown at, for the class that has fewest points: dense alone, and no samples.
 """
 
 import argparse
@@ -18,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import falsework
+from benchmarks.page import write_page
 from falsework.commands.console import ConsoleProgress
-from groundwork.files import read_json, write_text
+from groundwork.files import read_json
 from recon.cloud import Cloud, read_cloud
 from recon.sampling.scene_surface import lay_out
 from recon.truth.statistics import NEAR
@@ -36,6 +38,18 @@ SERVICES = {"road": "road", "rail": "rail_double"}
 SURVEYS: Mapping[str, Mapping[str, Any]] = {
     "local": {"kind": "local", "length": 20.0, "images": [50, 70]},
     "global": {"kind": "global", "images": 80},
+    "inspection": {
+        "kind": "mix",
+        "legs": [{"kind": "global", "images": 40, "spacing": 8.0}, {"kind": "inspection", "cover": "members"}],
+    },
+}
+SHORT: Mapping[str, Mapping[str, Any]] = {  # 83 to 252 images show every member of them three times
+    "slab": {"spans": [9.0, 9.0]},
+    "beam": {"spans": [14.0]},
+    "girder": {"spans": [18.0, 18.0]},
+    "arch": {"arrangement": "masonry", "masonry": {"span_count": 2, "span": 10.0}},
+    "suspension": {"size": "compact", "main": 40.0, "pitch": 5.0},
+    "cable_stayed": {"main": 30.0},
 }
 MODES = ("sparse", "dense")
 SAMPLES: tuple[Mapping[str, Any], ...] = (  # as in scenarios/learning.toml
@@ -93,6 +107,11 @@ class Judged:
     clear: Bools
 
     @property
+    def agreed(self) -> Bools:
+        """Whether all views of a point show its class, shape (N,), bool."""
+        return self.cloud.columns["confidence"] == 1.0
+
+    @property
     def classes(self) -> dict[int, str]:
         """Name of each class by its number."""
         return {row.id: row.name for row in self.cloud.classes}
@@ -105,15 +124,19 @@ def scenario_of_row(row: Row, seed: int) -> dict[str, Any]:
         row: Bridge and flight.
         seed: Seed of the scene.
     """
+    bridge: dict[str, Any] = {"family": row.family, "service": SERVICES[row.service]}
+    inspected = row.survey == "inspection"
+    if inspected:
+        bridge[row.family] = dict(SHORT[row.family])
     return {
         "seed": seed,
-        "bridge": {"family": row.family, "service": SERVICES[row.service]},
+        "bridge": bridge,
         "background": {"name": "countryside"},
         "look": {"name": "random", "texels": 1024},
         "survey": [{**SURVEYS[row.survey], "width": 960, "height": 720}],
-        "sample": [dict(sample) for sample in SAMPLES],
+        "sample": [] if inspected else [dict(sample) for sample in SAMPLES],
         "sensor": {"noise": True},
-        "recon": {"mode": "both", "quality": "medium"},
+        "recon": {"mode": "dense" if inspected else "both", "quality": "medium"},
         "keep": ["stage", "cloud"],
     }
 
@@ -178,6 +201,23 @@ def instances_right(judged: Judged, within: Bools | None = None) -> tuple[int, i
     return int((counts & (share >= ALL_RIGHT)).sum()), int(counts.sum())
 
 
+def fewest(cloud: Cloud) -> tuple[str, int] | None:
+    """Find the class of the bridge that has fewest points, of those that have surface where the flight saw the bridge.
+
+    Args:
+        cloud: A cloud of a capture with truth.
+
+    Returns:
+        Name of the class, and its points; None where nothing is known of the bridge.
+    """
+    kept = {
+        name: int(row["kept"])
+        for name, row in cloud.statistics.get("classes", {}).items()
+        if row.get("windows") and name not in ("background", "unlabelled")
+    }
+    return min(kept.items(), key=lambda item: (item[1], item[0])) if kept else None
+
+
 def row_line(row: Row, mode: str, judged: Judged) -> str:
     """Write the line of a cloud.
 
@@ -188,6 +228,7 @@ def row_line(row: Row, mode: str, judged: Judged) -> str:
     """
     figures = judged.cloud.statistics
     right, instances = instances_right(judged)
+    least = fewest(judged.cloud)
     cells = [
         row.family,
         row.service,
@@ -200,6 +241,7 @@ def row_line(row: Row, mode: str, judged: Judged) -> str:
         _share(judged.right.sum(), judged.near.sum()),
         _share(judged.clear.sum(), judged.near.sum()),
         f"{right} of {instances}",
+        f"{least[0]}: {least[1]:,}" if least else "",
     ]
     return f"| {' | '.join(cells)} |"
 
@@ -219,10 +261,13 @@ def class_lines(clouds: Sequence[Judged]) -> list[str]:
         near = sum(int((one & judged.near).sum()) for one, judged in zip(mine, clouds, strict=True))
         right = sum(int((one & judged.right).sum()) for one, judged in zip(mine, clouds, strict=True))
         clear = sum(int((one & judged.clear).sum()) for one, judged in zip(mine, clouds, strict=True))
+        sure = [one & judged.near & judged.agreed for one, judged in zip(mine, clouds, strict=True)]
+        sure_right = sum(int((one & judged.right).sum()) for one, judged in zip(sure, clouds, strict=True))
         whole = [instances_right(judged, one) for one, judged in zip(mine, clouds, strict=True)]
         good, counted = sum(a for a, _ in whole), sum(b for _, b in whole)
         instances = f"{good} of {counted}" if counted else ""
-        shares = [_share(near, points), _share(right, near), _share(clear, near)]
+        agreed = _share(sure_right, sum(int(one.sum()) for one in sure))
+        shares = [_share(near, points), _share(right, near), agreed, _share(clear, near)]
         lines.append(f"| {' | '.join([name, f'{points:,}', *shares, instances])} |")
     return lines
 
@@ -244,20 +289,22 @@ def accuracy_page(found: Mapping[Row, Mapping[str, Judged]], note: str = "") -> 
         "few centimeters high, a point that is 20 mm off lies nearer to the neighbor of what its photographs show.",
         "*Center*: median error of camera centers. An *instance* is right",
         f"where {ALL_RIGHT:.0%} of its near points have its class; those with fewer than {FEWEST} do not count.",
+        "*Fewest points*: the class that has fewest, of those that the bridge has where the flight saw it.",
+        "*Confidence* is the share of the views of a point that show its class.",
         *(["", note] if note else []),
         "",
         "| family | service | flight | cloud | cameras | center [mm] | points | near | right | clearly wrong "
-        "| instances right |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
+        "| instances right | fewest points |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
         *(row_line(row, mode, clouds[mode]) for row, clouds in found.items() for mode in MODES if mode in clouds),
     ]
     missing = [row.name for row in ROWS if row not in found]
     if missing:
         lines += ["", f"Not made: {', '.join(missing)}."]
-    head = "| class | points | near | right | clearly wrong | instances right |"
+    head = "| class | points | near | right | right where confidence is 1 | clearly wrong | instances right |"
     for mode in MODES:
         lines += ["", f"## By class, {mode}", "", head]
-        lines += ["|---|---|---|---|---|---|", *class_lines([by[mode] for by in found.values() if mode in by])]
+        lines += ["|---|---|---|---|---|---|---|", *class_lines([by[mode] for by in found.values() if mode in by])]
     return "\n".join([*lines, ""])
 
 
@@ -275,7 +322,7 @@ def main() -> None:
                 outcome = falsework.run(scenario_of_row(row, number), given.work / row.name, progress=progress)
             sys.stdout.write(f"{row.name}: {outcome.made} made\n")
     found = {row: clouds for row in ROWS if (clouds := _clouds(given.work / row.name))}
-    write_text(PAGE, accuracy_page(found, given.note))
+    write_page(PAGE, accuracy_page(found, given.note), __file__)
 
 
 def _clouds(run: Path) -> dict[str, Judged]:

@@ -31,6 +31,7 @@ class Found:
         points: Number of points.
         pairs: Image pairs tried, or why there is no model.
         seconds: Processor time of each step [s]; of steps that were taken over, nothing.
+        thrice: Share of the points that three or more images saw [1]; None where nobody counted.
     """
 
     names: tuple[str, ...]
@@ -38,6 +39,7 @@ class Found:
     points: int
     pairs: str
     seconds: Mapping[str, float]
+    thrice: float | None = None
 
 
 def found_in(model: SparseModel, pairs: int, seconds: Mapping[str, float]) -> Found:
@@ -48,7 +50,9 @@ def found_in(model: SparseModel, pairs: int, seconds: Mapping[str, float]) -> Fo
         pairs: Image pairs tried.
         seconds: Processor time of each step [s].
     """
-    return Found(model.names, model.poses, len(model.points), str(pairs), seconds)
+    views = np.bincount(model.obs_point, minlength=len(model.points))
+    thrice = float(np.mean(views >= 3)) if len(views) else None
+    return Found(model.names, model.poses, len(model.points), str(pairs), seconds, thrice)
 
 
 def run_defaults(capture: Capture, work: Path) -> Found:

@@ -20,9 +20,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.page import write_page
 from benchmarks.recon.plain_vote import plain_verdict
 from benchmarks.speed_unit import slower, this_machine
-from groundwork.files import write_text
 from groundwork.progress import SILENT
 from recon.dense.dense import run_dense
 from recon.dense.points import DensePoints
@@ -104,7 +104,7 @@ def main() -> None:
             points, cost = pool.submit(dense_points, asked.capture, asked.cloud, settings).result()
         rows.append(_judge(f"{method}, {quality}", cost, points, model, truth, samples))
         speed = annotation_speed(points, model, truth)
-        write_text(PAGE, _page(rows, speed, len(samples), capture, asked.filter))
+        write_page(PAGE, _page(rows, speed, len(samples), capture, asked.filter), __file__)
 
 
 def dense_points(folder: Path, cloud: Path, settings: ReconSettings) -> tuple[DensePoints, Cost]:

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.page import write_page
 from benchmarks.recon.gps_flights import KINDS, Flight, draw_flight, place_flight, true_errors
-from groundwork.files import write_text
 from recon.placing.gps_fit import Fit
 from recon.placing.similarity import fit_similarity
 
@@ -31,7 +31,7 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=1000)
     parser.add_argument("--first", type=int, default=_UNSEEN)
     told = parser.parse_args()
-    write_text(PAGE, gps_page(told.flights, told.first))
+    write_page(PAGE, gps_page(told.flights, told.first), __file__)
 
 
 def scales_of(flight: Flight, fit: Fit) -> dict[str, float]:

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from benchmarks.page import write_page
 from groundwork.errors import InputError
-from groundwork.files import write_text
 from recon.cloud import read_cloud
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "benchmarks" / "noise.md"
@@ -22,7 +22,7 @@ def main() -> None:
     """Write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("clouds", nargs="+", type=named_cloud, metavar="NAME=CLOUD")
-    write_text(PAGE, noise_page([(name, noise_of(folder)) for name, folder in parser.parse_args().clouds]))
+    write_page(PAGE, noise_page([(name, noise_of(folder)) for name, folder in parser.parse_args().clouds]), __file__)
 
 
 def named_cloud(word: str) -> tuple[str, Path]:

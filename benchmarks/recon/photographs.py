@@ -1,11 +1,12 @@
 """What became of folders of real photographs, and how far a frame made of GPS is from one of surveyed points.
 
 Usage: python -m benchmarks.recon.photographs NAME=CLOUD [NAME=CLOUD …] [--defaults NAME=PHOTOGRAPHS …]
-           [--control NAME=GPS_CLOUD NAME=CONTROL_CLOUD]
+           [--control NAME=GPS_CLOUD NAME=CONTROL_CLOUD] [--keep]
 
 Each CLOUD is a cloud folder that `falsework reconstruct` made of photographs; `docs/benchmarks/photographs.md` shows
 what it says of itself, and beside it what pycolmap makes of the folders behind `--defaults`, where nobody tells it
-anything. The photographs are other people's: they are named, not kept here. The two clouds behind
+anything. The photographs are other people's: they are named, not kept here. With `--keep` rows that are on the page
+stay as they are, where none of the same name and cloud is made anew. The two clouds behind
 `--control` come from one model (`reconstruct --model`): the first stands on GPS, the second on control points.
 """
 
@@ -17,11 +18,11 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.page import words_of, write_page
 from benchmarks.recon.colmap_defaults import run_defaults
 from benchmarks.recon.gps_flights import frame_errors
 from benchmarks.recon.noise import named_cloud
 from groundwork.errors import InputError
-from groundwork.files import write_text
 from recon.cloud import Cloud, read_cloud
 from recon.photos.photos import local_position, open_photographs
 from recon.placing.place_errors import PlaceErrors
@@ -35,6 +36,7 @@ HEADS = [
     "in the model",
     "points",
     "of the model's",
+    "duplicates merged",
     "of three views and more",
     "views of a point",
     "reprojection [px]",
@@ -50,14 +52,15 @@ def main() -> None:
     parser.add_argument("clouds", nargs="+", type=named_cloud, metavar="NAME=CLOUD")
     parser.add_argument("--defaults", nargs="*", type=named_cloud, default=[], metavar="NAME=PHOTOGRAPHS")
     parser.add_argument("--control", nargs=2, type=named_cloud, metavar="NAME=CLOUD")
+    parser.add_argument("--keep", action="store_true", help="rows of other clouds that are on the page stay")
     told = parser.parse_args()
     rows = [(name, figures_of(folder)) for name, folder in told.clouds]
     rows += [(name, figures_of_defaults(folder)) for name, folder in told.defaults]
-    page = photographs_page(rows)
+    page = photographs_page(rows, words_of(PAGE) if told.keep else "")
     if told.control:
         (name, on_gps), (_, on_points) = told.control
         page += control_section(name, read_cloud(on_gps), read_cloud(on_points))
-    write_text(PAGE, page)
+    write_page(PAGE, page, __file__)
 
 
 def figures_of(folder: Path) -> dict[str, Any]:
@@ -68,7 +71,8 @@ def figures_of(folder: Path) -> dict[str, Any]:
 
     Returns:
         The cloud's `statistics`, with `mode` (`sparse` or `dense`), the share of points of three views and more as
-        `thrice`, and `target`, `method`, `expected_error` and `control_points` of its alignment.
+        `thrice`, the points that were merged into equal ones as `duplicates`, and `target`, `method`,
+        `expected_error` and `control_points` of its alignment.
 
     Raises:
         InputError: The folder is no cloud.
@@ -76,7 +80,9 @@ def figures_of(folder: Path) -> dict[str, Any]:
     cloud = read_cloud(folder)
     alignment = {key: cloud.alignment.get(key) for key in ("target", "method", "expected_error", "control_points")}
     thrice = float(np.mean(cloud.columns["n_views"] >= 3)) if len(cloud) else 0.0
-    return {**cloud.statistics, **alignment, "mode": cloud.source.removeprefix("sfm-"), "thrice": thrice}
+    merged = sum(row["dropped"]["duplicate"] for row in cloud.statistics.get("classes", {}).values())
+    mode = cloud.source.removeprefix("sfm-")
+    return {**cloud.statistics, **alignment, "mode": mode, "thrice": thrice, "duplicates": merged}
 
 
 def figures_of_defaults(folder: Path) -> dict[str, Any]:
@@ -129,12 +135,16 @@ def control_errors(on_gps: Cloud, on_points: Cloud) -> PlaceErrors:
     return frame_errors(found, replace(known, translation=known.translation + lifted), middle)
 
 
-def photographs_page(clouds: list[tuple[str, dict[str, Any]]]) -> str:
+def photographs_page(clouds: list[tuple[str, dict[str, Any]]], former: str = "") -> str:
     """Write the table.
 
     Args:
         clouds: Name and figures of each cloud.
+        former: A page whose rows stay, where none of the same name and cloud is among these; empty for none.
     """
+    rows = [[name, *_cells(figures)] for name, figures in clouds]
+    fresh = {tuple(row[:2]) for row in rows}
+    rows = [row for row in former_rows(former) if tuple(row[:2]) not in fresh] + rows
     return "\n".join(
         [
             "# Real photographs",
@@ -142,16 +152,33 @@ def photographs_page(clouds: list[tuple[str, dict[str, Any]]]) -> str:
             "Written by `python -m benchmarks.recon.photographs`. Each folder, or part, as its authors made it;",
             'no settings but `mode = "dense"`, the quality and the control points that are named.',
             "*Of the model's*: share of the model's points that the sparse cloud keeps (`recon.max_deviation`).",
+            "*Duplicates merged*: points that were equal to another one, which stays; empty in rows of a time that did",
+            "not count them.",
             "*From GPS or control points*: median distance of the cameras from their EXIF's positions, or what is left",
             "at control points (rms).",
-            "*Stated limits*: what the cloud says of its own frame, 95 in 100.",
+            "*Stated limits*: what the cloud says of its own frame, 95 in 100. None of these folders has both GPS and",
+            "control points: whether the limits of a frame made of GPS hold could not be measured on photographs.",
             "",
             f"| {' | '.join(HEADS)} |",
             "|" + "---|" * len(HEADS),
-            *(f"| {name} | {' | '.join(_cells(figures))} |" for name, figures in clouds),
+            *(f"| {' | '.join(row)} |" for row in rows),
             "",
         ]
     )
+
+
+def former_rows(page: str) -> list[list[str]]:
+    """Read the rows of a page, with an empty cell for each column that it did not have.
+
+    Args:
+        page: What `photographs_page` wrote, of this or a former version.
+    """
+    lines = [line for line in page.splitlines() if line.startswith("| ")]
+    table = [[cell.strip() for cell in line.strip()[1:-1].split("|")] for line in lines]
+    if not table or table[0][:2] != HEADS[:2]:
+        return []
+    rows = [dict(zip(table[0], row, strict=True)) for row in table[1:] if len(row) == len(table[0])]
+    return [[row.get(head, "") for head in HEADS] for row in rows]
 
 
 def _cells(figures: dict[str, Any]) -> list[str]:
@@ -164,6 +191,7 @@ def _cells(figures: dict[str, Any]) -> list[str]:
         f"{figures['registered']} of {figures['images']}",
         f"{figures['points']:,}",
         f"{figures['points'] / max(figures['model_points'], 1):.0%}" if sparse else "",
+        f"{figures['duplicates']:,}" if figures["mode"] == "sparse" else "",
         f"{figures['thrice']:.0%}",
         f"{figures['observations'] / max(figures['points'], 1):.1f}",
         f"{figures['mean_reprojection_error']:.2f}" if sparse else "",

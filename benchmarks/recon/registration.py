@@ -21,6 +21,7 @@ from authoring.settings import AuthoringSettings
 from authoring.surveys.framing import eye_of
 from authoring.surveys.score import score_flight
 from authoring.surveys.stage_subject import stage_subject
+from benchmarks.page import write_page
 from benchmarks.speed_unit import this_machine
 from falsework.stages import STAGES
 from groundwork.errors import RejectedSceneError
@@ -79,7 +80,7 @@ def main(folder: Path) -> None:
     """
     rows = measure(folder)
     PAGE.parent.mkdir(parents=True, exist_ok=True)
-    write_text(PAGE, _page(rows))
+    write_page(PAGE, _page(rows), __file__)
 
 
 def measure(folder: Path) -> list[dict[str, Any]]:

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.page import write_page
 from benchmarks.recon.colmap_defaults import Found
 from benchmarks.recon.sfm_page import LIMIT, Row, render_page
 from benchmarks.recon.sfm_ways import TITLES, WAYS, Run, nothing, with_openmvg
@@ -29,7 +30,7 @@ from falsework.scenario import load_scenario, scene_seed
 from falsework.stages import STAGES
 from groundwork.canonical import digest, file_digest
 from groundwork.errors import ChildError, RejectedSceneError
-from groundwork.files import read_json, write_json, write_text
+from groundwork.files import read_json, write_json
 from groundwork.progress import SILENT
 from recon.placing.align import Target, align
 from recon.settings import AlignmentSettings
@@ -109,7 +110,7 @@ class _Rows:
         found = [path for path in self._folder.iterdir() if path.stem.rpartition("-")[0] in keys]
         rows = [Row(**read_json(path)) for path in found] + self._failed
         rows.sort(key=lambda row: (row.images, list(TITLES).index(row.way)))
-        write_text(self._page, render_page(rows, self._source, this_machine()))
+        write_page(self._page, render_page(rows, self._source, this_machine()), __file__)
 
     def _path(self, way: str, count: int) -> Path:
         return self._folder / f"{self._key(way)}-{count}.json"
@@ -152,6 +153,7 @@ def _judged(name: str, title: str, capture: Capture, found: Found, truth: Truth)
         len(good) / count,
         median,
         p95,
+        found.thrice,
     )
 
 

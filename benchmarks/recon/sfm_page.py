@@ -30,6 +30,7 @@ class Row:
         right: Share of them within `LIMIT` of the truth [1].
         median: Median distance of right camera centres to the truth [m]; None without one.
         p95: Their 95 % quantile [m].
+        thrice: Share of the points that three or more images saw [1]; None where nobody counted.
     """
 
     way: str
@@ -42,6 +43,7 @@ class Row:
     right: float
     median: float | None
     p95: float | None
+    thrice: float | None = None
 
     @property
     def total(self) -> float:
@@ -57,6 +59,7 @@ def render_page(rows: list[Row], source: str, processor: str) -> str:
         source: The photographs, in words.
         processor: Name of the processor.
     """
+    counted = any(row.thrice is not None for row in rows)
     lines = [
         "# Structure from motion, several ways",
         "",
@@ -66,9 +69,9 @@ def render_page(rows: list[Row], source: str, processor: str) -> str:
         f"Centre errors after alignment to the truth, of cameras within {LIMIT} m (*right*).",
         "",
         "| way | images | pairs | features [s] | matching [s] | mapping [s] | all [s] | registered | right "
-        "| centre error, median [mm] | 95 % [mm] | points |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|",
-        *(_line(row) for row in rows),
+        f"| centre error, median [mm] | 95 % [mm] | points |{' of three views and more |' if counted else ''}",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|" + "---|" * counted,
+        *(_line(row, counted) for row in rows),
         "",
         "| compared | images | wanted | found | |",
         "|---|---|---|---|---|",
@@ -84,15 +87,16 @@ def render_page(rows: list[Row], source: str, processor: str) -> str:
     return "\n".join(lines)
 
 
-def _line(row: Row) -> str:
+def _line(row: Row, counted: bool) -> str:
+    share = f" {'' if row.thrice is None else f'{row.thrice:.0%}'} |" if counted else ""
     times = " | ".join(f"{row.seconds[step]:.0f}" if step in row.seconds else "" for step in STEPS)
     return (
         f"| {row.title} | {row.images} | {row.pairs} | {times} | {row.total:.0f} | {row.registered:.0%} | "
-        f"{row.right:.0%} | {_millimetres(row.median)} | {_millimetres(row.p95)} | {row.points:,} |"
+        f"{row.right:.0%} | {_millimeters(row.median)} | {_millimeters(row.p95)} | {row.points:,} |{share}"
     )
 
 
-def _millimetres(value: float | None) -> str:
+def _millimeters(value: float | None) -> str:
     return "" if value is None else f"{1000 * value:.1f}"
 
 

@@ -1,9 +1,10 @@
 """Which points a sparse cloud keeps, and what they are worth: the rule by evidence beside the one by views.
 
-Usage: python -m benchmarks.recon.sparse_filter NAME=SCENE [NAME=SCENE …]
+Usage: python -m benchmarks.recon.sparse_filter NAME=SCENE [NAME=SCENE …] [--keep]
 
 Each SCENE is a scene of a finished run, as `OUT/scenes/0000`, with one capture and its model; the rules are put to all
-points of the model. `docs/benchmarks/sparse_filter.md` shows them side by side.
+points of the model. `docs/benchmarks/sparse_filter.md` shows them side by side. With `--keep` other scenes that are on
+the page stay as they are.
 """
 
 import argparse
@@ -14,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.page import words_of, write_page
 from benchmarks.recon.noise import named_cloud
 from groundwork.errors import InputError
-from groundwork.files import write_text
 from recon.placing.align import OK
 from recon.placing.place import Registered, place
 from recon.points.duplicates import merge_duplicates
@@ -68,16 +69,20 @@ def main() -> None:
     """Write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenes", nargs="+", type=named_cloud, metavar="NAME=SCENE")
-    parts = []
-    for name, scene in parser.parse_args().scenes:
+    parser.add_argument("--keep", action="store_true", help="other scenes that are on the page stay")
+    told = parser.parse_args()
+    parts = former_parts(words_of(PAGE)) if told.keep else {}
+    for name, scene in told.scenes:
         (capture,), (model,) = sorted(scene.glob("capture/*")), sorted(scene.glob("model/*"))
         opened = read_capture(capture)
         truth = read_truth(opened)
         if truth is None:
             raise InputError("has no truth", where=capture)
         judged = judge(read_model(model / "sparse"), opened, truth)
-        parts += [scene_part(name, judged, {row.id: row.name for row in truth.classes}), ""]
-    write_text(PAGE, "\n".join([*HEAD, *parts]))
+        parts[name] = scene_part(name, judged, {row.id: row.name for row in truth.classes})
+    left = [name for name in parts if name not in {name for name, _ in told.scenes}]
+    of_former = [f"As former runs left them: {', '.join(left)}.", ""] if left else []
+    write_page(PAGE, "\n".join([*HEAD, *of_former, *(f"{part}\n" for part in parts.values())]), __file__)
 
 
 HEAD = [
@@ -99,6 +104,19 @@ HEAD = [
     f"class than the surface; *noisy* the share of those that stay whose uncertainty exceeds {NEAR:g} m.",
     "",
 ]
+
+
+def former_parts(page: str) -> dict[str, str]:
+    """Read the parts of a page.
+
+    Args:
+        page: What this wrote before.
+
+    Returns:
+        What `scene_part` wrote, by the name of the scene.
+    """
+    parts = [f"## {part}".rstrip("\n") for part in page.split("\n## ")[1:]]
+    return {part.partition("\n")[0].removeprefix("## "): part for part in parts}
 
 
 def judge(model: SparseModel, capture: Capture, truth: Truth) -> Judged:

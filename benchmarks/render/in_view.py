@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, Vt
 
+from benchmarks.page import write_page
 from benchmarks.render.speed import (
     Cost,
     in_own_process,
@@ -22,7 +23,6 @@ from benchmarks.render.speed import (
 )
 from benchmarks.render.speed_scene import CAMERA, IMAGES, SURVEY
 from benchmarks.speed_unit import this_machine
-from groundwork.files import write_text
 from usd_schemas.pinhole import look_at
 from usd_schemas.reading.scene_cache import load_scene
 
@@ -147,7 +147,7 @@ def main() -> None:
             raise RuntimeError(f"{seen.min()} triangles in view, {2 * SIDES[0] * SIDES[1]} were authored")
         peers = [*measure_blender(work), *measure_pyrender(work, scene)]
         ours = [in_own_process(measure_ours, work, quality) for quality in QUALITIES]
-        write_text(PAGE, page(ours, peers, int(seen.min())))
+        write_page(PAGE, page(ours, peers, int(seen.min())), __file__)
 
 
 if __name__ == "__main__":

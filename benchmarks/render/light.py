@@ -21,10 +21,11 @@ from authoring.families.bridge_settings import draw_layout
 from authoring.scene import author_scene
 from authoring.settings import AuthoringSettings
 from authoring.streams import stream
+from benchmarks.page import write_page
 from benchmarks.render.ask_peer import ask_peer
 from benchmarks.speed_unit import this_machine
 from falsework.gallery.camera import seen_from
-from groundwork.files import write_bytes, write_text
+from groundwork.files import write_bytes
 from groundwork.progress import SILENT
 from groundwork.settings import parse_settings
 from render.gpu.context import open_context
@@ -95,7 +96,7 @@ def main() -> None:
     pictures = [np.hstack([_shown(seen.light), _shown(other)]) for seen, other in zip(ours, theirs, strict=True)]
     rows = [np.hstack(pictures[first : first + 2]) for first in range(0, len(pictures), 2)]
     write_bytes(PICTURE, cv2.imencode(".jpg", np.vstack(rows)[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes())
-    write_text(PAGE, page(ours, theirs))
+    write_page(PAGE, page(ours, theirs), __file__)
 
 
 def view_poses(layout: Layout) -> F64:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import authoring.exchange.blender
+from benchmarks.page import write_page
 from benchmarks.render.ask_peer import ask_peer
 from benchmarks.render.frame_meter import WARM, FrameMeter, processor_time
 from benchmarks.render.sfm_value import SfmValue, sfm_value
@@ -27,7 +28,7 @@ from benchmarks.speed_unit import slower, this_machine
 from falsework.gallery.camera import EACH_FOR_ITSELF, seen_from
 from falsework.platform import render_platform
 from falsework.stages import STAGES
-from groundwork.files import write_bytes, write_text
+from groundwork.files import write_bytes
 from groundwork.progress import SILENT
 from render.capture import load_image, read_capture, read_truth
 from render.detail.surveyed_scene import survey_scene
@@ -89,7 +90,7 @@ def main() -> None:
         write_bytes(
             PICTURE, cv2.imencode(".jpg", np.hstack(pictures)[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes()
         )
-        write_text(PAGE, _page(scene, ours, peers, values))
+        write_page(PAGE, _page(scene, ours, peers, values), __file__)
 
 
 def in_own_process(measure: Callable[[Path, str], Cost], work: Path, quality: str) -> Cost:

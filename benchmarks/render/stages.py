@@ -18,8 +18,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.page import write_page
 from groundwork.errors import FalseworkError
-from groundwork.files import write_bytes, write_text
+from groundwork.files import write_bytes
 from groundwork.progress import SILENT
 from groundwork.settings import read_toml
 from render.detail.surveyed_scene import product_camera
@@ -89,7 +90,7 @@ def main() -> None:
         for number, first in enumerate(range(0, len(cells), ACROSS * ROWS)):
             write_bytes(asked.sheets / f"sheet_{number}.png", sheet(cells[first : first + ACROSS * ROWS]))
     if not asked.only:
-        write_text(PAGE, page(drawn, read_toml(VERDICTS)))
+        write_page(PAGE, page(drawn, read_toml(VERDICTS)), __file__)
 
 
 def stages_of(folder: Path) -> list[tuple[Path, Path]]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.shipped.scan_scores import TABLES, label_scan, read_labelled_scan
+from benchmarks.shipped.scan_scores import TABLES, label_scan, read_labeled_scan
 from groundwork.canonical import file_digest
 from learn.datasets.class_tables import class_table
 from learn.datasets.layout import DatasetFacts, read_facts
@@ -47,7 +47,7 @@ def card_text(folder: Path, dataset: Path, tests: Mapping[str, Path], validation
     matrices: dict[str, Mapping[str, I64]] = {}
     seconds, points = 0.0, 0
     for name, path in tests.items():
-        scan = read_labelled_scan(path)
+        scan = read_labeled_scan(path)
         before = time.process_time()
         found = label_scan(scan, model)
         seconds, points = seconds + time.process_time() - before, points + len(scan.coord)

@@ -20,7 +20,7 @@ import torch
 from numpy.typing import NDArray
 
 from benchmarks.shipped.robustness import near_bridge
-from benchmarks.shipped.scan_scores import TABLES, Scan, read_labelled_scan
+from benchmarks.shipped.scan_scores import TABLES, Scan, read_labeled_scan
 from benchmarks.shipped.selection import APART, within
 from learn.datasets.class_tables import class_table, is_background
 from learn.datasets.voxels import VoxelCloud, add_points, empty_cloud, lay_grid
@@ -126,7 +126,7 @@ def main() -> None:
     parser.add_argument("--reach", type=float, default=np.inf, help="how far round a bridge scans are labelled [m]")
     given = parser.parse_args()
     torch.set_num_threads(1)
-    scans = [within(read_labelled_scan(path), given.reach) for path in given.clouds]
+    scans = [within(read_labeled_scan(path), given.reach) for path in given.clouds]
     rows = measure(read_trained_model(given.model), scans)  # tiles side by side: a quarter of the time
     cells = [[f"{lean:g}", f"{false:.2%}", *(f"{found[name]:.3f}" for name in TABLES)] for lean, false, found in rows]
     sys.stdout.write("\n".join(table(["lean", "false", *TABLES], cells)) + "\n")

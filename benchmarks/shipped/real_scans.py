@@ -16,10 +16,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from benchmarks.page import write_page
 from benchmarks.shipped.scan_scores import Labelled, label_scan
-from benchmarks.shipped.scan_scores import Scan as LabelledScan
+from benchmarks.shipped.scan_scores import Scan as LabeledScan
 from docs.sampling_picture import GAP, PANEL, draw
-from groundwork.files import write_bytes, write_text
+from groundwork.files import write_bytes
 from learn.datasets.class_tables import class_table
 from learn.predict.model import PointModel, named_model
 from learn.predict.settings import PredictSettings
@@ -127,7 +128,7 @@ def label_real_scan(path: Path, code: int | None, model: PointModel) -> Labelled
             raise ValueError(f"{path} carries no classes")
         mine = (scan.classification == code).astype(np.uint8)
     labels = {"falsework": mine, "kim2023": mine}
-    return label_scan(LabelledScan(scan.coord, scan.coord, labels, PredictSettings(unit="m")), model)
+    return label_scan(LabeledScan(scan.coord, scan.coord, labels, PredictSettings(unit="m")), model)
 
 
 def figures_of(found: Labelled, plausible: tuple[str, ...]) -> Figures:
@@ -227,7 +228,7 @@ def main() -> None:
     _, data = cv2.imencode(".png", np.concatenate(bands)[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
     write_bytes(DOCS / "images" / "real_scans.png", data.tobytes())
     name = Path(given.model).name if given.model else "that of the package (`learn/shipped`)"
-    write_text(DOCS / "benchmarks" / "real_scans.md", page(rows, name))
+    write_page(DOCS / "benchmarks" / "real_scans.md", page(rows, name), __file__)
 
 
 if __name__ == "__main__":

@@ -15,9 +15,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from benchmarks.page import write_page
 from benchmarks.shipped.model import bridge_of
-from benchmarks.shipped.scan_scores import TABLES, Labelled, Scan, label_scan, read_labelled_scan
-from groundwork.files import write_text
+from benchmarks.shipped.scan_scores import TABLES, Labelled, Scan, label_scan, read_labeled_scan
 from learn.datasets.varied import tilt_about
 from learn.metrics import scores
 from learn.predict.model import PointModel, named_model
@@ -207,13 +207,13 @@ def main() -> None:
     torch.set_num_threads(1)  # several wait for each other where others work, too
     scans: dict[str, Scan] = {}
     for path in given.clouds:
-        scan = read_labelled_scan(path)
+        scan = read_labeled_scan(path)
         rows = stretch(scan, -0.5 * given.length, 0.5 * given.length)(scan.place)
         scans[f"{bridge_of(path)[:8]} {path.name}"] = scan.take(rows)
     name = Path(given.model).name if given.model else "that of the package (`learn/shipped`)"
     if len(scans) < len(given.clouds):
         parser.error("two of the clouds are of one bridge and of one name; allowed: each once")
-    write_text(given.out, page(scans, named_model(given.model), name))
+    write_page(given.out, page(scans, named_model(given.model), name), __file__)
 
 
 if __name__ == "__main__":

@@ -78,7 +78,7 @@ class Labelled:
         return confusion(self.truth[table][rows], self.found[table][rows], len(class_table(table).names))
 
 
-def read_labelled_scan(folder: Path) -> Scan:
+def read_labeled_scan(folder: Path) -> Scan:
     """Read a cloud of ours as a scan whose unit is known.
 
     Args:

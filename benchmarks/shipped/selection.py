@@ -18,11 +18,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from benchmarks.page import write_page
 from benchmarks.shipped.model import STRIDE
 from benchmarks.shipped.robustness import near_bridge
-from benchmarks.shipped.scan_scores import TABLES, Scan, label_scan, read_labelled_scan
+from benchmarks.shipped.scan_scores import TABLES, Scan, label_scan, read_labeled_scan
 from groundwork.canonical import digest, file_digest
-from groundwork.files import read_json, write_json, write_text
+from groundwork.files import read_json, write_json
 from learn.metrics import scores
 from learn.predict.trained_model import TrainedModel, read_trained_model
 from learn.scoring.table import table
@@ -102,7 +103,7 @@ def judge_cloud(model: TrainedModel, path: Path, reach: float) -> Found:
         path: Folder of the cloud.
         reach: How far beyond its bridge it is labelled [m].
     """
-    scan = within(read_labelled_scan(path), reach)
+    scan = within(read_labeled_scan(path), reach)
     before = time.process_time()
     found = label_scan(scan, model)
     seconds = time.process_time() - before
@@ -218,7 +219,7 @@ def main() -> None:
         found = [judge_kept(given.work, Path(folder), cloud, given.reach) for cloud in given.clouds]
         network, size = read_facts(Path(folder)).network, (Path(folder) / WEIGHTS).stat().st_size / 1e6
         rows[name] = joined(network, size, found)
-    write_text(given.page, page(rows, len(given.clouds), given.reach))
+    write_page(given.page, page(rows, len(given.clouds), given.reach), __file__)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from groundwork.canonical import digest
 from groundwork.errors import InputError, MissingError
 from groundwork.files import MANIFEST
 from learn.compare.experiment import DEFAULT_SET
-from learn.datasets.labelled_cloud import identify
+from learn.datasets.labeled_cloud import identify
 
 
 @dataclass(frozen=True)

@@ -105,7 +105,7 @@ def report_lines(found: dict[str, Any]) -> list[str]:
 def _answer(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     from dataclasses import asdict
 
-    from authoring.edits.additions import Labelling
+    from authoring.edits.additions import Labeling
     from authoring.edits.harvest import harvest_edits
     from usd_schemas.guard.guard import check_stage, limit_memory
 
@@ -116,7 +116,7 @@ def _answer(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
         check_stage(stage, tuple(Path(root) for root in request["allow_roots"]), said.setdefault)
     for line in said:
         progress.note(line)
-    return asdict(harvest_edits(edited, scene, Labelling.parse(request["label"]), request["remove"]))
+    return asdict(harvest_edits(edited, scene, Labeling.parse(request["label"]), request["remove"]))
 
 
 if __name__ == "__main__":

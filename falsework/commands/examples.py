@@ -17,7 +17,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "falsework render from_blender.usda -o captures --camera Drone --width 1280 --frame 1:100:10",
     ),
     "reconstruct": (
-        "falsework reconstruct captures/global -o cloud",
+        "falsework reconstruct captures/global -o cloud --mode dense --quality medium",
         "falsework reconstruct photos_of_a_bridge -o cloud --mode dense --gcp points.txt",
     ),
     "export": ("falsework export cloud --to laz -o for_others",),

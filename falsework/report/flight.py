@@ -174,7 +174,7 @@ def _reconstructed(folder: Path) -> tuple[dict[str, F64], tuple[float, float]]:
         poses = {str(row["name"]): np.array(row["camera_to_world"], np.float64) for row in stored["poses"]}
         right = all(pose.shape == (4, 4) and np.isfinite(pose).all() for pose in poses.values())
         if not (right and focal > 0.0):
-            raise ValueError("a pose or a focal length")
+            raise ValueError("a pose is not finite, or a focal length is not positive")
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise InputError(f"a key is missing or of a wrong kind: {error}", where=path) from None
     return poses, (0.5 * width / focal, 0.5 * height / focal)

@@ -193,8 +193,8 @@ def image_table(rows: list[ImageRow], links: dict[str, str]) -> list[dict[str, A
             "cells": [
                 f"{row.points:,}",
                 number(round(row.residual, 3)),
-                _millimetres(row.depth_error),
-                _millimetres(row.center_error),
+                _millimeters(row.depth_error),
+                _millimeters(row.center_error),
                 number(round(row.rotation_error, 4)),
             ],
         }
@@ -227,5 +227,5 @@ def _float(value: Any) -> float:
     return float(value) if isinstance(value, int | float) else float("nan")
 
 
-def _millimetres(value: float) -> str:
+def _millimeters(value: float) -> str:
     return "–" if np.isnan(value) else f"{1000 * value:.1f}"

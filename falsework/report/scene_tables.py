@@ -92,16 +92,21 @@ def placing_rows(alignment: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def kept_rows(statistics: Mapping[str, Any]) -> list[list[str]]:
-    """Say of each class what stayed, what went and why, and in how many windows along the bridge it is few.
+    """Say of each class what stayed, what went and why, and how many points stay in each window along the bridge.
+
+    A window of which the flight saw nothing has a dash.
 
     Args:
         statistics: Of a cloud.
     """
     rows = []
+    seen = (statistics.get("windows") or {}).get("seen", ())
     for name, row in statistics.get("classes", {}).items():
         dropped = [f"{row['dropped'][why]:,}" for why in REASONS]
         few = f"{row['few_in']} of {row['windows']}" if row.get("windows") else ""
-        rows.append([name, f"{row['kept']:,}", *dropped, few])
+        inside = zip(row.get("in_windows", ()), seen, strict=True) if seen else ()
+        along = " · ".join(f"{points:,}" if looked_at else "–" for points, looked_at in inside)
+        rows.append([name, f"{row['kept']:,}", *dropped, few, along])
     return rows
 
 

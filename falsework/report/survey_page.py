@@ -87,12 +87,12 @@ def _tiles(row: Mapping[str, Any]) -> list[dict[str, str]]:
             "label": f"images linked, as predicted: {judged(linked, ENOUGH_LINKED)}",
             "verdict": "good" if linked >= ENOUGH_LINKED else "bad",
         },
-        {"value": _millimetres(median), "label": f"a pixel, median; {_millimetres(worst)} at the 95th percentile"},
+        {"value": _millimeters(median), "label": f"a pixel, median; {_millimeters(worst)} at the 95th percentile"},
         {"value": f"{row['base_angle']:.0f}°", "label": "base angle, median"},
     ]
 
 
-def _millimetres(length: float) -> str:
+def _millimeters(length: float) -> str:
     return f"{1e3 * length:.1f} mm" if np.isfinite(length) else "–"
 
 

@@ -14,7 +14,7 @@ from falsework.view.surfaces import read_surfaces
 from groundwork.errors import InputError
 from groundwork.progress import Progress
 from render.capture import read_capture, read_truth
-from usd_schemas.components import UNLABELLED
+from usd_schemas.components import UNLABELED
 
 if TYPE_CHECKING:
     from recon.cloud import Cloud
@@ -90,7 +90,7 @@ def corner_cloud(surfaces: Surfaces) -> "Cloud":
     columns |= {
         "coord": coord,
         "color": color,
-        "segment": np.full(count, UNLABELLED, np.uint8),
+        "segment": np.full(count, UNLABELED, np.uint8),
         "uncertainty": np.full(count, np.nan, np.float32),
     }
     return Cloud(columns, without_observations(count), ("",), (), {}, (), {}, MESH)

@@ -18,7 +18,7 @@ from groundwork.settings import Settings
 from groundwork.slug import slug
 from learn.compare.noise import noise_from_json, sensor_places, with_noise
 from learn.datasets.class_tables import NOISY_CLASS, class_table
-from learn.datasets.labelled_cloud import HEIGHT, PIECE_INPUTS, LabelledCloud, read_labelled
+from learn.datasets.labeled_cloud import HEIGHT, PIECE_INPUTS, LabeledCloud, read_labeled
 from learn.datasets.patch import CHANNELS, Patch
 from learn.datasets.settings import TileSettings, WindowSettings
 from learn.datasets.tiles import cut_tiles, with_heights
@@ -101,7 +101,7 @@ def cut_pieces(sources: Sequence[CloudSource], folder: Path, settings: CutSettin
         InputError: A cloud is damaged, or there is no deck to lay windows along.
     """
     progress.stage("windows", len(sources))
-    clouds: dict[str, LabelledCloud] = {}
+    clouds: dict[str, LabeledCloud] = {}
     for number, source in enumerate(sources):
         clouds[source.name] = _read(source, settings, progress)
         progress.advance(number + 1)
@@ -141,15 +141,15 @@ def cut_pieces(sources: Sequence[CloudSource], folder: Path, settings: CutSettin
     )
 
 
-def _read(source: CloudSource, settings: CutSettings, progress: Progress) -> LabelledCloud:
-    cloud = read_labelled(source.path, None, class_table(settings.table, settings.noisy_class), progress)
+def _read(source: CloudSource, settings: CutSettings, progress: Progress) -> LabeledCloud:
+    cloud = read_labeled(source.path, None, class_table(settings.table, settings.noisy_class), progress)
     if source.like is not None and source.noise is not None:
         noise, seed = read_json(source.noise), digest([source.name, source.path.name])
         rows, coord = with_noise(
             read_cloud(source.path), noise_from_json(noise), sensor_places(source.like), int(seed[:8], 16)
         )
         inputs = {name: values[rows] for name, values in cloud.inputs.items()}
-        cloud = LabelledCloud(coord, inputs, cloud.labels[rows], cloud.uncertainty[rows], cloud.base[rows])
+        cloud = LabeledCloud(coord, inputs, cloud.labels[rows], cloud.uncertainty[rows], cloud.base[rows])
     if not len(cloud):
         raise InputError("no point is left after cutting", where=source.path, field="arms", value=source.name)
     lacking = [name for name in settings.inputs if name not in (*cloud.inputs, HEIGHT)]
@@ -164,15 +164,15 @@ def _read(source: CloudSource, settings: CutSettings, progress: Progress) -> Lab
     if settings.noisy_class:
         noisy = class_table(settings.table, True).index(NOISY_CLASS)
         labels = np.where(cloud.uncertainty > settings.noisy, noisy, cloud.labels).astype(np.uint8)
-        cloud = LabelledCloud(cloud.coord, cloud.inputs, labels, cloud.uncertainty, cloud.base)
+        cloud = LabeledCloud(cloud.coord, cloud.inputs, labels, cloud.uncertainty, cloud.base)
     return cloud
 
 
-Found = dict[str, tuple[LabelledCloud, list[I64], F64]]
+Found = dict[str, tuple[LabeledCloud, list[I64], F64]]
 
 
 def _windows(
-    clouds: Mapping[str, LabelledCloud], settings: CutSettings, box: tuple[F64, F64], where: Path
+    clouds: Mapping[str, LabeledCloud], settings: CutSettings, box: tuple[F64, F64], where: Path
 ) -> tuple[list[list[int]], Found]:
     """Lay the windows that all clouds share: their places; and for each cloud its points, rows and origins."""
     if settings.mode == "metric":
@@ -191,11 +191,11 @@ def _windows(
 
 
 def _tiles(
-    clouds: Mapping[str, LabelledCloud], settings: CutSettings, box: tuple[F64, F64]
+    clouds: Mapping[str, LabeledCloud], settings: CutSettings, box: tuple[F64, F64]
 ) -> tuple[list[list[int]], Found]:
     """Cut every cloud by one grid, each with the ground that its own points show, as in prediction."""
     grid = lay_grid(box[0], box[1], settings.tile.voxel)
-    thin: dict[str, LabelledCloud] = {}
+    thin: dict[str, LabeledCloud] = {}
     tiles: dict[str, dict[tuple[int, int], tuple[I64, F64]]] = {}
     for name, cloud in clouds.items():
         kept = {key: cloud.inputs[key] for key in settings.inputs if key != HEIGHT}
@@ -204,7 +204,7 @@ def _tiles(
         if HEIGHT in settings.inputs:
             voxels = with_heights(voxels, settings.tile)
         part = voxels.columns
-        thin[name] = LabelledCloud(
+        thin[name] = LabeledCloud(
             voxels.coord, {key: part[key] for key in settings.inputs}, part["labels"], part["uncertainty"], part["base"]
         )
         tiles[name] = {tile.place: (tile.rows, tile.origin) for tile in cut_tiles(voxels, settings.tile)}

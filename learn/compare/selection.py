@@ -8,7 +8,7 @@ from groundwork.errors import InputError
 from learn.compare.experiment import ExperimentSettings, Part
 from learn.compare.pieces import PieceCounts
 from learn.compare.sources import WindowPlace
-from learn.datasets.labelled_cloud import SourceFacts
+from learn.datasets.labeled_cloud import SourceFacts
 from learn.datasets.settings import DatasetSettings
 from learn.datasets.split import TEST, TRAIN, VAL, split_bridges
 from learn.trained import FOREST

@@ -15,14 +15,14 @@ from learn.datasets.card import card_text
 from learn.datasets.class_map import ClassMap
 from learn.datasets.class_tables import NOISY_CLASS, OWN, ClassTable, class_table, own_table
 from learn.datasets.draws import count_draws, random_draw
-from learn.datasets.labelled_cloud import (
+from learn.datasets.labeled_cloud import (
     HEIGHT,
     INPUTS,
     PIECE_INPUTS,
-    LabelledCloud,
+    LabeledCloud,
     SourceFacts,
     identify,
-    read_labelled,
+    read_labeled,
 )
 from learn.datasets.layout import MANIFEST, DatasetFacts, PieceRow, manifest_record, write_piece
 from learn.datasets.patch import Patch, Scaling
@@ -83,7 +83,7 @@ def build_dataset(
     counts = {split: np.zeros(256, np.int64) for split in SPLITS}
     present = set(INPUTS)
     for number, (source, facts) in enumerate(zip(sources, known, strict=True)):
-        cloud = read_labelled(source.path, source.class_map, table, progress, settings.moving)
+        cloud = read_labeled(source.path, source.class_map, table, progress, settings.moving)
         cloud = _with_noise(cloud, table, settings)
         present &= set(cloud.inputs)
         for row, patch in _rows(cloud, number, facts, settings, splits):
@@ -153,7 +153,7 @@ def _check_sources(sources: Sequence[Source], known: Sequence[SourceFacts]) -> N
         digests[facts.digest] = facts.name
 
 
-def _with_noise(cloud: LabelledCloud, table: ClassTable, settings: DatasetSettings) -> LabelledCloud:
+def _with_noise(cloud: LabeledCloud, table: ClassTable, settings: DatasetSettings) -> LabeledCloud:
     """Make uncertain points a class of their own, where that is wanted."""
     if not settings.noisy_class:
         return cloud
@@ -162,7 +162,7 @@ def _with_noise(cloud: LabelledCloud, table: ClassTable, settings: DatasetSettin
 
 
 def _rows(
-    cloud: LabelledCloud, number: int, facts: SourceFacts, settings: DatasetSettings, splits: Mapping[str, str]
+    cloud: LabeledCloud, number: int, facts: SourceFacts, settings: DatasetSettings, splits: Mapping[str, str]
 ) -> Iterator[tuple[PieceRow, Patch]]:
     """Cut a cloud into pieces that are large enough, each with its row in the manifest."""
     for place, (patch, draws) in enumerate(_pieces(cloud, facts, settings, splits.get(facts.bridge, ""))):
@@ -183,7 +183,7 @@ def _rows(
 
 
 def _pieces(
-    cloud: LabelledCloud, facts: SourceFacts, settings: DatasetSettings, split: str
+    cloud: LabeledCloud, facts: SourceFacts, settings: DatasetSettings, split: str
 ) -> Iterator[tuple[Patch, int]]:
     """Cut a cloud, whatever becomes of its pieces; with each, how many draws of it there may be."""
     if not len(cloud):
@@ -225,12 +225,12 @@ def tile_patch(
     return Patch(place, inputs, labels, uncertainty, origin, seed, rows, instance)
 
 
-def _columns(cloud: LabelledCloud) -> dict[str, NDArray[Any]]:
+def _columns(cloud: LabeledCloud) -> dict[str, NDArray[Any]]:
     columns = {**cloud.inputs, "labels": cloud.labels, "uncertainty": cloud.uncertainty}
     return columns if cloud.instance is None else {**columns, "instance": cloud.instance}
 
 
-def _patch(cloud: LabelledCloud, rows: I64, origin: NDArray[np.float64], seed: int) -> Patch:
+def _patch(cloud: LabeledCloud, rows: I64, origin: NDArray[np.float64], seed: int) -> Patch:
     return tile_patch(cloud.coord, _columns(cloud), rows, origin, seed)
 
 

@@ -14,7 +14,7 @@ from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json
 from groundwork.settings import Settings, parse_settings, read_toml
 from learn.datasets.class_tables import COMPONENTS, OWN, ClassTable, class_of
-from usd_schemas.components import UNLABELLED, component_classes
+from usd_schemas.components import UNLABELED, component_classes
 from usd_schemas.taxonomies import BASE, RESERVED, TAXONOMIES, taxonomy
 
 U8 = NDArray[np.uint8]
@@ -69,7 +69,7 @@ class ClassMap:
         """
         row = self.codes.get(code)
         if row is None:
-            return UNLABELLED
+            return UNLABELED
         if table.name == OWN:
             return table.index(row.name)
         if table.name in row.to:
@@ -77,10 +77,10 @@ class ClassMap:
         if self.facts.table == table.name:
             return table.index(row.name)
         if table.name == COMPONENTS:
-            return table.index(row.parts[0]) if len(row.parts) == 1 else UNLABELLED
+            return table.index(row.parts[0]) if len(row.parts) == 1 else UNLABELED
         target, kinds = taxonomy(table.name), component_classes()
         found = {class_of(target, part, kinds.get(part, part)) for part in row.parts}
-        return table.index(found.pop()) if len(found) == 1 else UNLABELLED
+        return table.index(found.pop()) if len(found) == 1 else UNLABELED
 
     def labels(self, codes: U8, table: ClassTable) -> U8:
         """Turn the numbers of a file into labels of a data set.

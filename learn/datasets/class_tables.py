@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from groundwork.errors import InputError
 from recon.cloud import Cloud
-from usd_schemas.components import NOISY_POINT, UNLABELLED, class_rows, component_classes
+from usd_schemas.components import NOISY_POINT, UNLABELED, class_rows, component_classes
 from usd_schemas.taxonomies import BASE, RESERVED, TAXONOMIES, Taxonomy, taxonomy
 
 U8 = NDArray[np.uint8]
@@ -41,7 +41,7 @@ class ClassTable:
         Args:
             name: Class name.
         """
-        return self.names.index(name) if name in self.names else UNLABELLED
+        return self.names.index(name) if name in self.names else UNLABELED
 
 
 def is_background(classes: Sequence[str]) -> NDArray[np.bool_]:
@@ -128,14 +128,14 @@ def labels_of_cloud(cloud: Cloud, table: ClassTable) -> U8:
 def _label(class_name: str, component: str, based: bool, table: ClassTable) -> int:
     """The label of a class in the cloud's own table and a component kind."""
     if class_name in ("", "unlabelled"):
-        return UNLABELLED
+        return UNLABELED
     if table.name == COMPONENTS:
         return table.index(component)
     target = taxonomy(table.name)
     if not based:
         if component in component_classes():
             return table.index(target.classes[component])
-        return table.index(class_name) if class_name in table.names else UNLABELLED
+        return table.index(class_name) if class_name in table.names else UNLABELED
     return table.index(class_of(target, component, class_name))
 
 

@@ -14,7 +14,7 @@ from learn.datasets.layout import DatasetFacts, PieceRow, read_facts, read_piece
 from learn.datasets.patch import Patch
 from learn.datasets.split import SPLITS
 from learn.datasets.stored import StoredSplit
-from usd_schemas.components import UNLABELLED
+from usd_schemas.components import UNLABELED
 
 _AREAS = {"train": "Area_1", "val": "Area_2", "test": "Area_3"}  # S3DIS counts rooms in areas
 _SHARD = 256  # draws in a Parquet file
@@ -64,7 +64,7 @@ def write_s3dis(folder: Path, facts: DatasetFacts, out: Path) -> list[str]:
         (room / "Annotations").mkdir(parents=True)
         write_text(room / f"{row.name}.txt", "".join(lines))
         for label in np.unique(patch.labels):
-            name = "unlabelled" if label == UNLABELLED else names[label]
+            name = "unlabelled" if label == UNLABELED else names[label]
             write_text(room / "Annotations" / f"{name}_1.txt", "".join(lines[patch.labels == label]))
     write_text(
         out / "classes.txt",

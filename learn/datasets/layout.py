@@ -12,10 +12,10 @@ from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json, space_errors
 from groundwork.foreign_file import check_regular
 from groundwork.settings import parse_settings
-from learn.datasets.labelled_cloud import PIECE_INPUTS
+from learn.datasets.labeled_cloud import PIECE_INPUTS
 from learn.datasets.patch import Patch, Scaling
 from learn.datasets.settings import DatasetSettings
-from usd_schemas.components import UNLABELLED
+from usd_schemas.components import UNLABELED
 
 FORMAT = "falsework.dataset"
 FORMAT_VERSION = 2
@@ -95,7 +95,7 @@ def write_piece(folder: Path, patch: Patch) -> None:
         "coord": patch.coord,
         **patch.inputs,
         "uncertainty": patch.uncertainty,
-        "segment": np.where(segment == UNLABELLED, _IGNORED, segment),
+        "segment": np.where(segment == UNLABELED, _IGNORED, segment),
     }
     if patch.row is not None and patch.instance is not None:
         arrays |= {"row": patch.row, "instance": np.where(patch.instance > 0, patch.instance, _IGNORED)}
@@ -123,7 +123,7 @@ def read_piece(folder: Path, row: PieceRow, inputs: Sequence[str], *, identified
         for name in ("coord", "segment", "uncertainty", *inputs, *(("row", "instance") if identified else ()))
     }
     segment = columns["segment"]
-    labels = np.where(segment == _IGNORED, UNLABELLED, segment).astype(np.uint8)
+    labels = np.where(segment == _IGNORED, UNLABELED, segment).astype(np.uint8)
     return Patch(
         columns["coord"],
         {name: columns[name] for name in inputs},
@@ -213,7 +213,7 @@ def read_facts(folder: Path) -> DatasetFacts:
         raise InputError(f"a key is missing or of a wrong kind: {error}", where=path) from None
     if not set(facts.inputs) <= set(PIECE_INPUTS) or not all(isinstance(name, str) for name in facts.classes):
         raise InputError(
-            "inputs or classes that cannot be",
+            "invalid inputs or classes",
             where=path,
             field="inputs",
             value=facts.inputs,
@@ -226,7 +226,7 @@ def _row(path: Path, stored: Mapping[str, Any]) -> PieceRow:
     row = PieceRow(**{**stored, "origin": tuple(stored["origin"])})
     numbers = (row.points, row.draws, row.seed, row.source)
     if not all(type(number) is int and number >= 0 for number in numbers) or row.points < 1 or row.draws < 1:
-        raise InputError("a piece that cannot be", where=path, field="pieces", value=row.name)
+        raise InputError("invalid piece", where=path, field="pieces", value=row.name)
     for name in (row.name, row.split):
         if not isinstance(name, str) or Path(name).name != name or name in ("", ".", ".."):
             raise InputError("a name that leaves the data set", where=path, field="pieces", value=name)

@@ -6,7 +6,7 @@ import numpy as np
 
 from groundwork.canonical import digest
 from groundwork.errors import InputError
-from learn.datasets.labelled_cloud import SourceFacts
+from learn.datasets.labeled_cloud import SourceFacts
 from learn.datasets.settings import DatasetSettings
 
 TRAIN, VAL, TEST = SPLITS = ("train", "val", "test")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.datasets.ground import estimate_ground
-from learn.datasets.labelled_cloud import HEIGHT
+from learn.datasets.labeled_cloud import HEIGHT
 from learn.datasets.settings import TileSettings
 from learn.datasets.voxels import VoxelCloud, add_points, empty_cloud, lay_grid
 

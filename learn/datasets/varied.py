@@ -17,7 +17,7 @@ from learn.datasets.ground import estimate_ground
 from learn.datasets.layout import PieceRow, read_piece
 from learn.datasets.patch import Patch, make_sample
 from learn.datasets.stored import StoredSplit
-from learn.sample import UNLABELLED, Sample, SampleSource
+from learn.sample import UNLABELED, Sample, SampleSource
 from usd_schemas.components import component_classes
 
 F64 = NDArray[np.float64]
@@ -89,7 +89,7 @@ class VariedSplit:
     @cached_property
     def _surroundings(self) -> I64:
         """Labels of what is no part of a bridge, and of points without one."""
-        return np.array([*np.flatnonzero(is_background(self.classes)), UNLABELLED])
+        return np.array([*np.flatnonzero(is_background(self.classes)), UNLABELED])
 
     @cached_property
     def _plants(self) -> I64:
@@ -115,7 +115,7 @@ class VariedSplit:
 
     def _count(self, row: PieceRow) -> I64:
         labels = read_piece(self.split.folder, row, ()).labels
-        return np.bincount(labels[labels != UNLABELLED], minlength=len(self.classes)).astype(np.int64)
+        return np.bincount(labels[labels != UNLABELED], minlength=len(self.classes)).astype(np.int64)
 
     @property
     def classes(self) -> tuple[str, ...]:

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from learn.datasets.labelled_cloud import LabelledCloud
+from learn.datasets.labeled_cloud import LabeledCloud
 from learn.datasets.settings import WindowSettings
-from usd_schemas.components import UNLABELLED
+from usd_schemas.components import UNLABELED
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -70,7 +70,7 @@ class WindowBox:
         return inside
 
 
-def cut_windows(cloud: LabelledCloud, settings: WindowSettings, where: object) -> Iterator[Window]:
+def cut_windows(cloud: LabeledCloud, settings: WindowSettings, where: object) -> Iterator[Window]:
     """Cut boxes one after the other along the bridge.
 
     Args:
@@ -88,7 +88,7 @@ def cut_windows(cloud: LabelledCloud, settings: WindowSettings, where: object) -
         yield Window(box.number, rows, box.origin)
 
 
-def lay_windows(cloud: LabelledCloud, settings: WindowSettings, where: object) -> list[WindowBox]:
+def lay_windows(cloud: LabeledCloud, settings: WindowSettings, where: object) -> list[WindowBox]:
     """Give the boxes that `cut_windows` cuts, for other clouds of the same bridge.
 
     Args:
@@ -102,7 +102,7 @@ def lay_windows(cloud: LabelledCloud, settings: WindowSettings, where: object) -
     return [box for box, _ in _lay(cloud, settings, where)]
 
 
-def _lay(cloud: LabelledCloud, settings: WindowSettings, where: object) -> Iterator[tuple[WindowBox, I64]]:
+def _lay(cloud: LabeledCloud, settings: WindowSettings, where: object) -> Iterator[tuple[WindowBox, I64]]:
     """Lay boxes along the bridge; with each, its points.
 
     The axis is the longer horizontal direction of the deck. Each box is as wide as the deck there and a margin, and
@@ -164,9 +164,9 @@ def _between(along: F64, order: I64, start: float, end: float) -> I64:
     return order[first:last]
 
 
-def _heights(cloud: LabelledCloud, rows: I64, height: F64) -> tuple[float, float]:
+def _heights(cloud: LabeledCloud, rows: I64, height: F64) -> tuple[float, float]:
     """Height of the ground and of the bridge's top among some points."""
     bridge = cloud.bridge[rows]
-    rest = rows[~bridge & (cloud.base[rows] != UNLABELLED)]
+    rest = rows[~bridge & (cloud.base[rows] != UNLABELED)]
     lowest = np.percentile(height[rest], _GROUND) if len(rest) else height[rows].min()
     return float(min(lowest, height[rows[bridge]].min())), float(np.percentile(height[rows[bridge]], _TOP))

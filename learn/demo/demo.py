@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from groundwork.progress import Progress
 from learn.datasets.build import Source, build_dataset
-from learn.datasets.labelled_cloud import HEIGHT
+from learn.datasets.labeled_cloud import HEIGHT
 from learn.datasets.settings import DatasetSettings, dataset_settings
 from learn.datasets.stored import StoredSplit
 from learn.demo.clouds import VOXEL, DemoCloud, demo_clouds, write_demo_cloud
 from learn.metrics import confusion, scores
 from learn.models.forest import forest_probabilities, grow_forest
-from learn.sample import UNLABELLED, Sample
+from learn.sample import UNLABELED, Sample
 from learn.trained import read_model
 from learn.training.settings import TrainSettings, recipe_of
 from learn.training.train import TrainingData, train_network
@@ -175,7 +175,7 @@ class _HeightForest:
         samples = [train.sample(number, 0) for number in range(len(train))]
         labels = np.concatenate([sample.labels for sample in samples])
         heights = np.concatenate([_height(sample) for sample in samples])
-        known = labels != UNLABELLED
+        known = labels != UNLABELED
         return cls(grow_forest(heights[known], labels[known], len(train.classes), trees=20, depth=10, seed=0))
 
     def probabilities(self, samples: Sequence[Sample]) -> list[F32]:
@@ -191,7 +191,7 @@ class _Majority:
     @classmethod
     def counted(cls, train: StoredSplit) -> "_Majority":
         labels = np.concatenate([train.sample(number, 0).labels for number in range(len(train))])
-        counts = np.bincount(labels[labels != UNLABELLED], minlength=len(train.classes))
+        counts = np.bincount(labels[labels != UNLABELED], minlength=len(train.classes))
         return cls((np.arange(len(counts)) == counts.argmax()).astype(np.float32))
 
     def probabilities(self, samples: Sequence[Sample]) -> list[F32]:

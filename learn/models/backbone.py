@@ -9,8 +9,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from learn.neighbourhoods.cache import cached_pyramid
-from learn.neighbourhoods.pyramids import Indices
+from learn.neighborhoods.cache import cached_pyramid
+from learn.neighborhoods.pyramids import Indices
 
 F32 = NDArray[np.float32]
 
@@ -25,7 +25,7 @@ class Backbone(Protocol):
     """A network of `learn.models`: a torch module with these two methods besides."""
 
     def pyramid(self, coord: F32) -> Indices:
-        """Search the neighbourhoods of one cloud; what the loader does, and the cache keeps.
+        """Search the neighborhoods of one cloud; what the loader does, and the cache keeps.
 
         Args:
             coord: Positions [m or 1], shape (N, 3), float32.
@@ -59,7 +59,7 @@ def geometry_of(
 
     Args:
         backbone: The network.
-        coord: Positions that the neighbourhoods are searched in [m or 1], shape (N, 3), float32.
+        coord: Positions that the neighborhoods are searched in [m or 1], shape (N, 3), float32.
         cache: Folder of pyramids, or None.
         moved: The same points turned, mirrored or scaled afterwards [m or 1], shape (N, 3), float32; None: not at all.
 

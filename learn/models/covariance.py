@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.neighbourhoods.search import nearest
+from learn.neighborhoods.search import nearest
 
 F32 = NDArray[np.float32]
 

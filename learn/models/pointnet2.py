@@ -12,7 +12,7 @@ from groundwork.settings import Settings
 from learn.models.backbone import COORD, Geometry
 from learn.models.gather import Shared, gather, interpolate, of_neighbors
 from learn.models.pooled import pooled
-from learn.neighbourhoods.pyramids import Indices, farthest_pyramid
+from learn.neighborhoods.pyramids import Indices, farthest_pyramid
 
 F32 = NDArray[np.float32]
 
@@ -50,7 +50,7 @@ class PointNet2Settings(Settings):
 
 
 class PointNet2(nn.Module):
-    """PointNet++ with its neighbourhoods taken from the loader.
+    """PointNet++ with its neighborhoods taken from the loader.
 
     Source: Qi et al., PointNet++, 2017, https://doi.org/10.48550/arXiv.1706.02413, and the authors' segmentation
     network for rooms.
@@ -82,7 +82,7 @@ class PointNet2(nn.Module):
             coord: Positions [m or 1], shape (N, 3), float32.
 
         Returns:
-            As `learn.neighbourhoods.pyramids.farthest_pyramid`.
+            As `learn.neighborhoods.pyramids.farthest_pyramid`.
         """
         return farthest_pyramid(coord, self.settings.counts, self.balls)
 

@@ -12,7 +12,7 @@ from groundwork.settings import Settings
 from learn.models.backbone import COORD, Geometry
 from learn.models.gather import Shared, gather, interpolate, of_neighbors
 from learn.models.pooled import pooled
-from learn.neighbourhoods.pyramids import Indices, add_own_balls, farthest_pyramid
+from learn.neighborhoods.pyramids import Indices, add_own_balls, farthest_pyramid
 
 F32 = NDArray[np.float32]
 

@@ -10,7 +10,7 @@ from torch import Tensor, cat, nn
 from groundwork.settings import Settings
 from learn.models.backbone import COORD, Geometry
 from learn.models.gather import Shared, gather
-from learn.neighbourhoods.pyramids import Indices, random_pyramid
+from learn.neighborhoods.pyramids import Indices, random_pyramid
 
 F32 = NDArray[np.float32]
 
@@ -46,7 +46,7 @@ class RandlaNetSettings(Settings):
 
 
 class RandlaNet(nn.Module):
-    """RandLA-Net with its neighbourhoods taken from the loader.
+    """RandLA-Net with its neighborhoods taken from the loader.
 
     Positions enter the spatial encoding as they are: centre each cloud.
 
@@ -83,7 +83,7 @@ class RandlaNet(nn.Module):
             coord: Positions [m or 1], shape (N, 3), float32.
 
         Returns:
-            As `learn.neighbourhoods.pyramids.random_pyramid`.
+            As `learn.neighborhoods.pyramids.random_pyramid`.
         """
         return random_pyramid(coord, self.settings.ratios, self.settings.neighbours, self.settings.sampling_seed)
 

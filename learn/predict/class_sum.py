@@ -10,7 +10,7 @@ from groundwork.errors import InputError
 from learn.datasets.class_tables import BACKGROUND_CLASS, COMPONENTS, NOISY_CLASS, OWN, class_of
 from learn.sample import Sample
 from learn.scoring.votes import Predicting
-from usd_schemas.components import UNLABELLED, component_classes
+from usd_schemas.components import UNLABELED, component_classes
 from usd_schemas.taxonomies import BASE, TAXONOMIES, taxonomy
 
 F32 = NDArray[np.float32]
@@ -54,7 +54,7 @@ class ClassSum:
             summed = probabilities[part] @ self.matrix
             best[part] = summed.argmax(axis=1)
             sure[part] = summed.max(axis=1)
-        ids = np.where((sure >= least) & self.kept[best], self.ids[best], UNLABELLED)
+        ids = np.where((sure >= least) & self.kept[best], self.ids[best], UNLABELED)
         return ids.astype(np.uint8), sure
 
     @property
@@ -140,7 +140,7 @@ def sum_classes(
             value=wanted,
             allowed=own,
         )
-    rows = [row for row in taxonomy(wanted).rows if row.id != UNLABELLED]
+    rows = [row for row in taxonomy(wanted).rows if row.id != UNLABELED]
     names, known = tuple(row.name for row in rows), taxonomy(wanted)
     matrix = np.zeros((len(classes), len(rows)), np.float32)
     for place, name in enumerate(classes):

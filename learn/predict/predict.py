@@ -15,7 +15,7 @@ from groundwork.output_file import check_output_file, fresh_file
 from groundwork.progress import SILENT, Progress
 from learn.datasets.build import tile_patch
 from learn.datasets.draws import count_draws, exhaustive_draw
-from learn.datasets.labelled_cloud import HEIGHT
+from learn.datasets.labeled_cloud import HEIGHT
 from learn.datasets.patch import CHANNELS, Scaling, check_channels, make_sample
 from learn.datasets.tiles import cut_tiles, with_heights
 from learn.datasets.voxels import VoxelCloud, add_points, empty_cloud, lay_grid
@@ -25,7 +25,7 @@ from learn.predict.frame import Frame, choose_frame, contradiction
 from learn.predict.model import PointModel
 from learn.predict.settings import PredictSettings
 from learn.sample import Sample
-from recon.formats.scan import Labels, Scan, ScanStream, check_copy, open_scan, write_labelled_copy
+from recon.formats.scan import Labels, Scan, ScanStream, check_copy, open_scan, write_labeled_copy
 
 F32 = NDArray[np.float32]
 
@@ -105,7 +105,7 @@ def predict_scan(
 
         names = {int(i): name for i, name in zip(summing.ids, summing.names, strict=True)}
         with _copy_and_boxes(source, out, former) as (copy, record):
-            write_labelled_copy(file, stream, copy, labels, settings.chunk, summing.table == _ASPRS)
+            write_labeled_copy(file, stream, copy, labels, settings.chunk, summing.table == _ASPRS)
             found = boxes.rows(names, frame.meters)
             record |= {
                 "table": summing.table,
@@ -128,7 +128,7 @@ def _check_outputs(source: Path, out: Path, former: dict[str, Any]) -> None:
 def _check_link(settings: PredictSettings, model: PointModel) -> None:
     if settings.link < model.tile.voxel:
         raise InputError(
-            "smaller than the cubes of which the model sees one point each",
+            "smaller than the model's voxel",
             field="--link",
             value=settings.link,
             allowed=f"at least {model.tile.voxel:g} m",
@@ -166,7 +166,7 @@ def _refuse_boxes_of_another(record: dict[str, Any], out: Path) -> None:
     other = out.with_suffix(str((record.get("copy") or {}).get("suffix") or out.suffix))
     if other.suffix != out.suffix and other.exists():
         raise InputError(
-            f"holds the boxes of {other.name}",
+            f"belongs to {other.name}",
             where=out.with_suffix(BOXES),
             hint="Choose a name for the copy that differs in more than its suffix",
         )

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.progress import Progress
-from learn.sample import UNLABELLED, Sample, ScoredSource, Truth
+from learn.sample import UNLABELED, Sample, ScoredSource, Truth
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -132,4 +132,4 @@ def labelled(cloud: ScoredCloud) -> NDArray[np.bool_]:
     Returns:
         Whether each has, shape (P,), bool.
     """
-    return cloud.truth != UNLABELLED
+    return cloud.truth != UNLABELED

@@ -12,7 +12,7 @@ from groundwork.errors import InputError
 from groundwork.progress import Progress
 from groundwork.settings import Settings, parse_settings
 from learn.models.forest import grow_forest
-from learn.sample import UNLABELLED, SampleSource
+from learn.sample import UNLABELED, SampleSource
 from learn.trained import FOREST, ModelFacts, forest_inputs, write_model
 from learn.training.settings import TrainSettings
 
@@ -60,7 +60,7 @@ def train_forest(
     progress.stage("features", len(source))
     for row in range(len(source)):
         sample = source.sample(row, settings.seed)
-        known = np.flatnonzero(sample.labels != UNLABELLED)
+        known = np.flatnonzero(sample.labels != UNLABELED)
         kept = np.sort(rng.permutation(known)[:share])
         features.append(forest_inputs(sample, chosen.scales)[kept])
         labels.append(sample.labels[kept])

@@ -13,7 +13,7 @@ from torch.utils.data import Dataset, Sampler
 
 from learn.losses import uncertainty_weights
 from learn.models.backbone import Backbone, batched, geometry_of
-from learn.sample import UNLABELLED, SampleSource
+from learn.sample import UNLABELED, SampleSource
 from learn.trained import check_channels
 
 I64 = NDArray[np.int64]
@@ -95,7 +95,7 @@ class Loaded(Dataset[dict[str, Any]]):
     doubt: float = 0.0
 
     def __getitem__(self, place: Place) -> dict[str, Any]:
-        """Draw a sample and search its neighbourhoods."""
+        """Draw a sample and search its neighborhoods."""
         epoch, row = place
         sample = self.source.sample(row, int(np.random.SeedSequence([self.seed, epoch, row]).generate_state(1)[0]))
         check_channels(sample, self.channels)
@@ -139,7 +139,7 @@ def count_labels(source: SampleSource, rows: Sequence[int], seed: int) -> I64:
     total = np.zeros((len(rows), len(source.classes)), np.int64)
     for place, row in enumerate(rows):
         labels = source.sample(row, seed).labels
-        total[place] = np.bincount(labels[labels != UNLABELLED], minlength=total.shape[1])
+        total[place] = np.bincount(labels[labels != UNLABELED], minlength=total.shape[1])
     return total
 
 

@@ -17,7 +17,7 @@ from groundwork.files import write_bytes, write_text
 from groundwork.progress import Progress
 from learn.losses import components_only, cross_entropy, lovasz_softmax, noise_loss
 from learn.metrics import confusion, scores
-from learn.sample import UNLABELLED
+from learn.sample import UNLABELED
 from learn.trained import as_probabilities
 from learn.training.settings import Recipe, TrainSettings
 
@@ -110,7 +110,7 @@ class Segmentation(lightning.LightningModule):
         loss = loss + cross_entropy(logits, labels, self.class_weights, weights, smoothing)
         if self._recipe.lovasz:
             # of sets of points, which have no weights: those that are less sure than the recipe's doubt stay out
-            sure = labels if weights is None else labels.masked_fill(weights < _SURE, UNLABELLED)
+            sure = labels if weights is None else labels.masked_fill(weights < _SURE, UNLABELED)
             loss = loss + self._recipe.lovasz * lovasz_softmax(logits, sure)
         self._losses.append(loss.detach())
         return loss

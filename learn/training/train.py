@@ -20,7 +20,7 @@ from groundwork.files import write_text
 from groundwork.progress import Progress
 from learn.losses import class_weights
 from learn.models.registry import build_network
-from learn.sample import UNLABELLED, SampleSource
+from learn.sample import UNLABELED, SampleSource
 from learn.trained import ModelFacts, as_probabilities, load_weights, read_facts, read_weights, write_model
 from learn.training.loader import EpochOrder, Loaded, collate, count_labels, expected_counts, hold_out
 from learn.training.settings import TrainSettings, recipe_of
@@ -177,7 +177,7 @@ def begin_with(network: nn.Module, folder: Path, channels: tuple[str, ...], clas
     facts, weights = read_facts(folder), read_weights(folder)
     if facts.channels != channels:
         raise InputError(
-            "the model to begin with has other inputs",
+            "the --init model has other inputs",
             where=folder,
             field="--init",
             value=", ".join(facts.channels),
@@ -226,7 +226,7 @@ def _check(
     shared = {source.bridge(row) for row in rows} & {validation.bridge(row) for row in held}
     if shared and validation is not source and settings.recipe != "paper":
         raise InputError(
-            "validation shows bridges of the training",
+            "validation shares bridges with the training",
             field="bridge",
             value=sorted(shared)[0],
             hint="Split by bridge, or train with --recipe paper",
@@ -321,7 +321,7 @@ def _temperature(network: Any, task: _Task) -> float:
         item = collate([samples[0, row]])
         with torch.no_grad():
             found = network(item["features"], item["geometry"])[0]
-        known = item["labels"][0] != UNLABELLED
+        known = item["labels"][0] != UNLABELED
         logits.append(found[known].double())
         labels.append(item["labels"][0][known])
         count += int(known.sum())

@@ -11,7 +11,7 @@ import numpy as np
 
 from groundwork.errors import InputError
 from groundwork.files import whole_file
-from recon.formats.labels import DTYPES, NAMES, Labels, refuse_labelled
+from recon.formats.labels import DTYPES, NAMES, Labels, refuse_labeled
 from recon.formats.read_las import LasRows
 from recon.formats.scan_points import Scan
 
@@ -38,7 +38,7 @@ def copy_las(source: Path, rows: LasRows, out: Path, labels: Iterable[Labels], c
     import laspy
     from laspy.vlrs.vlrlist import VLRList
 
-    refuse_labelled(source, tuple(rows.header.extra))
+    refuse_labeled(source, tuple(rows.header.extra))
     try:
         with laspy.open(source) as reader:
             header, appended = copy.deepcopy(reader.header), list(reader.evlrs or ())

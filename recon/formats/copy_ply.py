@@ -8,7 +8,7 @@ import numpy as np
 
 from groundwork.errors import InputError
 from groundwork.files import whole_file
-from recon.formats.labels import CLASS, CONFIDENCE, DTYPES, INSTANCE, Labels, refuse_labelled
+from recon.formats.labels import CLASS, CONFIDENCE, DTYPES, INSTANCE, Labels, refuse_labeled
 from recon.formats.read_ply import Element, read_ply_header
 
 _PROPERTIES = (f"property uchar {CLASS}", f"property float {CONFIDENCE}", f"property uint {INSTANCE}")
@@ -29,7 +29,7 @@ def copy_ply(source: Path, out: Path, labels: Iterable[Labels]) -> None:
     order, elements, start = read_ply_header(source)
     place = next((i for i, element in enumerate(elements) if element.name == "vertex"), 0)
     vertex = elements[place]
-    refuse_labelled(source, tuple(name for name, _ in vertex.properties))
+    refuse_labeled(source, tuple(name for name, _ in vertex.properties))
     # not atomic: renamed when it is whole
     with source.open("rb") as file, whole_file(out) as partial, partial.open("wb") as copy:
         copy.write(_header(file.read(start), vertex))

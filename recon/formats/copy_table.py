@@ -8,7 +8,7 @@ import numpy as np
 
 from groundwork.errors import InputError
 from groundwork.files import whole_file
-from recon.formats.labels import DTYPES, NAMES, Labels, refuse_labelled
+from recon.formats.labels import DTYPES, NAMES, Labels, refuse_labeled
 from recon.formats.read_numpy import open_array
 from recon.formats.read_text import first_line
 
@@ -28,7 +28,7 @@ def copy_text(source: Path, out: Path, labels: Iterable[Labels]) -> None:
     """
     with source.open("rb") as file:
         skipped, names, mark = first_line(source, [file.readline(_LONGEST_LINE) for _ in range(2)])
-    refuse_labelled(source, names)
+    refuse_labeled(source, names)
     between = (mark or " ").encode()
     # not atomic: renamed when it is whole
     with source.open("rb") as file, whole_file(out) as partial, partial.open("wb") as copy:
@@ -62,7 +62,7 @@ def copy_array(source: Path, out: Path, labels: Iterable[Labels]) -> None:
     """
     array = open_array(source)
     names = array.dtype.names
-    refuse_labelled(source, names or ())
+    refuse_labeled(source, names or ())
     if names is None:
         dtype, shape = np.dtype(np.float64), (len(array), array.shape[1] + len(NAMES))
     else:

@@ -32,7 +32,7 @@ class Labels:
         return {CLASS: self.classes, CONFIDENCE: self.confidence, INSTANCE: self.instance}
 
 
-def refuse_labelled(path: Path, names: tuple[str, ...]) -> None:
+def refuse_labeled(path: Path, names: tuple[str, ...]) -> None:
     """Refuse a source that holds predictions already: none is written over.
 
     Args:

@@ -8,7 +8,7 @@ import numpy as np
 
 from groundwork.files import space_errors
 from recon.cloud import Cloud
-from usd_schemas.components import UNLABELLED
+from usd_schemas.components import UNLABELED
 
 LAZ_SCALE = 0.0001  # [m] coordinates are rounded to this, unless the cloud is too large for it
 FIRST_USER_CLASS = 64  # LAS leaves the codes from here on to users
@@ -74,7 +74,7 @@ def _header(cloud: Cloud) -> Any:
     )
     table = ClassificationLookupVlr()
     for row in cloud.classes:
-        if row.id != UNLABELLED:
+        if row.id != UNLABELED:
             table[FIRST_USER_CLASS + row.id] = row.name[:15]
     header.vlrs.append(table)
     if cloud.alignment.get("target") != "none":  # such a cloud has no unit
@@ -92,7 +92,7 @@ def _records(cloud: Cloud, part: slice, header: Any) -> Any:
     for name, values in zip(("red", "green", "blue"), columns["color"].T, strict=True):
         record[name] = values.astype(np.uint16) * 257
     segment = columns["segment"]
-    record["classification"] = np.where(segment == UNLABELLED, _UNCLASSIFIED, FIRST_USER_CLASS + segment % 128)
+    record["classification"] = np.where(segment == UNLABELED, _UNCLASSIFIED, FIRST_USER_CLASS + segment % 128)
     record["return_number"] = record["number_of_returns"] = np.ones(len(segment), np.uint8)
     if "intensity" in columns:
         record["intensity"] = np.rint(np.clip(columns["intensity"], 0.0, 1.0) * 65535).astype(np.uint16)

@@ -9,7 +9,7 @@ from groundwork.errors import InputError
 from groundwork.files import space_errors, write_json, write_text
 from groundwork.slug import inside, slug
 from recon.cloud import Cloud
-from usd_schemas.components import UNLABELLED
+from usd_schemas.components import UNLABELED
 
 F64 = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ def write_pointcept(out: Path, cloud: Cloud) -> list[str]:
         "coord": (columns["coord"] - origin).astype(np.float32),
         "color": columns["color"],
         "normal": columns["normal"],
-        "segment": np.where(segment == UNLABELLED, _IGNORED, segment),
+        "segment": np.where(segment == UNLABELED, _IGNORED, segment),
         "instance": np.where(instance == 0, _IGNORED, instance),
         "uncertainty": columns["uncertainty"],
     }

@@ -9,7 +9,7 @@ from groundwork.progress import SILENT, Progress
 from recon.cloud import read_cloud
 from recon.formats import read_e57, read_las, read_numpy, read_ply, read_text
 from recon.formats.crs_unit import meters_per_unit
-from recon.formats.labelled_copy import check_copy, write_labelled_copy
+from recon.formats.labeled_copy import check_copy, write_labeled_copy
 from recon.formats.labels import Labels
 from recon.formats.scan_points import MOST_POINTS, Scan, check_coordinates
 from recon.formats.scan_stream import ScanStream
@@ -22,7 +22,7 @@ __all__ = [
     "check_copy",
     "open_scan",
     "read_scan",
-    "write_labelled_copy",
+    "write_labeled_copy",
 ]
 
 

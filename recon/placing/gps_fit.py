@@ -26,9 +26,9 @@ _FAR = 21.1  # beyond: one good fix in ten thousand
 _ROUNDS, _STEPS = 15, 30
 _NEAR, _SETTLED = 1e-4, 1e-10
 _PRIOR_FREEDOM = 2.0  # by which two components of variance hold together where there are few fixes
-_LONG = 12  # fixes from which on their likeness along the way can be told
+_LONG = 12  # fixes from which on their serial_correlation along the way can be told
 _SURE, _UNLIKE = 4.0, 15.0  # a rotation so many degrees off is refuted by a likelihood that is e^2 smaller
-_USUAL = 0.3  # likeness of fixes too few to tell
+_USUAL = 0.3  # serial_correlation of fixes too few to tell
 _ALIKE = 0.95  # most that a fix may be taken to repeat the one before
 
 
@@ -41,7 +41,7 @@ class Fit:
         agreeing: Fixes that it rests on, shape (N,), bool.
         sigmas: Standard deviation of a fix along the ground and in height, as the residuals have it; as a multiple of
             what was stated [1], shape (2,), float64.
-        likeness: Correlation of a fix with the one before it [1].
+        serial_correlation: Correlation of a fix with the one before it [1].
         middle: Middle of the agreeing cameras in the world [m], shape (3,), float64.
         covariances: Of logarithm of the scale, rotation vector [rad] and place of the middle [m], from the errors along
             the ground, those in height, and those of gravity, shape (3, 7, 7), float64.
@@ -52,7 +52,7 @@ class Fit:
     similarity: Similarity
     agreeing: Mask
     sigmas: F64
-    likeness: float
+    serial_correlation: float
     middle: F64
     covariances: F64
     freedom: F64
@@ -178,7 +178,7 @@ def _adjust(start: Similarity, fixes: _Fixes, levels: GravityCues, agreeing: Mas
     """Fit to the agreeing fixes, and estimate how well the fixes were measured along the ground and in height."""
     fixes = fixes.of(agreeing)
     source, goal, stated = fixes.source, fixes.goal, fixes.sigma
-    similarity, factors, likeness = start, np.ones(2), 0.0
+    similarity, factors, serial_correlation = start, np.ones(2), 0.0
     freedom = np.ones(2)
     for _ in range(_STEPS):
         weights = 1.0 / (stated * factors[[0, 0, 1]]) ** 2
@@ -188,30 +188,36 @@ def _adjust(start: Similarity, fixes: _Fixes, levels: GravityCues, agreeing: Mas
             if moved < _SETTLED:
                 break
         residual = (goal - similarity.move(source)) / stated
-        likeness = _likeness(residual / factors[[0, 0, 1]]) if flown else 0.0
-        again, freedom = _components(similarity, fixes, factors, levels, likeness)
+        serial_correlation = _serial_correlation(residual / factors[[0, 0, 1]]) if flown else 0.0
+        again, freedom = _components(similarity, fixes, factors, levels, serial_correlation)
         change = np.abs(np.log(again / factors)).max()
         factors = again
         if change < 1e-4:
             break
     weights = 1.0 / (stated * factors[[0, 0, 1]]) ** 2
-    covariances = _covariances(similarity, source, weights, levels, likeness)
+    covariances = _covariances(similarity, source, weights, levels, serial_correlation)
     middle = similarity.move(_middle(source, weights)[None])[0]
-    slow = (1.0 - likeness**2) / (1.0 + likeness**2)
+    slow = (1.0 - serial_correlation**2) / (1.0 + serial_correlation**2)
     return Fit(
-        similarity, agreeing, factors, likeness, middle, covariances, np.append(np.maximum(freedom * slow, 1.0), 1e6)
+        similarity,
+        agreeing,
+        factors,
+        serial_correlation,
+        middle,
+        covariances,
+        np.append(np.maximum(freedom * slow, 1.0), 1e6),
     )
 
 
 def _components(
-    similarity: Similarity, fixes: _Fixes, factors: F64, levels: GravityCues, likeness: float
+    similarity: Similarity, fixes: _Fixes, factors: F64, levels: GravityCues, serial_correlation: float
 ) -> tuple[F64, F64]:
     """Estimate the two factors of the stated errors anew; gives them and their degrees of freedom."""
     residual = (fixes.goal - similarity.move(fixes.source)) / fixes.sigma
     weights = 1.0 / (fixes.sigma * factors[[0, 0, 1]]) ** 2
     jacobian = _jacobian(similarity, fixes.source - _middle(fixes.source, weights)) * np.sqrt(weights)[:, :, None]
     inverse = np.asarray(np.linalg.pinv(_information(jacobian, similarity, levels), hermitian=True), np.float64)
-    kept = np.array([_left_over(jacobian[:, axes], inverse, likeness) for axes in ([0, 1], [2])])
+    kept = np.array([_left_over(jacobian[:, axes], inverse, serial_correlation) for axes in ([0, 1], [2])])
     squares = np.array([(residual[:, :2] ** 2).sum(), (residual[:, 2] ** 2).sum()])
     common = (squares / factors**2).sum() / max(kept.sum(), 1.0)
     estimate = (squares + _PRIOR_FREEDOM * common * factors**2) / (kept + _PRIOR_FREEDOM)
@@ -219,20 +225,25 @@ def _components(
     return np.sqrt(np.maximum(estimate, 1e-18)), np.minimum(freedom, kept.sum())
 
 
-def _left_over(jacobian: F64, inverse: F64, likeness: float) -> float:
-    """Count what a fit leaves of the variance of some axes: trace of (I - H) S (I - H), about, S their likeness."""
+def _left_over(jacobian: F64, inverse: F64, serial_correlation: float) -> float:
+    """Count what a fit leaves of the variance of some axes: trace of (I - H) S (I - H), S their correlation."""
     used = 0.0
     for axis in range(jacobian.shape[1]):
         part = jacobian[:, axis]
-        used += np.einsum("ij,jk,ik->", part, inverse, _alike(part, likeness))
+        used += np.einsum("ij,jk,ik->", part, inverse, _alike(part, serial_correlation))
     return float(max(jacobian.shape[0] * jacobian.shape[1] - used, 0.0))
 
 
-def _covariances(similarity: Similarity, source: F64, weights: F64, levels: GravityCues, likeness: float) -> F64:
+def _covariances(
+    similarity: Similarity, source: F64, weights: F64, levels: GravityCues, serial_correlation: float
+) -> F64:
     """Carry the errors of fixes along the ground, in height, and of gravity over to the parameters."""
     jacobian = _jacobian(similarity, source - _middle(source, weights)) * np.sqrt(weights)[:, :, None]
     inverse = np.linalg.pinv(_information(jacobian, similarity, levels), hermitian=True)
-    parts = [sum(jacobian[:, axis].T @ _alike(jacobian[:, axis], likeness) for axis in axes) for axes in ([0, 1], [2])]
+    parts = [
+        sum(jacobian[:, axis].T @ _alike(jacobian[:, axis], serial_correlation) for axis in axes)
+        for axes in ([0, 1], [2])
+    ]
     turning, pull = _leaning(similarity, levels), levels.weights(similarity.rotation.T[:, 2])
     tilt = np.zeros((PARAMETERS, PARAMETERS))
     tilt[1:4, 1:4] = (turning * pull[:, None]).T @ turning
@@ -247,10 +258,10 @@ def _information(whitened: F64, similarity: Similarity, levels: GravityCues) -> 
     return total
 
 
-def _likeness(whitened: F64) -> float:
+def _serial_correlation(whitened: F64) -> float:
     """Estimate how far the error of a fix repeats that of the one before it.
 
-    A fit takes away what varies slowly, and with it some of the likeness; what is added for it is tuned by simulation
+    A fit takes away what varies slowly, and with it some of the correlation; what is added is tuned by simulation
     (`benchmarks.recon.gps_scale`).
     """
     if len(whitened) < _LONG:
@@ -261,12 +272,12 @@ def _likeness(whitened: F64) -> float:
     return float(np.clip(freed, 0.0, _ALIKE)) if freed > 2.0 / np.sqrt(3.0 * count) else 0.0
 
 
-def _alike(columns: F64, likeness: float) -> F64:
-    """Multiply by the matrix whose entries are likeness to the power of |i - j|, shape (N, P)."""
-    if likeness == 0.0:
+def _alike(columns: F64, serial_correlation: float) -> F64:
+    """Multiply by the matrix whose entries are serial_correlation to the power of |i - j|, shape (N, P)."""
+    if serial_correlation == 0.0:
         return columns
-    ahead = lfilter([1.0], [1.0, -likeness], columns, axis=0)
-    back = lfilter([1.0], [1.0, -likeness], columns[::-1], axis=0)[::-1]
+    ahead = lfilter([1.0], [1.0, -serial_correlation], columns, axis=0)
+    back = lfilter([1.0], [1.0, -serial_correlation], columns[::-1], axis=0)[::-1]
     return np.asarray(ahead + back - columns)
 
 

@@ -8,7 +8,7 @@ from recon.points.observations import Observations
 F64 = NDArray[np.float64]
 
 _CHUNK = 200_000  # observations, of some 400 bytes each
-_DOUBT = 100  # numbers that say one pixel before any point has spoken: a handful of points proves no better keypoints
+_PRIOR_COUNT = 100  # numbers that say one pixel before any point has: a handful of points proves no better keypoints
 _COMMON = 6  # numbers that all points together are worth beside a point's own: a point of two views has but one
 _SQUARE = 4.0 / np.pi  # mean square of distances over the square of their mean, where both axes deviate alike
 _SEVERAL = 3  # views from which on a point's residuals check its place; two rays always nearly meet
@@ -31,7 +31,7 @@ def keypoint_noise(errors: F64, views: NDArray[np.int64]) -> F64:
     """
     squares, freedom = _SQUARE * views * errors**2, np.maximum(2 * views - 3, 0)
     checked = views >= _SEVERAL
-    common = (_DOUBT + squares[checked].sum()) / (_DOUBT + freedom[checked].sum())
+    common = (_PRIOR_COUNT + squares[checked].sum()) / (_PRIOR_COUNT + freedom[checked].sum())
     return np.sqrt((_COMMON * common + squares) / (_COMMON + freedom))
 
 

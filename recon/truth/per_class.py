@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from recon.points.fates import DEVIATION, FATES, KEPT
 from recon.truth.windows import BACKGROUND, LENGTH, Windows
-from usd_schemas.components import UNLABELLED, ClassRow
+from usd_schemas.components import UNLABELED, ClassRow
 
 U8 = NDArray[np.uint8]
 I64 = NDArray[np.int64]
@@ -50,7 +50,7 @@ def describe_classes(
     """
     count = 1 if windows is None else windows.count
     window = np.zeros(len(segment), np.int64) if windows is None else windows.of(coord)
-    bridge = (segment != BACKGROUND) & (segment != UNLABELLED)
+    bridge = (segment != BACKGROUND) & (segment != UNLABELED)
     seen = np.zeros(count, bool)
     seen[window[bridge]] = True
     figures: dict[str, Any] = {}

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from recon.dense.pixel_fates import PIXEL_FATES, PixelFates
 from render.capture import Truth
-from usd_schemas.components import UNLABELLED, ClassRow
+from usd_schemas.components import UNLABELED, ClassRow
 
 _CLASSES = 256
 
@@ -38,7 +38,7 @@ def describe_pixels(
     counts = np.zeros(_CLASSES * len(PIXEL_FATES), np.int64)
     for number in np.flatnonzero(valid).tolist():
         fate = fates.of(number)[inside].astype(np.int64)
-        label = np.full(len(fate), UNLABELLED) if truth is None else truth.semantic(int(rows[number]))[row, column]
+        label = np.full(len(fate), UNLABELED) if truth is None else truth.semantic(int(rows[number]))[row, column]
         counts += np.bincount(label.astype(np.int64) * len(PIXEL_FATES) + fate, minlength=len(counts))
     table = counts.reshape(_CLASSES, -1)
     return {

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from recon.placing.align import OK, REGISTERED, Alignment
 from recon.sfm.colmap_model import SparseModel
-from usd_schemas.components import UNLABELLED, ClassRow
+from usd_schemas.components import UNLABELED, ClassRow
 
 NEAR = 0.1  # [m] a point this close to the true surface counts as on it
 CLEAR = 3.0  # [px] a point this far from label edges counts as inside
@@ -80,7 +80,7 @@ def verdict_in_words(status: tuple[str, ...], points: int, found: int, note: str
 
 
 def _label_figures(columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    known = columns["surface_class"] != UNLABELLED
+    known = columns["surface_class"] != UNLABELED
     near = known & (columns["surface_distance"] <= NEAR)
     clear = near & (columns["label_margin_px"] >= CLEAR)
     right = columns["segment"] == columns["surface_class"]

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from recon.truth.triangle_points import nearest_on_triangles
 from render.capture import Truth
-from usd_schemas.components import UNLABELLED
+from usd_schemas.components import UNLABELED
 
 F64 = NDArray[np.float64]
 
@@ -47,4 +47,4 @@ def without_moving(
         The same, NaN and 255 on things that move, shape (N,) each.
     """
     moving = np.isin(instance, [row.id for row in truth.instances if row.moves])
-    return np.where(moving, np.nan, distance), np.where(moving, np.uint8(UNLABELLED), nearest)
+    return np.where(moving, np.nan, distance), np.where(moving, np.uint8(UNLABELED), nearest)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from usd_schemas.components import UNLABELLED
+from usd_schemas.components import UNLABELED
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -60,7 +60,7 @@ def lay_windows(corners: F64, classes: U8) -> Windows | None:
     Returns:
         The windows; None without any bridge.
     """
-    bridge = (classes != BACKGROUND) & (classes != UNLABELLED)
+    bridge = (classes != BACKGROUND) & (classes != UNLABELED)
     if not bridge.any():
         return None
     corners, classes = corners[bridge], classes[bridge]

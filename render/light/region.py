@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from usd_schemas.components import BACKGROUND, UNLABELLED, class_rows
+from usd_schemas.components import BACKGROUND, UNLABELED, class_rows
 from usd_schemas.flat_scene import FlatScene
 
 F64 = NDArray[np.float64]
@@ -40,6 +40,6 @@ def _labelled(scene: FlatScene) -> NDArray[np.bool_]:
     """Mark the draws that are no background, shape (D,); by the base table, so that no other one moves the light."""
     background = class_rows()[BACKGROUND].name
     known = {row.id: row.base_class != background for row in scene.instances if row.base_class}
-    other = (scene.draws.label != BACKGROUND) & (scene.draws.label != UNLABELLED)
+    other = (scene.draws.label != BACKGROUND) & (scene.draws.label != UNLABELED)
     pairs = zip(scene.draws.instance.tolist(), other.tolist(), strict=True)
     return np.array([known.get(number, label) for number, label in pairs], bool)

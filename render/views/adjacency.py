@@ -12,7 +12,7 @@ I64 = NDArray[np.int64]
 NONE = -1
 
 
-def edge_neighbours(geometry: Geometry) -> I32:
+def edge_neighbors(geometry: Geometry) -> I32:
     """Find for each edge of each triangle the triangle of the same part that shares it, by position.
 
     Args:

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from render.views.adjacency import edge_neighbours
+from render.views.adjacency import edge_neighbors
 from render.views.targets import View
 from usd_schemas.distortion import Distortion
 from usd_schemas.flat_scene import ALIKE, FlatScene
@@ -83,7 +83,7 @@ def ray_geometry(scene: FlatScene, cut_out: NDArray[np.bool_]) -> Geometry:
         mirrored,
         geometry.part_double_sided[draws.part] == ALIKE,
         cut_out,
-        edge_neighbours(geometry),
+        edge_neighbors(geometry),
     )
 
 

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
-from authoring.edits.additions import Labelling
+from authoring.edits.additions import Labeling
 from authoring.edits.harvest import EDITS, Harvest, harvest_edits
 from authoring.edits.shapes import flat_normals, read_surface
 from authoring.layers.layer import export
@@ -51,7 +51,7 @@ def other(scene: Path, tmp_path: Path) -> Usd.Stage:
 def bring_home(scene: Path, other: Usd.Stage, *labels: str, remove: bool = False) -> tuple[Harvest, str]:
     """Save and harvest; give what was found, and the layer's text."""
     other.GetRootLayer().Save()
-    found = harvest_edits(Path(other.GetRootLayer().realPath), scene, Labelling.parse(labels), remove)
+    found = harvest_edits(Path(other.GetRootLayer().realPath), scene, Labeling.parse(labels), remove)
     return found, (scene.parent / EDITS).read_text(encoding="utf-8")
 
 
@@ -112,7 +112,7 @@ def test_new_cameras_and_lamps_come_home(scene: Path, tmp_path: Path) -> None:
     """From a file in centimetres with y up: each pose, the lens and the lamp in metres with z up; and gone with it."""
     file = tmp_path / "centimetres.usda"
     _write_centimetres(scene, file, lamp=True)
-    found = harvest_edits(file, scene, Labelling())
+    found = harvest_edits(file, scene, Labeling())
     assert (found.cameras, found.lights, found.moved) == ({"Drone": 3}, {"Lamp": "SphereLight"}, [])
     assert found.left_out == ["global_Camera: a Camera that the file lacks stays"]
     assert validate_scene(scene) == []
@@ -134,10 +134,10 @@ def test_new_cameras_and_lamps_come_home(scene: Path, tmp_path: Path) -> None:
     np.testing.assert_array_equal(flown.poses, track.poses)
     assert (flown.calibration.fx, flown.calibration.height) == pytest.approx((600 * 35 / 36, 400))
     before = (scene.parent / EDITS).read_bytes()
-    harvest_edits(file, scene, Labelling())
+    harvest_edits(file, scene, Labeling())
     assert (scene.parent / EDITS).read_bytes() == before
     _write_centimetres(scene, file, lamp=False)
-    assert harvest_edits(file, scene, Labelling()).lights == {}
+    assert harvest_edits(file, scene, Labeling()).lights == {}
     assert not Usd.Stage.Open(str(scene)).GetPrimAtPath("/World/Environment/Lamp")
 
 
@@ -207,13 +207,13 @@ def test_what_no_dcc_brings_back_stays(scene: Path, other: Usd.Stage) -> None:
 def test_wrong_input_is_named(scene: Path, other: Usd.Stage, tmp_path: Path) -> None:
     """Labels that are none, files of another scene, scenes without an edits layer, stored scenes."""
     with pytest.raises(InputError, match=r"--label: no such component or class \(found 'Box=tree_house'\)"):
-        Labelling.parse(["Box=tree_house"])
+        Labeling.parse(["Box=tree_house"])
     strange = Usd.Stage.CreateNew(str(tmp_path / "strange.usda"))
     cube(strange, "/Thing")
     with pytest.raises(InputError, match="holds no prim with a userProperties:falseworkId"):
         bring_home(scene, strange)
     with pytest.raises(InputError, match="has no sublayer"):
-        harvest_edits(tmp_path / "strange.usda", tmp_path / "strange.usda", Labelling())
+        harvest_edits(tmp_path / "strange.usda", tmp_path / "strange.usda", Labeling())
     (scene.parent / MANIFEST).write_text("{}", encoding="utf-8")
     with pytest.raises(InputError, match="scene checkout"):
         bring_home(scene, other)

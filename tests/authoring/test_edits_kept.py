@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
 
-from authoring.edits.additions import Labelling
+from authoring.edits.additions import Labeling
 from authoring.edits.harvest import EDITS, Harvest, harvest_edits
 from authoring.scenes.validate import validate_scene
 from falsework.commands.edit_verbs import report_lines
@@ -47,7 +47,7 @@ def other(scene: Path, tmp_path: Path) -> Usd.Stage:
 def bring_home(scene: Path, other: Usd.Stage, *labels: str, sound: bool = True) -> tuple[Harvest, list[str]]:
     """Save and harvest; give what was found, and the lines that a user sees."""
     other.GetRootLayer().Save()
-    found = harvest_edits(Path(other.GetRootLayer().realPath), scene, Labelling.parse(labels))
+    found = harvest_edits(Path(other.GetRootLayer().realPath), scene, Labeling.parse(labels))
     assert not sound or validate_scene(scene) == []
     return found, report_lines({name: getattr(found, name) for name in vars(found)})
 

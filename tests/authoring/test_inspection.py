@@ -1,6 +1,7 @@
 """Inspection flights show every member that can be seen, keep clear of everything, and mix with other kinds."""
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -111,6 +112,13 @@ def test_a_leg_names_no_camera_of_its_own() -> None:
     """What is written down belongs to the whole flight; the error names the leg and the key."""
     with pytest.raises(InputError, match=r"legs\[0\]\.width belongs to the whole flight"):
         parse_settings(MixSettings, {"kind": "mix", "legs": [{"kind": "grid", "width": 640}]}, "test")
+
+
+def test_a_mix_that_was_written_out_in_full_is_read_again() -> None:
+    """As a run hands it to the process that authors the stage: with every default of every leg."""
+    legs: list[dict[str, Any]] = [{"kind": kind} for kind in ("global", "local", "grid", "inspection")]
+    mix = parse_settings(MixSettings, {"kind": "mix", "legs": legs, "width": 640}, "test")
+    assert parse_settings(MixSettings, mix.model_dump(mode="json"), "test") == mix
 
 
 def test_free_places_equal_a_slow_twin(slab: Drawn) -> None:

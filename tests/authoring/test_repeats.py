@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, UsdShade
 
-from authoring.edits.additions import Labelling
+from authoring.edits.additions import Labeling
 from authoring.edits.harvest import Harvest, harvest_edits
 from authoring.exchange.flatten import flatten_scene
 from authoring.foreign.usd_file import flatten_foreign
@@ -214,7 +214,7 @@ def other(scene: Path, tmp_path: Path) -> Usd.Stage:
 def bring_home(scene: Path, other: Usd.Stage, remove: bool = False) -> Harvest:
     """Save and harvest."""
     other.GetRootLayer().Save()
-    return harvest_edits(Path(other.GetRootLayer().realPath), scene, Labelling(), remove)
+    return harvest_edits(Path(other.GetRootLayer().realPath), scene, Labeling(), remove)
 
 
 def test_nothing_changed_is_no_edit(scene: Path, other: Usd.Stage) -> None:

@@ -1,5 +1,6 @@
 """Seasons: what grows has other colors, and nothing else of a scene is another; summer is what there was before."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,12 @@ OTHERS: tuple[Season, ...] = tuple(season for season in SEASONS if season != SUM
 NEEDLES = ("spruce", "pine", "twigs")
 
 
+@cache
+def _leaves(season: Season = SUMMER) -> Sheet:
+    return leaves(Tile(512, 4.0, np.random.default_rng(5)), season)
+
+
+@cache
 def _drawn(surface: str, season: Season, pixels: int = 256) -> Sheet:
     recipe = SCENERY[surface]
     tile = Tile(pixels, recipe.metres, np.random.default_rng(5))
@@ -59,9 +66,9 @@ def test_summer_is_spelled_as_before_there_were_seasons() -> None:
 
 def test_a_season_cuts_out_the_same_leaves() -> None:
     """Opacity and roughness are those of summer to the bit, and so are needles; broad leaves and grass are not."""
-    summer = leaves(Tile(512, 4.0, np.random.default_rng(5)))
+    summer = _leaves()
     for season in OTHERS:
-        other = leaves(Tile(512, 4.0, np.random.default_rng(5)), season)
+        other = _leaves(season)
         assert other.opacity is not None
         assert summer.opacity is not None
         np.testing.assert_array_equal(other.opacity, summer.opacity)
@@ -74,10 +81,7 @@ def test_a_season_cuts_out_the_same_leaves() -> None:
 def test_seasons_have_their_colors() -> None:
     """Leaves, grass and fields: light and green in spring, red over green in autumn, dull in winter."""
     for kind in ("oak", "lime", "willow", "scrub", "grass"):
-        mean = {
-            season: _cells(leaves(Tile(512, 4.0, np.random.default_rng(5)), season), kind).mean(axis=0)
-            for season in SEASONS
-        }
+        mean = {season: _cells(_leaves(season), kind).mean(axis=0) for season in SEASONS}
         warm = {season: color[0] / color[1] for season, color in mean.items()}
         vivid = {season: np.ptp(color) / color.max() for season, color in mean.items()}
         assert mean["spring"].sum() > 1.1 * mean["summer"].sum(), kind

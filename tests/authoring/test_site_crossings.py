@@ -174,7 +174,7 @@ def test_what_is_drawn_is_what_can_be_fixed() -> None:
 @pytest.mark.parametrize(
     ("kind", "layout", "words"),
     [
-        ("valley", LOW, r"site\.crossing: .*seats lie only 6\.1 m.*7 m high and more"),
+        ("valley", LOW, r"site\.crossing: .*seats are only 6\.1 m.*7 m high and more"),
         ("rail", Layout(Alignment(4.6), (0.0, 20.0), 8.0, 1.2), r"site\.crossing: .*under seats 5 m high"),
         ("harbour", TALL, r"site\.crossing: no room.*60 m and more"),
         ("rail", Layout(Alignment(9.0), (0.0, 10.0), 8.0, 1.2), r"site\.crossing: no room"),

@@ -9,7 +9,7 @@ from typing import Any
 from pxr import Sdf
 
 import authoring.exchange.blender
-from authoring.edits.additions import Labelling
+from authoring.edits.additions import Labeling
 from authoring.edits.harvest import EDITS, Harvest, harvest_edits
 from authoring.scene import author_scene
 from authoring.settings import AuthoringSettings
@@ -104,7 +104,7 @@ def harvest(scene: Path, edited: Path, *labels: str, remove: bool = False) -> Ha
         labels: Labels of new objects.
         remove: Switch deleted parts off.
     """
-    return harvest_edits(edited, scene, Labelling.parse(labels), remove)
+    return harvest_edits(edited, scene, Labeling.parse(labels), remove)
 
 
 def opinions(scene: Path) -> dict[str, set[str]]:

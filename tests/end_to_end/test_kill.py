@@ -1,35 +1,90 @@
 """Killed at any moment, a run goes on, and ends with the same bytes as one that nobody disturbed."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from groundwork.canonical import file_digest
+from groundwork.marks import MARK
 from tests.conftest import Count
 from tests.end_to_end.conftest import Chain
 
+PATIENCE = 240.0  # [s] on a box that many tests share
+FRAMES = 10  # of the 46 of the flight
+
 
 @pytest.mark.faults
-def test_killed_run_goes_on(chain: Chain, tmp_path: Path, proof_count: Count) -> None:
+def test_killed_run_goes_on(chain: Chain, tmp_path: Path) -> None:
+    """Kill the whole run while it draws its photographs, run it again to its end, and compare every stored byte.
+
+    Stage and model are those of the chain: a reconstruction that is killed has its own tests in `tests/faults`.
+    """
+    out = tmp_path / "out"
+    for stage in ("stage", "model"):
+        shutil.copytree(chain.out / "store" / stage, out / "store" / stage)
+    shutil.copy(chain.out / MARK, out / MARK)
+    command = _command(chain, tmp_path, out)
+    deadline = time.monotonic() + PATIENCE
+
+    def drawing(process: subprocess.Popen[bytes]) -> None:
+        while len(list(out.glob("work/*/images/0*.jpg"))) < FRAMES:
+            assert process.poll() is None, "it ended before it could be killed"
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+
+    _kill_when(command, drawing)
+    assert not list(out.glob("store/capture/*"))
+    (left,) = out.glob("work/*/images")
+    drawn = {path.name: path.stat().st_mtime_ns for path in left.glob("0*.jpg")}
+    subprocess.run(command, check=True, capture_output=True)
+    _assert_same(chain, out)
+    (images,) = out.glob("store/capture/*/images")
+    kept = sum((images / name).stat().st_mtime_ns == changed for name, changed in drawn.items())
+    assert kept >= len(drawn) - 2  # those in work when it was killed are drawn again
+
+
+@pytest.mark.faults
+@pytest.mark.proof_only
+def test_killed_run_goes_on_from_anywhere(chain: Chain, tmp_path: Path, proof_count: Count) -> None:
     """Kill the whole run at random moments, run it again to its end, and compare every stored byte."""
-    scenario, out = tmp_path / "scenario.toml", tmp_path / "out"
-    scenario.write_text(chain.scenario.as_toml())
-    command = [sys.executable, "-m", "falsework", "run", str(scenario), "-o", str(out)]
+    out = tmp_path / "out"
+    command = _command(chain, tmp_path, out)
     draw = np.random.default_rng(5)
     for _ in range(proof_count(1, 12)):
-        process = subprocess.Popen(
-            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
-        )
-        time.sleep(draw.uniform(2.0, 20.0))
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
+        _kill_when(command, lambda _: time.sleep(draw.uniform(2.0, 20.0)))
     subprocess.run(command, check=True, capture_output=True)
+    _assert_same(chain, out)
+
+
+def _command(chain: Chain, folder: Path, out: Path) -> list[str]:
+    """Spell the run of the chain's scenario into another folder."""
+    scenario = folder / "scenario.toml"
+    scenario.write_text(chain.scenario.as_toml())
+    return [sys.executable, "-m", "falsework", "run", str(scenario), "-o", str(out)]
+
+
+def _kill_when(command: list[str], wait: Callable[[subprocess.Popen[bytes]], None]) -> None:
+    """Begin a run, wait, and kill it and its children without warning."""
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+    try:
+        wait(process)
+    finally:
+        with suppress(ProcessLookupError):  # it has ended, and that was noticed
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def _assert_same(chain: Chain, out: Path) -> None:
+    """Compare every stored byte with the chain's, and look for what was left behind."""
     wanted = {path.name for path in chain.out.glob("store/*/*")}
     for stage in ("stage", "capture", "model", "cloud"):
         (done,) = out.glob(f"store/{stage}/*")

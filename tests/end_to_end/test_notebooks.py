@@ -53,6 +53,7 @@ def test_rendering_and_reconstructing(chain: Chain, tmp_path: Path, monkeypatch:
     monkeypatch.setattr("falsework.api.reconstruct", partial(reconstruct, model=flown / "model/global"))
     names: dict[str, Any] = {}
     run_cells("render_and_reconstruct", names, {})
+    assert names["cloud"].source == "sfm-dense"
     assert len(names["cloud"]) == names["counts"].sum() > 1000
     assert len(names["figure"].data[0].x) == min(len(names["cloud"]), 20_000)
 

@@ -24,7 +24,7 @@ from falsework.commands.parsing import CONFIG
 from falsework.scenario import Scenario
 from groundwork.settings import parse_settings, read_toml
 from learn.datasets.class_map import read_class_map
-from learn.demo import demo
+from learn.demo import clouds, demo
 from learn.demo.clouds import thin_cloud
 from tests.end_to_end.conftest import TINY, Chain
 from tests.learn.toy_bridge import write_toy
@@ -40,6 +40,7 @@ NOT_HERE = {
     "falsework scene import-edits edited.usdc scene/scene.usda",
 }
 FEW = {"survey": [{"kind": "global", "images": 8, "spacing": 40.0, "width": 160, "height": 120}]}
+DENSE = {"recon": {"mode": "dense", "quality": "medium"}}
 HEREDOC = re.compile(r"cat > (\S+) <<'END'\n(.*?)^END\n", re.M | re.S)
 
 
@@ -125,7 +126,8 @@ def test_the_tutorial_runs(chain: Chain, tmp_path: Path, monkeypatch: pytest.Mon
         if language == "toml":
             shown = read_toml(_written("bridge.toml", text))
             parse_settings(Scenario, shown, "bridge.toml")
-            _written("bridge.toml", tomli_w.dumps({**TINY, **FEW}))
+            assert shown["recon"] == DENSE["recon"]
+            _written("bridge.toml", tomli_w.dumps({**TINY, **FEW, **DENSE}))
         elif language == "python":
             exec(compile(text, "docs/tutorial.md", "exec"), names)
         for line in commands(text) if language == "sh" else []:
@@ -141,6 +143,7 @@ def test_the_tutorial_runs(chain: Chain, tmp_path: Path, monkeypatch: pytest.Mon
     assert ran == ["author", "scene", "cp", "scene", "scene", "scene", "render", "reconstruct", "train", "predict"]
     assert (tmp_path / "captures/global/images/000000.jpg").is_file()
     assert len(names["cloud"]) > 1000
+    assert names["cloud"].source == "sfm-dense"
     assert (tmp_path / "labelled.laz").is_file()
 
 
@@ -188,4 +191,5 @@ def small_demo(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ]
     small = {"network": {"counts": [64, 16], "unit": 2.0, "dropout": 0.0}, "batch": 2, "epochs": 1}
     monkeypatch.setattr(demo, "demo_clouds", lambda: toys)
+    monkeypatch.setattr(clouds, "demo_clouds", lambda: toys)  # for `dataset demo`
     monkeypatch.setattr(demo, "MODEL", {**demo.MODEL, **small})

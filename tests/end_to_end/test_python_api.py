@@ -43,7 +43,7 @@ def test_the_page_runs(chain: Chain, tmp_path: Path, monkeypatch: pytest.MonkeyP
             names["flight"] = falsework.read_capture(flown / "capture/global")
         exec(compile(block, str(PAGE), "exec"), names)
     assert len(blocks) == 7
-    assert names["cloud"].source == "sfm-sparse"
+    assert names["cloud"].source == "sfm-dense"
     assert [path.name for path in names["outcome"].clouds] == ["mesh"]
     assert (tmp_path / "above/cloud.json").is_file()
 

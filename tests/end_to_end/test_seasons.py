@@ -1,9 +1,14 @@
-"""A season, through the renderer: the photographs are others, and no bit of the truth is."""
+"""A season, through the renderer: the photographs are others, and no bit of the truth is.
+
+`make test` knows it from two sides: a season changes files of materials alone (tests/authoring/test_seasons.py), and
+these change photographs alone (tests/end_to_end/test_swaps.py).
+"""
 
 from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from groundwork.progress import SILENT
@@ -12,6 +17,7 @@ from render.frames import render_stage
 from render.settings import RenderSettings, SensorSettings
 from tests.authoring.small_scene import SEED, file_bytes, write_small_scene
 from tests.conftest import Count, RecordProof
+from tests.render.prepared_here import prepared_here
 
 COUNTRY: dict[str, object] = {
     "name": "countryside",
@@ -22,6 +28,7 @@ VISIBLE = 10  # of 255
 VARYING = "truth/render.json"  # its exposure is that of the photographs
 
 
+@pytest.mark.proof_only
 def test_season_changes_rgb_alone(tmp_path: Path, proof_count: Count, record_proof: RecordProof) -> None:
     """Depth, labels, ids, normals, poses and cameras are byte-equal; land turns from green to brown."""
     flight = {
@@ -37,7 +44,8 @@ def test_season_changes_rgb_alone(tmp_path: Path, proof_count: Count, record_pro
         background = {**COUNTRY, "season": one}
         scene = write_small_scene(tmp_path / one, background=background, survey=[flight])
         (tmp_path / f"{one}_capture").mkdir()
-        render_stage(scene, tmp_path / f"{one}_capture", IDEAL, SEED, SILENT)
+        with prepared_here():
+            render_stage(scene, tmp_path / f"{one}_capture", IDEAL, SEED, SILENT)
         captures.append(file_bytes(tmp_path / f"{one}_capture"))
     summer, other = captures
     assert summer.keys() == other.keys()

@@ -45,8 +45,8 @@ CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
     "a file as scenario": (lambda out: falsework.author("x.toml", out), "load_scenario reads a file"),  # type: ignore[arg-type]
     "workers": (lambda out: falsework.run(SCENARIO, out, workers=-1), "number of workers out of range"),
     "scenes": (lambda out: falsework.run(SCENARIO, out, scenes=[9]), "no such scene"),
-    "settings to sample": (lambda out: falsework.sample("x.usda", out, WRONG), "settings of another function"),
-    "settings to render": (lambda out: falsework.render("x.usda", out, settings=WRONG), "settings of another function"),
+    "settings to sample": (lambda out: falsework.sample("x.usda", out, WRONG), "settings of a wrong class"),
+    "settings to render": (lambda out: falsework.render("x.usda", out, settings=WRONG), "settings of a wrong class"),
     "settings to reconstruct": (lambda out: falsework.reconstruct("x", out, settings=WRONG), "allowed: ReconSettings"),
     "a number as out": (
         lambda out: falsework.author(SCENARIO, NUMBER),

@@ -51,6 +51,7 @@ def test_key_depends_on_everything_and_on_no_order(settings: dict[str, object]) 
         Task("stage", 1, settings, {"parent": "abd"}),
     ]
     assert len({task.key, *(other.key for other in others)}) == 5
+    assert Task("stage", 1, settings, {"parent": "abc"}, {"workers": 4}).key == task.key  # the same bytes
 
 
 def test_failure_leaves_no_result(tmp_path: Path) -> None:

@@ -65,7 +65,7 @@ def test_libraries_open_only_what_was_looked_at() -> None:
         "copy_las",
         "copy_ply",
     }
-    apart |= {"copy_table", "labelled_copy"}
+    apart |= {"copy_table", "labeled_copy"}
     for place in sorted(readers.OPENED_RAW[readers.LOOKED_AT]):
         if place.partition(".")[0] not in apart:
             assert any(look in modules()[code[place]] for look in LOOKS), place

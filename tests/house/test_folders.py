@@ -81,7 +81,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     ),
     "learn": (
         "sample.py",
-        "neighbourhoods",
+        "neighborhoods",
         "datasets",
         "models",
         "losses.py",

@@ -6,7 +6,7 @@ import ast
 
 import pytest
 
-from benchmarks.checks.mutants import SUBJECTS, _places, draw
+from benchmarks.checks.mutants import SUBJECTS, _places, draw, named_mutants
 from tests.house.house import ROOT
 
 
@@ -52,3 +52,10 @@ def test_a_seed_draws_the_same_faults() -> None:
     assert first != other
     for modules, tests in SUBJECTS.values():
         assert all((ROOT / name).is_file() for name in (*modules, *tests))
+
+
+def test_named_faults_stand_where_they_say() -> None:
+    """Each names a text that stands once in its file, and changes it."""
+    for mutant in named_mutants():
+        assert mutant.text != (ROOT / mutant.module).read_text(encoding="utf-8")
+        assert all((ROOT / name).is_file() for name in mutant.tests)

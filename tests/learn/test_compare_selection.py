@@ -13,7 +13,7 @@ from learn.compare.pieces import CloudSource, PieceCounts, counts_of, cut_pieces
 from learn.compare.selection import CutScene, check_bridges, losses_of, share_out, windows_of, windows_to_test
 from learn.compare.sources import HeldWindows, TrainingWindows, WindowPlace
 from learn.datasets.class_tables import class_table
-from learn.datasets.labelled_cloud import read_labelled
+from learn.datasets.labeled_cloud import read_labeled
 from learn.datasets.windows import cut_windows
 from tests.learn.toy_bridge import toy_cloud, write_toy
 
@@ -102,7 +102,7 @@ def test_all_clouds_of_a_bridge_lie_in_the_same_windows(mode: str, tmp_path: Pat
     assert len(counts["a"].all) == len(counts["b"].all) >= {"metric": 12, "paper": 12, "whole": 1}[mode]
     windows = range(len(counts["a"].all))
     for name, path in paths.items():
-        cloud = read_labelled(path, None, class_table("kim2023"))
+        cloud = read_labeled(path, None, class_table("kim2023"))
         patches = [read_window(out, name, number) for number in windows]
         assert [len(patch) for patch in patches] == list(counts[name].all)
         assert sum(counts[name].quiet) == sum(int((patch.uncertainty <= 0.1).sum()) for patch in patches)
@@ -110,7 +110,7 @@ def test_all_clouds_of_a_bridge_lie_in_the_same_windows(mode: str, tmp_path: Pat
             assert len(patches[0]) == len(cloud)
             np.testing.assert_array_equal(patches[0].labels, cloud.labels)
     if mode == "paper":  # laid along the first cloud: those that a data set of it would have
-        cloud = read_labelled(paths["a"], None, class_table("kim2023"))
+        cloud = read_labeled(paths["a"], None, class_table("kim2023"))
         slow = list(cut_windows(cloud, settings.window, "a"))
         assert [len(window.rows) for window in slow] == list(counts["a"].all)
     if mode == "metric":

@@ -15,7 +15,7 @@ from learn.datasets.build import Source, build_dataset
 from learn.datasets.class_map import map_names, read_class_map
 from learn.datasets.class_tables import class_table
 from learn.datasets.export import export_dataset
-from learn.datasets.labelled_cloud import identify, read_labelled
+from learn.datasets.labeled_cloud import identify, read_labeled
 from learn.datasets.layout import read_facts, read_piece
 from learn.datasets.settings import dataset_settings
 from learn.datasets.stored import StoredSplit
@@ -110,12 +110,12 @@ def test_semanticbridge(tmp_path: Path) -> None:
         (False, True, "CC BY-NC 4.0"),
     ]
     table = class_table("semanticbridge")
-    clouds = [read_labelled(path, known, table) for path in (ply, tmp_path / "bridge_08.las")]
+    clouds = [read_labeled(path, known, table) for path in (ply, tmp_path / "bridge_08.las")]
     for cloud in clouds:
         np.testing.assert_allclose(cloud.coord, points, atol=1e-6)
         np.testing.assert_array_equal(cloud.inputs["color"], colors)
         np.testing.assert_array_equal(cloud.labels, np.where(labels == 0, 255, labels))
-    few = read_labelled(ply, known, class_table("kim2023"))
+    few = read_labeled(ply, known, class_table("kim2023"))
     names = {int(code): set(few.labels[labels == code].tolist()) for code in range(9)}
     assert (names[4], names[8], names[1], names[3], names[0]) == ({3}, {1}, {0}, {0}, {255})
     ours = [Source(write_toy(tmp_path / f"{i}", i, 3000, f"b{i}")) for i in range(2)]
@@ -134,7 +134,7 @@ def test_text_and_asprs(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "korea_1.txt", rows, "%.3f %.3f %.3f %d %d %d %d")
     np.savetxt(tmp_path / "named.csv", rows[:, [6, 0, 1, 2]], "%.3f", ",", header="Label,X,Y,Z", comments="")
     for name in ("korea_1.txt", "named.csv"):
-        cloud = read_labelled(tmp_path / name, read_class_map("kim2023"), class_table("kim2023"))
+        cloud = read_labeled(tmp_path / name, read_class_map("kim2023"), class_table("kim2023"))
         np.testing.assert_array_equal(cloud.coord, rows[:, :3])
         np.testing.assert_array_equal(cloud.labels, rows[:, 6])
     record = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
@@ -143,7 +143,7 @@ def test_text_and_asprs(tmp_path: Path) -> None:
     record.classification = codes
     record.write(str(tmp_path / "ahn.laz"))
     for table, deck, ground in (("kim2023", "deck", "background"), ("falsework", "deck", "background")):
-        cloud = read_labelled(tmp_path / "ahn.laz", read_class_map("asprs"), class_table(table))
+        cloud = read_labeled(tmp_path / "ahn.laz", read_class_map("asprs"), class_table(table))
         names = class_table(table).names
         found = {int(code): {names[k] if k < 255 else "" for k in cloud.labels[codes == code]} for code in set(codes)}
         assert found[17] == found[26] == {deck}

@@ -14,7 +14,7 @@ from groundwork.canonical import folder_digest
 from groundwork.errors import InputError
 from learn.datasets.build import Source, build_dataset
 from learn.datasets.class_tables import class_table, labels_of_cloud
-from learn.datasets.labelled_cloud import SourceFacts, read_labelled
+from learn.datasets.labeled_cloud import SourceFacts, read_labeled
 from learn.datasets.layout import MANIFEST, read_facts, read_piece
 from learn.datasets.settings import DatasetSettings, dataset_settings
 from learn.datasets.split import split_bridges
@@ -200,7 +200,7 @@ def test_metric_samples_have_one_scale_and_stand_on_the_ground(metric: Path) -> 
 
 def test_paper_windows(clouds: list[Path]) -> None:
     """Windows are 10 m long and 2 m apart, hold all points of their boxes, deck and 12 m wide, ground to top."""
-    cloud = read_labelled(clouds[0], None, class_table("kim2023"))
+    cloud = read_labeled(clouds[0], None, class_table("kim2023"))
     windows = list(cut_windows(cloud, settings(mode="paper").window, "toy"))
     assert len(windows) == int((LENGTH - 10.0) / 2.0)  # the outer half percent of the deck is cut, one step
     coord = cloud.coord - np.array([4e5, 5e6, 30.0])
@@ -329,9 +329,9 @@ def test_what_moves_is_left_out_unless_asked_for(tmp_path: Path) -> None:
     sure = np.full(len(distance), 0.01, np.float32)
     path = write_toy(tmp_path / "cloud", 1, surface_distance=distance, uncertainty=sure)
     table = class_table("falsework")
-    kept = read_labelled(path, None, table)
+    kept = read_labeled(path, None, table)
     np.testing.assert_array_equal(kept.coord, read_cloud(path).columns["coord"][~np.isnan(distance)])
     assert len(kept.labels) == len(kept.coord) == len(kept.inputs["color"])
-    assert len(read_labelled(path, None, table, moving=True)) == len(distance)
+    assert len(read_labeled(path, None, table, moving=True)) == len(distance)
     facts = [settings().moving, settings(moving=True).moving]
     assert facts == [False, True]

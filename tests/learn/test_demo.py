@@ -16,7 +16,7 @@ from scipy.spatial import KDTree
 from falsework.cli import main
 from groundwork.progress import Silent
 from learn.datasets.class_tables import class_table
-from learn.datasets.labelled_cloud import read_labelled
+from learn.datasets.labeled_cloud import read_labeled
 from learn.datasets.settings import TileSettings
 from learn.datasets.tiles import thin
 from learn.demo import demo
@@ -45,7 +45,7 @@ def test_the_shipped_clouds_are_what_is_promised(tmp_path: Path) -> None:
         folder = tmp_path / cloud.name
         folder.mkdir()
         write_demo_cloud(cloud, folder)
-        found = read_labelled(folder, None, class_table("kim2023"))
+        found = read_labeled(folder, None, class_table("kim2023"))
         assert np.bincount(found.labels, minlength=4)[:4].min() > 40
         assert (found.labels != 255).all()
         assert np.ptp(found.coord[:, 0]) < 400.0
@@ -71,8 +71,8 @@ def test_a_cloud_goes_into_the_file_and_out_again(tmp_path: Path, monkeypatch: p
     apart, found_rows = KDTree(cloud.columns["coord"]).query(read_cloud(tmp_path / "back").columns["coord"] + middle)
     assert apart.max() <= 0.5 * STEP * np.sqrt(3.0) + 1e-9
     rows = np.asarray(found_rows)
-    wanted = read_labelled(tmp_path / "toy", None, table).labels[rows]
-    assert (read_labelled(tmp_path / "back", None, table).labels == wanted).mean() > 0.98  # some are as near to another
+    wanted = read_labeled(tmp_path / "toy", None, table).labels[rows]
+    assert (read_labeled(tmp_path / "back", None, table).labels == wanted).mean() > 0.98  # some are as near to another
     cubes = np.floor((cloud.columns["coord"][rows] - np.floor(cloud.columns["coord"].min(axis=0))) / VOXEL)
     assert len(np.unique(cubes, axis=0)) > 0.98 * len(rows)
 

@@ -151,7 +151,7 @@ def test_a_second_prediction_replaces_its_former_output_alone(
     assert out.read_bytes() == first
     capsys.readouterr()
     assert call(*words, tmp_path / "labelled.las") == 2
-    assert "holds the boxes of labelled.laz" in capsys.readouterr().err
+    assert "belongs to labelled.laz" in capsys.readouterr().err
     scan = tmp_path / "labelled.las"  # of the user, beside boxes that speak of the .laz
     scan.write_bytes(b"years of scanning")
     assert call(*words, scan) == 2

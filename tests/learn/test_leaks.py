@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from falsework.cli import main
 from groundwork.canonical import folder_digest
-from learn.datasets.labelled_cloud import SourceFacts
+from learn.datasets.labeled_cloud import SourceFacts
 from learn.datasets.layout import MANIFEST, read_facts, read_piece
 from learn.datasets.settings import dataset_settings
 from learn.datasets.split import split_bridges

@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from groundwork.errors import InputError
 from learn.models.registry import build_network
-from learn.neighbourhoods.cache import cached_pyramid, pyramid_key
-from learn.neighbourhoods.farthest import farthest_points
-from learn.neighbourhoods.pyramids import Indices, farthest_pyramid, random_pyramid
-from learn.neighbourhoods.search import ball_query, nearest
+from learn.neighborhoods.cache import cached_pyramid, pyramid_key
+from learn.neighborhoods.farthest import farthest_points
+from learn.neighborhoods.pyramids import Indices, farthest_pyramid, random_pyramid
+from learn.neighborhoods.search import ball_query, nearest
 from tests.learn import literal_networks as literal
 
 SEEDS = st.integers(0, 10_000)

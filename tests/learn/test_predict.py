@@ -353,7 +353,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         ((folder, "-o", tmp_path / "c.laz", "--model", "nowhere:x"), "no such model"),
         ((folder, "-o", tmp_path / "c.laz", "--model", "json:dumps"), "model"),
         ((folder, "-o", tmp_path / "c.laz", *model, "--table", "falsework"), "too coarse"),
-        ((folder, "-o", tmp_path / "c.laz", *model, "--link", "0.01"), "smaller than the cubes"),
+        ((folder, "-o", tmp_path / "c.laz", *model, "--link", "0.01"), "smaller than the model's voxel"),
     ]
     for words, said in cases:
         assert run(*words) == 2, words

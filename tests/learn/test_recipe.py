@@ -93,7 +93,7 @@ def test_the_paper_knows_no_uncertainty(tmp_path: Path) -> None:
 
 
 class Plain(nn.Linear):
-    """A network without neighbourhoods."""
+    """A network without neighborhoods."""
 
     def __init__(self) -> None:
         """Three inputs, three classes."""

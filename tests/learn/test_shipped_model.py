@@ -22,7 +22,7 @@ from benchmarks.shipped.model import (
     train_on,
 )
 from benchmarks.shipped.robustness import page
-from benchmarks.shipped.scan_scores import label_scan, read_labelled_scan
+from benchmarks.shipped.scan_scores import label_scan, read_labeled_scan
 from benchmarks.shipped.selection import joined, judge_cloud, judge_kept, overlapping
 from benchmarks.shipped.selection import page as selection_page
 from groundwork.canonical import file_digest
@@ -79,14 +79,14 @@ def test_the_card_says_what_was_done(made: Path) -> None:
     assert file_digest(made / "shipped" / WEIGHTS) in card
     parts = {row.split("|")[1].strip(): row.split("|")[2].strip() for row in card.splitlines() if row.startswith("| `")}
     assert parts == {"`trainbridge`": "training", "`pickbridge`": "epoch", "`testbridge`": "test"}
-    found = label_scan(read_labelled_scan(made / "clouds" / "test" / "mesh"), read_trained_model(made / "shipped"))
+    found = label_scan(read_labeled_scan(made / "clouds" / "test" / "mesh"), read_trained_model(made / "shipped"))
     right = (found.truth["kim2023"] == found.found["kim2023"])[found.truth["kim2023"] != 255].mean()
     assert f"{right:.3f}" in next(line for line in card.splitlines() if line.startswith("| test mesh"))
 
 
 def test_units_axes_and_places_cost_nothing(made: Path) -> None:
     """Feet, y up and a place 1,000 km away are the same scan to the model, whatever it has learnt."""
-    scan = read_labelled_scan(made / "clouds" / "test" / "mesh")
+    scan = read_labeled_scan(made / "clouds" / "test" / "mesh")
     lines = page({"toy": scan}, read_trained_model(made / "shipped"), "a toy").splitlines()
     rows = {
         line.split("|")[1].strip(): [cell.strip() for cell in line.split("|")[2:-1]] for line in lines if "|" in line
@@ -110,7 +110,7 @@ def test_candidates_are_judged_as_the_shipped_model_would_be(made: Path) -> None
     """A candidate's confusion is that of the model that would be shipped, and the page says its mean IoU."""
     cloud = made / "clouds" / "test" / "mesh"
     row = joined("pointnext-s", 1.25, [judge_cloud(overlapping(made / "model"), cloud, np.inf)])
-    found = label_scan(read_labelled_scan(cloud), read_trained_model(made / "shipped")).matrix("kim2023")
+    found = label_scan(read_labeled_scan(cloud), read_trained_model(made / "shipped")).matrix("kim2023")
     np.testing.assert_array_equal(row.matrices["mesh"]["kim2023"], found)
     text = selection_page({"toy": replace(row, apart={"mesh": (30, 400)})}, 1)
     assert "| toy       | 7.5% | 7.5% |" in text
@@ -149,7 +149,7 @@ def test_what_is_far_from_a_bridge_is_counted_apart(made: Path, tmp_path: Path) 
     cloud = write_toy(tmp_path / "wide", 5, 8_000, "widebridge", coord=coord)
     model = overlapping(made / "model")
     false, count = judge_cloud(model, cloud, np.inf).apart
-    found = label_scan(read_labelled_scan(cloud), model)
+    found = label_scan(read_labeled_scan(cloud), model)
     low, high = coord[~ground].min(axis=0) - 30.0, coord[~ground].max(axis=0) + 30.0
     far = ((found.place[:, :2] < low[:2]) | (found.place[:, :2] > high[:2])).any(axis=1)
     assert count == far.sum() > 500
@@ -180,7 +180,7 @@ def test_the_lean_is_the_best_of_those_that_are_enough(made: Path) -> None:
     rows = [(0.0, 0.30, {"a": 0.9, "b": 0.9}), (1.0, 0.02, {"a": 0.5, "b": 0.7}), (2.0, 0.01, {"a": 0.6, "b": 0.5})]
     assert choose(rows) == 1.0
     assert choose(rows[:1]) == 0.0
-    scan = read_labelled_scan(made / "clouds" / "test" / "mesh")
+    scan = read_labeled_scan(made / "clouds" / "test" / "mesh")
     found = measure(overlapping(made / "model"), [scan])
     plain = label_scan(scan, overlapping(made / "model"))
     assert found[0][0] == 0.0

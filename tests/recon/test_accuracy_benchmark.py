@@ -4,7 +4,18 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.recon.accuracy import CLEAR, ROWS, Judged, accuracy_page, class_lines, instances_right, judge
+from benchmarks.recon.accuracy import (
+    CLEAR,
+    ROWS,
+    Judged,
+    accuracy_page,
+    class_lines,
+    instances_right,
+    judge,
+    scenario_of_row,
+)
+from falsework.scenario import Scenario
+from groundwork.settings import parse_settings
 from recon.cloud import Cloud, read_cloud
 
 
@@ -19,7 +30,17 @@ def _cloud(plane_cloud: Path) -> Cloud:
     columns["surface_distance"] = np.zeros(90, np.float32)
     columns["surface_distance"][75:] = 0.2  # the third has 15 points left
     columns["coord"][:2] = [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]]
-    return Cloud(columns, {}, cloud.components, cloud.classes, {}, (), cloud.statistics, cloud.source)
+    columns["confidence"] = np.ones(90, np.float32)
+    columns["confidence"][1:21] = 0.75  # one of the two wrong points is in doubt
+    counts = {
+        "background": {"kept": 3, "windows": 2},
+        "abutment": {"kept": 60, "windows": 1},
+        "arch": {"kept": 1030, "windows": 2},
+        "beam": {"kept": 0, "windows": 0},  # where the flight saw nothing
+        "bearing": {"kept": 60, "windows": 1},
+    }
+    figures = {**cloud.statistics, "classes": counts}
+    return Cloud(columns, {}, cloud.components, cloud.classes, {}, (), figures, cloud.source)
 
 
 def _judged(plane_cloud: Path) -> Judged:
@@ -38,13 +59,22 @@ def test_points_and_instances_are_counted(plane_cloud: Path) -> None:
     assert instances_right(judged) == (1, 2)
     rows = {line.split("|")[1].strip(): line for line in class_lines([judged, judged])}
     names = judged.classes
-    assert rows[names[1]] == f"| {names[1]} | 120 | 100.0% | 96.7% | 1.7% | 2 of 4 |"
-    assert rows[names[2]] == f"| {names[2]} | 60 | 50.0% | 100.0% | 0.0% |  |"
+    assert rows[names[1]] == f"| {names[1]} | 120 | 100.0% | 96.7% | 97.5% | 1.7% | 2 of 4 |"
+    assert rows[names[2]] == f"| {names[2]} | 60 | 50.0% | 100.0% | 100.0% | 0.0% |  |"
 
 
 def test_the_page_says_what_was_not_made(plane_cloud: Path) -> None:
     """One line for the cloud that is there; every other row is named."""
     page = accuracy_page({ROWS[0]: {"sparse": _judged(plane_cloud)}})
     assert "| slab | road | local | sparse |" in page
-    assert "| 90 | 83.3% | 97.3% | 1.3% | 1 of 2 |" in page
+    assert "| 90 | 83.3% | 97.3% | 1.3% | 1 of 2 | abutment: 60 |" in page
     assert all(row.name in page for row in ROWS[1:])
+
+
+def test_rows_are_scenarios_of_their_own_seeds() -> None:
+    """The first eighteen rows are those of stored clouds; inspections come after them, one a family, dense alone."""
+    assert [row.name for row in ROWS[:13:12]] == ["local-slab-road", "global-slab-road"]
+    assert [row.name for row in ROWS[18:]] == [f"inspection-{row.family}-road" for row in ROWS[12:18]]
+    for number, row in enumerate(ROWS, 4001):
+        scenario = parse_settings(Scenario, scenario_of_row(row, number), row.name)
+        assert scenario.recon.modes == (("dense",) if row.survey == "inspection" else ("sparse", "dense"))

@@ -15,6 +15,7 @@ from recon.placing.align import (
     align,
     center_limit,
     check_share,
+    find_inliers,
     stand_upright,
 )
 from recon.placing.similarity import Similarity, angles, camera_up, fit_similarity, level_rotation, turn_upright
@@ -133,6 +134,19 @@ def test_unregistered_cameras_and_unknown_positions() -> None:
     assert found.status[4] == CENTER_OUTLIER
     assert np.isnan(found.center_errors[[1, 4, 5, 8]]).all()
     assert np.isfinite(found.center_errors[[0, 2, 3, 6, 7, 9]]).all()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_wild_cameras_beside_unknown_positions(seed: int) -> None:
+    """Where some positions are unknown and others miss by a kilometer, those that fit decide, however far the rest."""
+    rng = np.random.default_rng(seed)
+    true, model, _ = flight(rng, rng.normal(0, 8, (16, 3)))
+    wild, unknown = np.arange(16) < 7, np.arange(16) >= 14
+    goal = true[:, :3, 3].copy()
+    goal[wild] += rng.normal(0, 1000, (7, 3))
+    goal[unknown] = np.nan
+    inliers = find_inliers(model[:, :3, 3], goal, ~unknown, 0.25, 500, np.random.default_rng(seed))
+    assert (inliers == ~(wild | unknown)).all()
 
 
 @pytest.mark.parametrize("kind", ["everything wrong", "two cameras", "one place"])

@@ -23,6 +23,7 @@ from recon.sfm.database import DATABASE, empty_journal, paired
 from recon.sfm.extraction import extract
 from recon.sfm.matching import choose_pairing, match
 from render.capture import CalibrationPrior, Capture, CaptureImage
+from tests.conftest import RecordProof
 
 TABLES = ("cameras", "images", "keypoints", "descriptors", "pose_priors", "matches", "two_view_geometries")
 
@@ -123,7 +124,9 @@ def test_a_share_that_dies_costs_no_other(tmp_path: Path, monkeypatch: pytest.Mo
     assert [path.name for path in (tmp_path / "matches").iterdir()] == [DATABASE]
 
 
-def test_what_a_killed_share_had_matched_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_killed_share_had_matched_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, record_proof: RecordProof
+) -> None:
     """Four of six pairs were through in a share that was killed: two are left to do, and every row is as ever."""
     capture = crops(tmp_path / "photographs", 4)
     settings = SparseSettings(max_features=500, threads=1)
@@ -143,7 +146,10 @@ def test_what_a_killed_share_had_matched_is_kept(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(matching, "run_child", run_and_tell)
     match(capture, features, matches, settings, 0, SILENT)
     assert sorted(tuple(sorted(pair)) for pair in asked) == pairs[4:]
-    assert rows_of(matches / DATABASE) == wanted
+    found = rows_of(matches / DATABASE)
+    assert found == wanted
+    figures = {"matched_again": len(asked), "tables_alike": sum(found[table] == wanted[table] for table in TABLES)}
+    record_proof("recon: pairs of a killed share of matching are kept", len(pairs), 2, figures)
 
 
 def test_what_cannot_be_read_just_now_is_not_thrown_away(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from recon.cloud import read_cloud
 from recon.points.duplicates import merge_duplicates
 from recon.sfm.colmap_model import SparseModel, read_model
+from tests.conftest import RecordProof
 
 
 def told_twice(rng: np.random.Generator) -> SparseModel:
@@ -81,9 +82,14 @@ def test_the_same_keypoints_make_one_point() -> None:
     np.testing.assert_array_equal(found.obs_image, [0, 1, 2, 0, 1])
 
 
-def test_a_cloud_holds_no_point_twice(plane_cloud: Path) -> None:
+def test_a_cloud_holds_no_point_twice(plane_cloud: Path, record_proof: RecordProof) -> None:
     """COLMAP's model of the planes has equal points, the cloud made from it has none."""
     model = read_model(plane_cloud / "sparse")
-    assert len(np.unique(model.points, axis=0)) < len(model.points)
+    twice = len(model.points) - len(np.unique(model.points, axis=0))
+    assert twice > 0
     coord = read_cloud(plane_cloud).columns["coord"]
-    assert len(np.unique(coord, axis=0)) == len(coord)
+    left = len(coord) - len(np.unique(coord, axis=0))
+    assert left == 0
+    merged, alike = merge_duplicates(model)
+    figures = {"points_of_the_model": len(model.points), "merged": int((alike - 1).sum()), "twice_in_the_model": twice}
+    record_proof("recon: equal points are merged", len(merged.points), 0, {**figures, "twice_in_the_cloud": left})

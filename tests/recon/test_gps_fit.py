@@ -16,7 +16,7 @@ from recon.placing.gps_fit import (
     _leaning,
     _left_over,
     _level,
-    _likeness,
+    _serial_correlation,
     _step,
     _turn,
     fit_to_fixes,
@@ -109,15 +109,15 @@ def test_turns_are_rotations_about_their_vector() -> None:
         np.testing.assert_allclose(turn @ square, np.cos(length) * square + np.sin(length) * aside, atol=1e-16)
 
 
-@pytest.mark.parametrize("likeness", [0.0, 0.4, 0.9])
-def test_covariances_and_what_is_left_over_have_dense_twins(likeness: float) -> None:
-    """Matrices of likeness^|i - j|, written out: their product, the trace that a fit takes, the parameters' errors."""
+@pytest.mark.parametrize("serial_correlation", [0.0, 0.4, 0.9])
+def test_covariances_and_what_is_left_over_have_dense_twins(serial_correlation: float) -> None:
+    """Matrices of correlation^|i - j|, written out: product, trace that a fit takes, the parameters' errors."""
     rng = np.random.default_rng(2)
     one, points, weights = similarity_of(rng), rng.normal(0, 9, (12, 3)), rng.uniform(0.2, 4.0, (12, 3))
     levels = gravity_cues(random_rotations(rng, 5, 20.0), None)
     number = np.arange(12)
-    dense = likeness ** np.abs(number[:, None] - number)
-    np.testing.assert_allclose(_alike(points, likeness), dense @ points, atol=1e-12)
+    dense = serial_correlation ** np.abs(number[:, None] - number)
+    np.testing.assert_allclose(_alike(points, serial_correlation), dense @ points, atol=1e-12)
     share = weights.sum(axis=1)
     jacobian = _jacobian(one, points - share @ points / share.sum()) * np.sqrt(weights)[..., None]
     pull, turning = np.diag(levels.weights(one.rotation[2])), np.zeros((len(levels.heights), 7))
@@ -127,12 +127,12 @@ def test_covariances_and_what_is_left_over_have_dense_twins(likeness: float) -> 
     np.testing.assert_allclose(_information(jacobian, one, levels), normal, rtol=1e-9, atol=1e-9)
     inverse = np.asarray(np.linalg.inv(normal), np.float64)
     parts = [sum(jacobian[:, axis].T @ dense @ jacobian[:, axis] for axis in axes) for axes in ([0, 1], [2])]
-    found = _covariances(one, points, weights, levels, likeness)
+    found = _covariances(one, points, weights, levels, serial_correlation)
     for mine, part in zip(found, (*parts, gravity), strict=True):
         np.testing.assert_allclose(mine, inverse @ part @ inverse, rtol=1e-6, atol=1e-12)
     for axes in ([0, 1], [2]):
         used = sum(np.trace(jacobian[:, axis] @ inverse @ jacobian[:, axis].T @ dense) for axis in axes)
-        kept = _left_over(jacobian[:, axes], inverse, likeness)
+        kept = _left_over(jacobian[:, axes], inverse, serial_correlation)
         assert kept == pytest.approx(max(12 * len(axes) - used, 0.0))
 
 
@@ -152,15 +152,15 @@ def test_likeness_is_that_of_a_first_order_process() -> None:
     """White errors have none, those of a process that forgets slowly have its own, too few say nothing."""
     rng = np.random.default_rng(3)
     white = rng.normal(size=(4000, 3))
-    assert _likeness(white) == 0.0
+    assert _serial_correlation(white) == 0.0
     slow = np.zeros_like(white)
     for row in range(1, len(white)):
         slow[row] = 0.6 * slow[row - 1] + 0.8 * white[row]
-    assert _likeness(slow) == pytest.approx(0.6, abs=0.03)
-    assert _likeness(white[:11]) == _likeness(slow[:11]) == 0.3
-    assert _likeness(np.ones((50, 3))) == 0.95
+    assert _serial_correlation(slow) == pytest.approx(0.6, abs=0.03)
+    assert _serial_correlation(white[:11]) == _serial_correlation(slow[:11]) == 0.3
+    assert _serial_correlation(np.ones((50, 3))) == 0.95
     pairs = np.tile(np.array([1.0, -1.0])[:, None], (20, 3))
-    assert _likeness(pairs) == 0.0
+    assert _serial_correlation(pairs) == 0.0
 
 
 @pytest.mark.parametrize("count", [5, 9, 40])
@@ -186,7 +186,7 @@ def test_deviations_come_from_the_residuals() -> None:
     np.testing.assert_allclose(
         np.sqrt(np.diag(found.covariances.sum(axis=0)))[4:], np.array([0.5, 0.5, 4.0]) / 20, rtol=0.1
     )
-    assert found.likeness == 0.0
+    assert found.serial_correlation == 0.0
     assert not found.twofold
 
 

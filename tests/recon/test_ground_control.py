@@ -24,6 +24,7 @@ from recon.settings import ReconSettings
 from recon.sfm.colmap_model import SparseModel, read_model
 from recon.sfm.sparse import Sparse
 from render.capture import CalibrationPrior, Capture, CaptureImage, read_capture
+from tests.conftest import RecordProof
 from tests.recon.conftest import CAMERA
 from tests.recon.test_align import random_rotations
 from usd_schemas.distortion import Distortion
@@ -111,7 +112,7 @@ def test_two_rays_meet_where_the_closed_form_says() -> None:
     assert np.isnan(triangulate(centers, np.array([[0.0, 0.0, 1.0]] * 2))).all()
 
 
-def test_exact_marks_give_the_exact_similarity() -> None:
+def test_exact_marks_give_the_exact_similarity(record_proof: RecordProof) -> None:
     """Five surveyed points, a lens that bends: the similarity comes back to a micron, residuals and marks are zero."""
     _, _, known, true = flown()
     found, _ = placed(GroundControl(FILE, MapSystem("local", None), marked(CORNERS, true)))
@@ -124,9 +125,15 @@ def test_exact_marks_give_the_exact_similarity() -> None:
         assert row["distance"] < 1e-6
         assert row["pixels"] < 1e-5
         assert row["agrees"]
+    worst = float(np.abs(moved + shift - known.move(np.eye(3))).max())
+    figures = {
+        "worst_error_m": worst,
+        "worst_residual_m": max(row["distance"] for row in found.facts["control_points"]),
+    }
+    record_proof("ground control: exact marks give the exact frame", len(CORNERS), 0, figures)
 
 
-def test_noise_stays_within_the_stated_limits() -> None:
+def test_noise_stays_within_the_stated_limits(record_proof: RecordProof) -> None:
     """Points surveyed to 3 cm, marked to a pixel: in 60 draws the scale keeps to its limit in 9 of 10 and more."""
     _, _, known, true = flown()
     kept, residuals = [], []
@@ -142,6 +149,8 @@ def test_noise_stays_within_the_stated_limits() -> None:
         residuals.append(np.mean([row["distance"] for row in found.facts["control_points"]]))
     assert np.mean(kept) > 0.9
     assert 0.02 < np.mean(residuals) < 0.08
+    figures = {"scale_within": float(np.mean(kept)), "mean_residual_m": float(np.mean(residuals))}
+    record_proof("ground control: stated 95 % limit of the scale", len(kept), 0, figures)
 
 
 def test_a_point_surveyed_wrongly_is_named() -> None:
@@ -295,7 +304,11 @@ def test_what_does_not_fit_is_one_line(tmp_path: Path) -> None:
 
 
 def test_photographs_are_laid_onto_control(
-    plane_capture: Path, plane_cloud: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plane_capture: Path,
+    plane_cloud: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    record_proof: RecordProof,
 ) -> None:
     """The planes' model, placed by corners that photographs show: residuals stand in cloud.json, metres are right."""
     truth = read_capture(plane_capture)
@@ -331,6 +344,9 @@ def test_photographs_are_laid_onto_control(
     coord = cloud.columns["coord"] + origin - [1000.0, 2000.0, 0.0]
     near = (np.abs(coord[:, 1] - 5.0) < 0.1) | (np.abs(coord[:, 2]) < 0.1)
     assert near.mean() > 0.6
+    figures = {"worst_residual_m": max(row["distance"] for row in cloud.alignment["control_points"])}
+    figures["stated_scale_percent"] = cloud.alignment["expected_error"]["scale_percent"]
+    record_proof("ground control: photographs laid onto points", len(spots), 0, figures)
     with pytest.raises(InputError, match="a capture with truth is placed by it"):
         conductor.reconstruct(plane_capture, tmp_path, ReconSettings(), SILENT, tmp_path / "gcp_list.txt")
 

@@ -7,7 +7,7 @@ from recon.dense.pixel_fates import PIXEL_FATES
 from recon.points.fates import FATES
 from recon.truth.per_class import FEW, PIXEL_WORDS, describe_classes, lost_classes, scarce_classes_in_words
 from recon.truth.windows import LENGTH, lay_windows
-from usd_schemas.components import UNLABELLED, class_rows
+from usd_schemas.components import UNLABELED, class_rows
 
 ROWS = class_rows()
 BACKGROUND, ABUTMENT, BEARING = (
@@ -45,7 +45,7 @@ def test_every_point_is_counted_once() -> None:
     """Kept, dropped by each reason and duplicates, for each class and window, against a loop."""
     rng = np.random.default_rng(3)
     count = 4000
-    segment = rng.choice(np.array([BACKGROUND, ABUTMENT, BEARING, UNLABELLED], np.uint8), count, p=[0.3, 0.4, 0.2, 0.1])
+    segment = rng.choice(np.array([BACKGROUND, ABUTMENT, BEARING, UNLABELED], np.uint8), count, p=[0.3, 0.4, 0.2, 0.1])
     fate = rng.integers(0, len(FATES), count).astype(np.uint8)
     copies = rng.integers(1, 4, count)
     coord = np.column_stack([rng.uniform(0, 30, count) ** 0.9 + 300, np.full(count, -39.5), np.zeros(count)])
@@ -104,7 +104,7 @@ def test_few_and_lost_are_named() -> None:
 
 def test_without_truth_all_are_unlabelled() -> None:
     """Real photographs have counts, and no windows."""
-    nothing = np.full(5, UNLABELLED, np.uint8)
+    nothing = np.full(5, UNLABELED, np.uint8)
     fate = np.array([0, 0, 3, 3, 3], np.uint8)
     found = describe_classes(nothing, fate, np.ones(5, np.int64), np.zeros((5, 3)), ROWS, None)
     assert found["windows"] is None

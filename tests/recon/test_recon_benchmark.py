@@ -2,18 +2,21 @@
 
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchmarks.recon import sfm as benchmark
-from benchmarks.recon.colmap_defaults import Found
+from benchmarks.recon.colmap_defaults import Found, found_in
 from benchmarks.recon.sfm_page import Row, crossing, equally_accurate, exponent, render_page
 from benchmarks.recon.sfm_ways import Meter, Run, paid, with_settings
 from groundwork.errors import ChildError, RejectedSceneError
 from groundwork.files import read_json, write_json
 from recon.photos.photos import open_photographs
 from render.capture import Capture, read_capture, read_truth
+from tests.recon.test_duplicates import told_twice
 
 
 def row_of(way: str, count: int, seconds: float, median: float | None = 0.01, right: float = 1.0) -> Row:
@@ -94,6 +97,21 @@ def test_equal_accuracy() -> None:
     assert not equally_accurate(row_of("spatial", 100, 1.0, None), every)
 
 
+def test_points_of_three_views_stand_beside_others() -> None:
+    """Their share is that of the model; rows of a time that did not count them have no such column."""
+    model = told_twice(np.random.default_rng(0))
+    rows = model.obs_point.tolist()
+    share = sum(rows.count(point) >= 3 for point in range(40)) / 40
+    assert found_in(model, 6, {}).thrice == share
+    assert 0.0 < share < 1.0
+    old, new = row_of("spatial", 60, 1.0), replace(row_of("spatial", 200, 1.0), thrice=share)
+    assert "three views" not in render_page([old], "", "")
+    page = render_page([old, new], "", "")
+    assert " | points | of three views and more |\n" in page
+    assert " | 5 |  |\n" in page
+    assert f" | 5 | {share:.0%} |\n" in page
+
+
 def test_an_interrupted_benchmark_goes_on(plane_capture: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Finished rows are not measured again, a way that died is; ways and counts may come one after the other."""
     truth = read_truth(read_capture(plane_capture))
@@ -111,7 +129,8 @@ def test_an_interrupted_benchmark_goes_on(plane_capture: Path, tmp_path: Path, m
             assert read_truth(capture) is None
             if (name, count) in trouble:
                 raise trouble.pop((name, count))
-            return Found(tuple(i.file for i in capture.images), truth.poses[:count], 7, "3", {"mapping": float(count)})
+            names, seconds = tuple(image.file for image in capture.images), {"mapping": float(count)}
+            return Found(names, truth.poses[:count], 7, "3", seconds, 0.25)
 
         return run
 
@@ -133,6 +152,7 @@ def test_an_interrupted_benchmark_goes_on(plane_capture: Path, tmp_path: Path, m
     text = page.read_text()
     assert "it died" not in text
     assert len(re.findall(r"^\| [^|]+ \| [68] \| 3 \|  \|  \| [68] \| [68] \| 100% \| 100% \| 0\.0 ", text, re.M)) == 5
+    assert text.count(" | 7 | 25% |\n") == 5
     calls.clear()
     benchmark.main()
     assert calls == []

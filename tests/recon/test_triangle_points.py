@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from recon.truth.surface_distance import nearest_surface
 from recon.truth.triangle_points import nearest_on_triangles
 from render.capture import Truth
+from tests.conftest import RecordProof
 
 F64 = NDArray[np.float64]
 
@@ -27,7 +28,7 @@ def searched(point: F64, triangle: F64) -> float:
     return least
 
 
-def test_nearest_points_against_a_search() -> None:
+def test_nearest_points_against_a_search(record_proof: RecordProof) -> None:
     """Inside, beside every edge and beyond every corner, the distance is the least that a search finds."""
     rng = np.random.default_rng(0)
     corners, points = rng.normal(size=(60, 3, 3)), rng.normal(size=(60, 3)) * 1.5
@@ -39,6 +40,8 @@ def test_nearest_points_against_a_search() -> None:
     assert (far[50:] <= wanted[50:] + 1e-9).all()
     weights = np.linalg.lstsq(np.block([[corners[0].T], [np.ones((1, 3))]]), np.append(found[0], 1.0), rcond=None)[0]
     assert (weights > -1e-9).all()
+    worst = float(np.abs(far[:50] - wanted[:50]).max())
+    record_proof("recon: nearest point of a triangle against a search", 50, 0, {"worst_error_m": worst})
 
 
 def test_a_triangle_that_is_a_point_is_nearest_there() -> None:
@@ -48,7 +51,7 @@ def test_a_triangle_that_is_a_point_is_nearest_there() -> None:
     np.testing.assert_array_equal(nearest_on_triangles(points, corners, np.arange(2)), corners[:, 0])
 
 
-def test_thin_triangles_keep_their_millimetres(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_thin_triangles_keep_their_millimetres(monkeypatch: pytest.MonkeyPatch, record_proof: RecordProof) -> None:
     """Points beside two slivers 350 m long and a millimetre wide: 1 to 50 cm off, right to less than a tenth of a mm.
 
     Of the two the engine may take the farther one: half a millimetre aside, at 1 cm, makes 0.05 mm.
@@ -67,3 +70,5 @@ def test_thin_triangles_keep_their_millimetres(monkeypatch: pytest.MonkeyPatch) 
     far, labels = nearest_surface(points, Truth.__new__(Truth))
     np.testing.assert_allclose(far, aside, atol=6e-5)
     assert set(labels) == {4}
+    worst = float(np.abs(far - aside).max())
+    record_proof("recon: surface distance on slivers of 350 m by 1 mm", len(far), 1, {"worst_error_m": worst})

@@ -10,7 +10,7 @@ from groundwork.errors import InputError
 from tests.usd_schemas.stages import SQUARE, read_body
 from usd_schemas import tokens
 from usd_schemas.apis import apply_taxonomy
-from usd_schemas.components import BACKGROUND, NOISY_POINT, UNLABELLED, class_of, class_rows, component_classes
+from usd_schemas.components import BACKGROUND, NOISY_POINT, UNLABELED, class_of, class_rows, component_classes
 from usd_schemas.reading.labels import read_taxonomy
 from usd_schemas.taxonomies import BASE, TAXONOMIES, Taxonomy, taxonomy
 
@@ -100,8 +100,8 @@ def test_rows_are_unique_and_fit_a_byte(name: str) -> None:
     assert [row.id for row in rows] == sorted({row.id for row in rows})
     assert len({row.name for row in rows}) == len({row.color for row in rows}) == len(rows)
     assert all(0 <= value <= 255 for row in rows for value in (row.id, *row.color))
-    reserved = {row.id: row.name for row in rows if row.id in (NOISY_POINT, UNLABELLED)}
-    assert reserved == {NOISY_POINT: "noisy_point", UNLABELLED: "unlabelled"}
+    reserved = {row.id: row.name for row in rows if row.id in (NOISY_POINT, UNLABELED)}
+    assert reserved == {NOISY_POINT: "noisy_point", UNLABELED: "unlabelled"}
     assert rows[0].id == BACKGROUND
     assert taxonomy(name).row_of("sky") == rows[0]
 
@@ -136,7 +136,7 @@ def test_published_ids() -> None:
 
 def test_ifc_names_stand_in_the_standard() -> None:
     """Each class but the first is an IFC 4.3 entity with, after a point, one of its predefined types."""
-    names = [row.name for row in taxonomy("ifc43").rows if row.id not in (BACKGROUND, NOISY_POINT, UNLABELLED)]
+    names = [row.name for row in taxonomy("ifc43").rows if row.id not in (BACKGROUND, NOISY_POINT, UNLABELED)]
     entities = {name.partition(".")[0] for name in names}
     assert entities == set(IFC_TYPES)
     for name in names:

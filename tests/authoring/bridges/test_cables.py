@@ -214,6 +214,16 @@ def test_hangers_reach_from_the_deck_to_the_parabola() -> None:
             assert winding(end, faces) == pytest.approx(1.0, abs=1e-6), (hanger.name, kind)
 
 
+def test_side_spans_hang_by_their_sag() -> None:
+    """A suspended side span runs from crown to entry, and halfway hangs its sag below the chord."""
+    cables = hung(side_spans="suspended").drawn.record.cables
+    for tower, anchor in zip(cables.towers, cables.anchors, strict=True):
+        ends, middle = cables.height(np.array([tower, anchor])), 0.5 * (tower + anchor)
+        np.testing.assert_allclose(ends, [cables.crown, cables.entry], atol=1e-9)
+        assert cables.side_sag > 0.5
+        assert cables.height(np.array([middle]))[0] == pytest.approx(ends.mean() - cables.side_sag, abs=1e-9)
+
+
 def test_corners_of_a_cable_are_at_hangers_and_so_many_between() -> None:
     """Both ends, each hanger farther than a decimetre from them, and equal runs that keep the chords to the limit."""
     cables = hung(side_spans="straight").drawn.record.cables

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from groundwork.canonical import canonical_json
 from groundwork.files import write_bytes
-from learn.neighbourhoods.pyramids import Indices
+from learn.neighborhoods.pyramids import Indices
 
 F32 = NDArray[np.float32]
 

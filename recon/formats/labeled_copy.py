@@ -49,7 +49,7 @@ def check_copy(source: Path, out: Path) -> None:
         raise InputError("no such folder", where=out.parent, field="-o", hint="Make it first")
 
 
-def write_labelled_copy(
+def write_labeled_copy(
     source: Path, stream: ScanStream, out: Path, labels: Callable[[], Iterator[Labels]], chunk: int, classify: bool
 ) -> None:
     """Write a copy of a scan with `predicted_class`, `predicted_confidence` and `predicted_instance` for each point.

@@ -17,7 +17,7 @@ from learn.datasets.class_map import ClassMap
 from learn.datasets.class_tables import ClassTable, class_table, labels_of_cloud
 from recon.cloud import Cloud, read_cloud
 from recon.formats.scan import read_scan
-from usd_schemas.components import UNLABELLED
+from usd_schemas.components import UNLABELED
 
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
@@ -55,7 +55,7 @@ class SourceFacts:
 
 
 @dataclass(frozen=True, eq=False)
-class LabelledCloud:
+class LabeledCloud:
     """Points with what a network may see of them, and what it should say.
 
     Attributes:
@@ -88,7 +88,7 @@ class LabelledCloud:
     @property
     def bridge(self) -> NDArray[np.bool_]:
         """Whether each point is on the bridge, shape (N,), bool."""
-        return (self.base != class_table("falsework").index("background")) & (self.base != UNLABELLED)
+        return (self.base != class_table("falsework").index("background")) & (self.base != UNLABELED)
 
 
 def identify(path: Path, class_map: ClassMap | None, bridge: str = "") -> SourceFacts:
@@ -152,9 +152,9 @@ def cloud_name(folder: Path) -> str:
     return f"{folder.parent.parent.name}/{folder.name}" if folder.parent.name == "cloud" else folder.name
 
 
-def read_labelled(
+def read_labeled(
     path: Path, class_map: ClassMap | None, table: ClassTable, progress: Progress = SILENT, moving: bool = False
-) -> LabelledCloud:
+) -> LabeledCloud:
     """Read a source and give its points the labels of a data set.
 
     Args:
@@ -172,7 +172,7 @@ def read_labelled(
     if path.is_dir():
         cloud = read_cloud(path)
         inputs = {name: cloud.columns[name] for name in INPUTS if _known(cloud, name)}
-        found = LabelledCloud(
+        found = LabeledCloud(
             cloud.columns["coord"],
             inputs,
             labels_of_cloud(cloud, table),
@@ -197,12 +197,12 @@ def read_labelled(
     inputs = {name: values for name, values in (("color", scan.color), ("normal", scan.normal)) if values is not None}
     nothing = np.full(len(scan), np.nan, np.float32)
     instance = None if scan.instance is None else scan.instance.astype(np.int64)
-    return LabelledCloud(
+    return LabeledCloud(
         scan.coord, inputs, class_map.labels(codes, table), nothing, class_map.labels(codes, base), instance
     )
 
 
-def _still(found: LabelledCloud, cloud: Cloud, progress: Progress) -> LabelledCloud:
+def _still(found: LabeledCloud, cloud: Cloud, progress: Progress) -> LabeledCloud:
     """Leave out the points that have an uncertainty and no distance to a surface: those of what moves."""
     gone = np.isnan(cloud.columns[_MARKS]) & ~np.isnan(found.uncertainty)
     if not gone.any():
@@ -210,7 +210,7 @@ def _still(found: LabelledCloud, cloud: Cloud, progress: Progress) -> LabelledCl
     progress.note(f"{int(gone.sum())} points of what moves are left out")
     inputs = {name: values[~gone] for name, values in found.inputs.items()}
     instance = None if found.instance is None else found.instance[~gone]
-    return LabelledCloud(
+    return LabeledCloud(
         found.coord[~gone], inputs, found.labels[~gone], found.uncertainty[~gone], found.base[~gone], instance
     )
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from learn.neighbourhoods.farthest import farthest_points
-from learn.neighbourhoods.search import ball_query, nearest
+from learn.neighborhoods.farthest import farthest_points
+from learn.neighborhoods.search import ball_query, nearest
 
 F32 = NDArray[np.float32]
 I64 = NDArray[np.int64]

@@ -1,0 +1,48 @@
+"""A benchmark's page says which code it speaks of, and whether that still is the code."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from benchmarks.page import state_of_page, words_of, write_page
+from tests.house.house import ROOT
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """Lay out a benchmark that reaches one module."""
+    for name, text in {
+        "benchmarks/speed.py": "from render.draw import draw\n\nPAGE = draw()\n",
+        "render/__init__.py": "",
+        "render/draw.py": '"""Draws."""\n\n\ndef draw():\n    return 1\n',
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def test_a_page_is_stale_when_its_code_does_something_else(project: Path) -> None:
+    """Another docstring stales nothing, another result does; a page without a benchmark, or a stamp, is told."""
+    page, benchmark, code = project / "speed.md", project / "benchmarks" / "speed.py", project / "render" / "draw.py"
+    write_page(page, "# Speed\n\n| 1 |\n", str(benchmark), project)
+    assert page.read_text().startswith("# Speed\n\n| 1 |\n\nWritten by `benchmarks/speed.py`")
+    assert words_of(page) == "# Speed\n\n| 1 |\n\n"
+    assert state_of_page(page, project) == "fresh"
+    code.write_text(code.read_text().replace("Draws.", "Draws one."))
+    assert state_of_page(page, project) == "fresh"
+    code.write_text(code.read_text().replace("return 1", "return 22"))
+    assert state_of_page(page, project) == "stale"
+    benchmark.unlink()
+    assert state_of_page(page, project) == "gone"
+    page.write_text("# Speed\n")
+    assert state_of_page(page, project) == "unknown"
+
+
+def test_every_page_is_written_with_its_code() -> None:
+    """No benchmark writes its page by any other way."""
+    files = [path for path in ROOT.glob("benchmarks/**/*.py") if path.name != "page.py"]
+    others = [path.name for path in files if re.search(r"write_text\((PAGE|page)\b", path.read_text(encoding="utf-8"))]
+    assert not others
