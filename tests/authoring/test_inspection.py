@@ -12,6 +12,7 @@ from authoring.surveys.camera_models import calibration, camera_models
 from authoring.surveys.framing import eye_of
 from authoring.surveys.free_places import free_places
 from authoring.surveys.inspection import fly_inspection
+from authoring.surveys.path import CameraPath
 from authoring.surveys.registry import plan_survey
 from authoring.surveys.settings import AnySurvey, GlobalSettings, GridSettings, InspectionSettings, MixSettings
 from authoring.surveys.sight import sight_of
@@ -34,16 +35,25 @@ def slab() -> Drawn:
 MEMBERS = InspectionSettings(kind="inspection", cover="members")
 
 
-def test_everything_that_can_be_seen_is_seen(proof_count: Count, record_proof: RecordProof) -> None:
+@pytest.fixture(scope="module")
+def flown(slab: Drawn) -> CameraPath:
+    """Fly to all its members."""
+    return plan_survey(MEMBERS, slab.subject, 1)
+
+
+def test_everything_that_can_be_seen_is_seen(
+    slab: Drawn, flown: CameraPath, proof_count: Count, record_proof: RecordProof
+) -> None:
     """Every class has three views of 50 pixels of at least 80 % of its instances that any free place can see."""
     families = sorted(FAMILIES)
     bridges = proof_count(1, 30)
     rows, images, hidden, missed, clearances = [], [], [], [], []
     for number in range(bridges):
-        family = families[number % 6] if bridges > 1 else "slab"
-        drawn = draw_bridge(family, 100 + number)
-        settings = InspectionSettings(kind="inspection", cover="surface" if bridges > 1 else "members")
-        path = plan_survey(settings, drawn.subject, number)
+        family, settings, drawn, path = "slab", MEMBERS, slab, flown
+        if bridges > 1:
+            family, settings = families[number % 6], InspectionSettings(kind="inspection", cover="surface")
+            drawn = draw_bridge(family, 100 + number)
+            path = plan_survey(settings, drawn.subject, number)
         shown = shown_by(drawn, path)
         rows.append(min(shown.by_class.values()))
         images.append(f"{family} {len(path.poses)}")
@@ -77,7 +87,7 @@ def test_an_inspection_is_steady_and_obeys_its_gimbal(slab: Drawn) -> None:
     assert turns[along].max() < 25.0  # 20, and what the gimbal's limit bends
 
 
-def test_named_members_alone_are_flown(slab: Drawn) -> None:
+def test_named_members_alone_are_flown(slab: Drawn, flown: CameraPath) -> None:
     """With `members` only these are seen to; every one gets its views, in far fewer images."""
     bearings = tuple(number for number, name in slab.classes.items() if name == "bearing")[:4]
     assert bearings
@@ -85,7 +95,7 @@ def test_named_members_alone_are_flown(slab: Drawn) -> None:
     path = plan_survey(some, slab.subject, 1)
     views = count_views(slab, path)
     assert all(views[number] >= VIEWS for number in bearings)
-    assert len(path.poses) < 0.6 * len(plan_survey(MEMBERS, slab.subject, 1).poses)
+    assert len(path.poses) < 0.6 * len(flown.poses)
     with pytest.raises(InputError, match=r"survey\.members.*60000"):
         plan_survey(MEMBERS.model_copy(update={"members": (60_000,)}), slab.subject, 1)
 

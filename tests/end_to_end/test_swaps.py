@@ -1,6 +1,7 @@
 """Swaps, through the renderer: another look, background or light changes what it should, and no bit of the rest."""
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from render.frames import render_stage
 from render.settings import RenderSettings, SensorSettings
 from tests.authoring.small_scene import SEED, file_bytes, write_small_scene
 from tests.conftest import Count, RecordProof
+from tests.render.prepared_here import prepared_here
 from usd_schemas import tokens
 from usd_schemas.reading.stage_reader import read_stage
 
@@ -28,6 +30,13 @@ IDEAL = RenderSettings(
 VISIBLE = 10  # of 255
 
 Images = dict[str, NDArray[Any]]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _prepared() -> Iterator[None]:
+    """Render without a child for each flight."""
+    with prepared_here():
+        yield
 
 
 @pytest.fixture(scope="module")

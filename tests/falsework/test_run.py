@@ -277,7 +277,7 @@ def test_scenes_of_a_run_share_their_textures(run: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize("count", [2, 4])
+@pytest.mark.parametrize("count", [pytest.param(2, marks=pytest.mark.proof_only), 4])
 def test_several_processes_share_one_output(count: int, tmp_path: Path) -> None:
     """All end well, together make everything once, and leave the tree of one that was alone."""
     scenario = tmp_path / "s.toml"

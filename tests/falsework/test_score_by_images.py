@@ -15,6 +15,7 @@ from render.frames import render_stage
 from render.settings import RenderSettings, SensorSettings
 from tests.authoring.small_scene import write_small_scene
 from tests.conftest import Count, RecordProof
+from tests.render.prepared_here import prepared_here
 from usd_schemas.pinhole import project
 from usd_schemas.reading.stage_reader import read_stage
 
@@ -64,7 +65,8 @@ def test_coverage_is_that_of_the_rendered_images(tmp_path: Path, proof_count: Co
     capture = tmp_path / "capture"
     capture.mkdir()
     settings = RenderSettings(quality="fast", shadow_size=256, sensor=SensorSettings(noise=False))
-    render_stage(scene, capture, settings, 1, SILENT)
+    with prepared_here():
+        render_stage(scene, capture, settings, 1, SILENT)
     truth = read_truth(read_capture(capture))
     assert truth is not None
     flat = read_stage(scene)

@@ -11,6 +11,7 @@ import pytest
 
 from groundwork.canonical import file_digest
 from groundwork.files import MANIFEST
+from groundwork.locks import hold_lock
 from groundwork.marks import MARK
 from tests.recon.conftest import poses_on_arc, write_capture
 
@@ -58,10 +59,16 @@ def start_reconstruct(few_planes: Path, tmp_path_factory: pytest.TempPathFactory
 
 
 @pytest.fixture(scope="session")
-def calm(start_reconstruct: Start, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Give the cloud of a run that nobody disturbed; read only."""
-    out = tmp_path_factory.mktemp("calm") / "out"
-    finish(start_reconstruct(out))
+def calm(start_reconstruct: Start, tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """Give the cloud of a run that nobody disturbed; read only, and made by the first process that needs it."""
+    base = tmp_path_factory.getbasetemp()
+    shared = (base if worker_id == "master" else base.parent) / "calm"
+    shared.mkdir(exist_ok=True)
+    out, made = shared / "out", shared / "made"
+    with hold_lock(shared / "lock"):
+        if not made.exists():
+            finish(start_reconstruct(out))
+            made.touch()
     return out
 
 

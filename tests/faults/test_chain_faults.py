@@ -60,7 +60,7 @@ def test_killed_at_random_moments(
     scenario: Path, calm: Tree, tmp_path: Path, proof_count: Count, record_proof: RecordProof
 ) -> None:
     """`kill -9` of the whole run, then the same command: outside `run/` the tree of one that nobody disturbed."""
-    draw, said, wanted = random.Random(24), tmp_path / "said", proof_count(10, 50)
+    draw, said, wanted = random.Random(24), tmp_path / "said", proof_count(5, 50)
     clock = time.monotonic()
     _finish(scenario, tmp_path / "first", said)
     length = time.monotonic() - clock

@@ -90,7 +90,12 @@ def test_workers_die_again_and_again_on_one_task(
 
 
 @pytest.mark.parametrize(
-    ("workers", "number", "code"), [("0", signal.SIGINT, 130), ("0", signal.SIGTERM, 143), ("2", signal.SIGINT, 130)]
+    ("workers", "number", "code"),
+    [
+        pytest.param("0", signal.SIGINT, 130, marks=pytest.mark.proof_only),
+        ("0", signal.SIGTERM, 143),
+        ("2", signal.SIGINT, 130),
+    ],
 )
 def test_interrupted_run_goes_on(
     workers: str, number: signal.Signals, code: int, scenario: Path, calm: dict[str, str], tmp_path: Path
