@@ -153,7 +153,7 @@ def lane_room(lanes: tuple[Lane, ...], station: F64, left: F64) -> F64:
         left: Distance to the left of the axis [m], shape (N,), float64.
 
     Returns:
-        Distances, at most 60, negative on a lane [m], shape (N,), float64.
+        Distances less a margin of 0.6, at most 60, negative on a lane [m], shape (N,), float64.
     """
     free = np.full(len(station), 60.0)
     for lane in lanes:
