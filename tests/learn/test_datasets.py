@@ -311,7 +311,7 @@ def test_bad_input_is_one_line(clouds: list[Path], metric: Path, tmp_path: Path)
     for change, words in (
         ({"format_version": 9}, "of this version"),
         ({"pieces": [{"name": "x"}]}, "missing or of a wrong kind"),
-        ({"inputs": ["uncertainty"]}, "cannot be"),
+        ({"inputs": ["uncertainty"]}, "invalid inputs"),
         ({"pieces": [{**stored["pieces"][0], "name": "../../x"}]}, "leaves the data set"),
     ):
         folder = tmp_path / words[:4]

@@ -172,7 +172,7 @@ def test_what_cannot_be_trained_is_refused(tmp_path: Path) -> None:
     one_class.sample = lambda index, seed: _of_one_class(ToyBridges(3), index, seed)  # type: ignore[method-assign]
     with pytest.raises(InputError, match="of one class"):
         train(tmp_path, source=one_class)
-    with pytest.raises(InputError, match="bridges of the training"):
+    with pytest.raises(InputError, match="shares bridges with the training"):
         train_network(TrainingData(ToyBridges(3), ToyBridges(1)), settings(), tmp_path, Silent())
 
 
