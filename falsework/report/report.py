@@ -20,6 +20,7 @@ from falsework.report.scene_tables import (
     kept_rows,
     noise_rows,
     pixel_rows,
+    window_rows,
 )
 from groundwork.errors import InputError
 from groundwork.files import read_json
@@ -122,7 +123,7 @@ def _survey(
         "settings": _settings(f"capture {name}", capture_folder) if first else [],
     }
     if cloud is None or folder is None:
-        return found | dict.fromkeys(("facts", "kept", "pixels", "images"), ()) | {"known": False}
+        return found | dict.fromkeys(("facts", "kept", "windows", "pixels", "images"), ()) | {"known": False}
     rows = image_rows(cloud, folder)
     links = dict(zip(flight.names, flight.files, strict=True))
     own = f"{name}+{mode}" if mode else name
@@ -136,6 +137,7 @@ def _survey(
     tables = {
         "facts": fact_rows(cloud),
         "kept": kept_rows(cloud.statistics),
+        "windows": window_rows(cloud.statistics),
         "pixels": pixel_rows(cloud.statistics),
         "images": image_table(rows, links),
     }

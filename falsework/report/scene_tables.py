@@ -1,6 +1,7 @@
 """What the page of a scene says in figures and tables: the result at a glance, what stayed, what went and why."""
 
 from collections.abc import Mapping
+from itertools import compress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -92,22 +93,36 @@ def placing_rows(alignment: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def kept_rows(statistics: Mapping[str, Any]) -> list[list[str]]:
-    """Say of each class what stayed, what went and why, and how many points stay in each window along the bridge.
-
-    A window of which the flight saw nothing has a dash.
+    """Say of each class what stayed, what went and why, and in how many windows along the bridge it is few.
 
     Args:
         statistics: Of a cloud.
     """
     rows = []
-    seen = (statistics.get("windows") or {}).get("seen", ())
     for name, row in statistics.get("classes", {}).items():
         dropped = [f"{row['dropped'][why]:,}" for why in REASONS]
         few = f"{row['few_in']} of {row['windows']}" if row.get("windows") else ""
-        inside = zip(row.get("in_windows", ()), seen, strict=True) if seen else ()
-        along = " · ".join(f"{points:,}" if looked_at else "–" for points, looked_at in inside)
-        rows.append([name, f"{row['kept']:,}", *dropped, few, along])
+        rows.append([name, f"{row['kept']:,}", *dropped, few])
     return rows
+
+
+def window_rows(statistics: Mapping[str, Any]) -> list[list[str]]:
+    """Count the points of each class in each window along the bridge that the flight saw.
+
+    Args:
+        statistics: Of a cloud.
+
+    Returns:
+        The headings, where along the bridge each window begins, and a row for each class; empty where the bridge is
+        not known.
+    """
+    windows = statistics.get("windows")
+    if not windows:
+        return []
+    seen = windows["seen"]
+    heads = ["class", *(f"{number * windows['length']:g} m" for number in compress(range(len(seen)), seen))]
+    classes = statistics["classes"].items()
+    return [heads, *([name, *(f"{points:,}" for points in compress(row["in_windows"], seen))] for name, row in classes)]
 
 
 def pixel_rows(statistics: Mapping[str, Any]) -> list[list[str]]:

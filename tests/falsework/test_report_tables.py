@@ -1,6 +1,6 @@
 """The report says how far a model may be off, what control points leave over, and why pixels became no point."""
 
-from falsework.report.scene_tables import kept_rows, pixel_rows, placing_rows
+from falsework.report.scene_tables import kept_rows, pixel_rows, placing_rows, window_rows
 
 
 def test_limits_and_residuals_stand_in_the_report() -> None:
@@ -50,10 +50,12 @@ def test_pixels_of_each_class_stand_in_the_report() -> None:
 
 
 def test_the_points_of_each_window_stand_in_the_report() -> None:
-    """One number for each window that the flight saw, in their order, and a dash for others; none of photographs."""
+    """A column for each window that the flight saw, by its place along the bridge; none of photographs."""
     dropped = {"views": 1, "reprojection": 2, "deviation": 3000, "duplicate": 4}
-    deck = {"kept": 1250, "dropped": dropped, "in_windows": [1200, 0, 50, 0], "windows": 2, "few_in": 0}
-    rows = kept_rows({"classes": {"deck": deck}, "windows": {"seen": [True, True, True, False]}})
-    assert rows == [["deck", "1,250", "1", "2", "3,000", "4", "0 of 2", "1,200 · 0 · 50 · –"]]
+    deck = {"kept": 1250, "dropped": dropped, "in_windows": [0, 1200, 0, 50], "windows": 2, "few_in": 0}
+    seen = {"classes": {"deck": deck}, "windows": {"seen": [False, True, True, True], "length": 10.0}}
+    assert kept_rows(seen) == [["deck", "1,250", "1", "2", "3,000", "4", "0 of 2"]]
+    assert window_rows(seen) == [["class", "10 m", "20 m", "30 m"], ["deck", "1,200", "0", "50"]]
     bare = {"classes": {"unlabelled": {"kept": 7, "dropped": dropped}}, "windows": None}
-    assert kept_rows(bare) == [["unlabelled", "7", "1", "2", "3,000", "4", "", ""]]
+    assert kept_rows(bare) == [["unlabelled", "7", "1", "2", "3,000", "4", ""]]
+    assert window_rows(bare) == []
