@@ -93,7 +93,10 @@ def placing_rows(alignment: Mapping[str, Any]) -> list[tuple[str, str]]:
     if alignment.get("agreeing_fixes") is not None:
         rows.append(("fixes that agree", f"{alignment['agreeing_fixes']} of {alignment['fixes']}"))
     rows += [
-        (f"error of {key.partition('_')[0]}, 95 % below", f"{limits[key]:.2g}{unit}")
+        (
+            f"error of {key.partition('_')[0]}, 95 % below",
+            f"{limits[key]:{'.2g' if limits[key] < 100.0 else '.0f'}}{unit}",
+        )
         for key, unit in units.items()
         if limits.get(key) is not None
     ]
