@@ -6,14 +6,13 @@ import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.recon.photographs import HEADS, control_errors, figures_of, former_rows, photographs_page
+from benchmarks.recon.photographs import control_errors, figures_of, photographs_page
 from falsework.commands.verbs import reconstruct_folder
 from groundwork.errors import InputError, MissingError, RejectedSceneError
 from groundwork.progress import SILENT, Silent
@@ -327,21 +326,6 @@ def test_bare_photographs_become_a_cloud(
     assert f"| the wall | dense | 5 of 5 | {len(cloud):,} |  |  | {three:.0%} | " in photographs_page(
         [("the wall", dense)]
     )
-
-
-def test_rows_of_former_photographs_stay() -> None:
-    """What is on the page stays, a column that it did not have is empty, and what is made anew takes its place."""
-    numbers = ["3 of 3", "1,000", "90%", "60%", "3.0", "0.50", "nothing", "", ""]
-    heads = [head for head in HEADS if head != "duplicates merged"]
-    rows = [["field (drone)", "sparse", *numbers], ["shore", "sparse", *numbers]]
-    former = "\n".join(["# Real photographs", "", *(f"| {' | '.join(row)} |" for row in (heads, *rows)), ""])
-    figures: dict[str, Any] = {"images": 3, "registered": 2, "points": 50, "model_points": 100, "observations": 150}
-    figures |= {"thrice": 0.5, "mean_reprojection_error": 0.7, "target": "none", "method": "up", "expected_error": None}
-    anew = ("shore", {**figures, "mode": "sparse", "duplicates": 1200})
-    found = former_rows(photographs_page([anew], former))
-    assert found[0] == ["field (drone)", "sparse", *numbers[:3], "", *numbers[3:]]
-    assert [row[:6] for row in found[1:]] == [["shore", "sparse", "2 of 3", "50", "50%", "1,200"]]
-    assert former_rows("") == []
 
 
 @pytest.mark.proof_only
