@@ -184,7 +184,7 @@ def test_a_rejected_folder_leaves_nothing(tmp_path: Path) -> None:
     for name in ("a.jpg", "b.jpg"):
         (photographs / name).write_bytes(jpeg())
     with pytest.raises(RejectedSceneError) as rejected:
-        reconstruct_folder(photographs, tmp_path / "cloud", ReconSettings(), SILENT)
+        reconstruct_folder(photographs, tmp_path / "cloud", ReconSettings(mode="sparse"), SILENT)
     assert rejected.value.reason == "too_few_images"
     assert [path.name for path in tmp_path.iterdir()] == ["photographs"]
 
@@ -282,10 +282,10 @@ def test_bare_photographs_become_a_cloud(
     cut = (bare / "000002.jpg").read_bytes()
     (bare / "000002.jpg").write_bytes(cut[:20_000])
     with pytest.raises(InputError, match=r"000002\.jpg: the image is cut off or damaged"):
-        reconstruct(bare, folder, ReconSettings(), SILENT)
+        reconstruct(bare, folder, ReconSettings(mode="sparse"), SILENT)
     (bare / "000002.jpg").write_bytes(cut)
     listener = Notes()
-    reconstruct(bare, folder, ReconSettings(sparse=SparseSettings(max_features=700)), listener)
+    reconstruct(bare, folder, ReconSettings(mode="sparse", sparse=SparseSettings(max_features=700)), listener)
     cloud = read_cloud(folder)
     (said,) = listener.notes
     assert said.startswith(f"5 of 5 photographs ok, {len(cloud):,} of ")
@@ -344,7 +344,7 @@ def test_photographs_with_gps_become_a_cloud_in_metres(
         shot = Shot(420.0 / 480 * 0.036, 0.036, 0.001, 0.0, (east, north, up), ORIGIN)
         data = (capture / "images" / f"{row:06d}.jpg").read_bytes()
         (bare / f"{row:06d}.jpg").write_bytes(insert_exif(data, shot, 480, 360))
-    reconstruct(bare, folder, ReconSettings(sparse=SparseSettings(max_features=1500)), SILENT)
+    reconstruct(bare, folder, ReconSettings(mode="sparse", sparse=SparseSettings(max_features=1500)), SILENT)
     cloud = read_cloud(folder)
     assert cloud.alignment["target"] == "gps"
     assert cloud.alignment["unit"] == "m"
