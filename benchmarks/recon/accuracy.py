@@ -4,8 +4,9 @@ Usage: python -m benchmarks.recon.accuracy WORK [--only NAME…] [--page] [--not
 
 Makes a bridge for every row, flies, renders and reconstructs it, and writes `docs/benchmarks/accuracy.md`. WORK keeps
 what was made: a second call goes on. `--page` writes the page of what is there. Some six processor minutes a row.
-The same bridges are sampled on their mesh and by a tripod's laser, for `benchmarks.compare`. Rows of `inspection` are
-short bridges whose every member is flown at, for the class that has fewest points: dense alone, and no samples.
+All but the rail bridges of whole flights are sampled on their mesh and by a tripod's laser, too, for
+`benchmarks.compare`. Rows of `inspection` are short bridges whose every member is flown at, for the class that has
+fewest points: dense alone, and no samples.
 """
 
 import argparse
@@ -81,11 +82,14 @@ class Row:
         return f"{self.survey}-{self.family}-{self.service}"
 
 
-ROWS = tuple(
-    Row(family, service, survey)
-    for survey in SURVEYS
-    for family in FAMILIES
-    for service in (SERVICES if survey == "local" else ("road",))
+ROWS = (
+    *(
+        Row(family, service, survey)
+        for survey in SURVEYS
+        for family in FAMILIES
+        for service in (SERVICES if survey == "local" else ("road",))
+    ),
+    *(Row(family, "rail", "global") for family in FAMILIES),  # last: the place of a row is the seed of its bridge
 )
 
 
@@ -126,6 +130,7 @@ def scenario_of_row(row: Row, seed: int) -> dict[str, Any]:
     """
     bridge: dict[str, Any] = {"family": row.family, "service": SERVICES[row.service]}
     inspected = row.survey == "inspection"
+    sampled = row.survey == "local" or (row.survey == "global" and row.service == "road")
     if inspected:
         bridge[row.family] = dict(SHORT[row.family])
     return {
@@ -134,7 +139,7 @@ def scenario_of_row(row: Row, seed: int) -> dict[str, Any]:
         "background": {"name": "countryside"},
         "look": {"name": "random", "texels": 1024},
         "survey": [{**SURVEYS[row.survey], "width": 960, "height": 720}],
-        "sample": [] if inspected else [dict(sample) for sample in SAMPLES],
+        "sample": [dict(sample) for sample in SAMPLES] if sampled else [],
         "sensor": {"noise": True},
         "recon": {"mode": "dense" if inspected else "both", "quality": "medium"},
         "keep": ["stage", "cloud"],
