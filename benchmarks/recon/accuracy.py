@@ -277,11 +277,12 @@ def class_lines(clouds: Sequence[Judged]) -> list[str]:
     return lines
 
 
-def accuracy_page(found: Mapping[Row, Mapping[str, Judged]], note: str = "") -> str:
+def accuracy_page(found: Mapping[Row, Mapping[str, Judged]], rejected: Mapping[Row, str], note: str = "") -> str:
     """Write the page.
 
     Args:
         found: For each row its clouds by mode.
+        rejected: For each row whose scene was rejected, why.
         note: A line of its own, such as which code made the clouds; empty for none.
     """
     lines = [
@@ -303,7 +304,10 @@ def accuracy_page(found: Mapping[Row, Mapping[str, Judged]], note: str = "") -> 
         "|---|---|---|---|---|---|---|---|---|---|---|---|",
         *(row_line(row, mode, clouds[mode]) for row, clouds in found.items() for mode in MODES if mode in clouds),
     ]
-    missing = [row.name for row in ROWS if row not in found]
+    if rejected:
+        lines += ["", "Rejected, and so without a cloud:", ""]
+        lines += [f"- {row.name}: {reason}" for row, reason in rejected.items()]
+    missing = [row.name for row in ROWS if row not in found and row not in rejected]
     if missing:
         lines += ["", f"Not made: {', '.join(missing)}."]
     head = "| class | points | near | right | right where confidence is 1 | clearly wrong | instances right |"
@@ -327,7 +331,8 @@ def main() -> None:
                 outcome = falsework.run(scenario_of_row(row, number), given.work / row.name, progress=progress)
             sys.stdout.write(f"{row.name}: {outcome.made} made\n")
     found = {row: clouds for row in ROWS if (clouds := _clouds(given.work / row.name))}
-    write_page(PAGE, accuracy_page(found, given.note), __file__)
+    rejected = {row: why for row in ROWS if row not in found and (why := _rejection(given.work / row.name))}
+    write_page(PAGE, accuracy_page(found, rejected, given.note), __file__)
 
 
 def _clouds(run: Path) -> dict[str, Judged]:
@@ -338,6 +343,11 @@ def _clouds(run: Path) -> dict[str, Judged]:
             surface = lay_out(load_scene(record.parents[2] / "stage" / "scene.usda"))
             found[mode] = judge(read_cloud(record.parent), surface.corners, surface.labels)
     return found
+
+
+def _rejection(run: Path) -> str:
+    records = [read_json(path) for path in sorted(run.glob("failed/*.json"))]
+    return next((f"{record['reason']}, {record['message']}." for record in records if record["kind"] == "rejected"), "")
 
 
 def _share(part: float, whole: float) -> str:

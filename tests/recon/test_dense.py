@@ -160,7 +160,7 @@ def test_an_image_outside_the_model_leaves_the_others_their_pixels(
     pixels = {name: sum(row.values()) for name, row in cloud.statistics["pixels"].items()}
     names = {row.id: row.name for row in truth.classes}
     assert {name: count / sum(pixels.values()) for name, count in pixels.items()} == pytest.approx(
-        {names[number]: shown[number] for number in np.flatnonzero(shown)}, abs=0.01
+        {names[int(number)]: shown[number] for number in np.flatnonzero(shown)}, abs=0.01
     )
 
 
