@@ -27,9 +27,6 @@ _TIES = "ties.db"
 # What the first two images may be where COLMAP's own demands find none: views of a walk straight ahead, which meet at
 # small angles. 28 of 29 photographs of such a walk along a street have a model then.
 _STRAIGHT_AHEAD = {"init_max_forward_motion": 1.0, "init_min_tri_angle": 8.0}  # [1], [deg]; COLMAP: 0.95 and 16
-# Inliers that register an image where COLMAP's own demand of 30 has left some out. A flight that turns between two
-# images may have 40 matches there: 100 of 201 images of a cable-stayed bridge were lost so, and none with this.
-FEW_INLIERS = 15
 _POINT_ROUNDS = 5  # of the adjustment of points whose cameras stand: each is a problem of three unknowns
 
 
@@ -173,33 +170,7 @@ def _map_incrementally(
         )
         if any(model.num_reg_images() > 2 and model.num_points3D() for model in found.values()):
             break
-    if found and max(model.num_reg_images() for model in found.values()) < total:
-        progress.stage("mapping, by fewer matches", 0)
-        _extend_largest(capture, database, models, found, settings, seed)
     return found
-
-
-def _extend_largest(
-    capture: Capture,
-    database: Path,
-    models: Path,
-    found: dict[int, pycolmap.Reconstruction],
-    settings: SparseSettings,
-    seed: int,
-) -> None:
-    """Let the largest model grow on, asking for fewer inliers; it is replaced where that adds an image."""
-    options = _incremental_options(settings, seed)
-    options.multiple_models, options.use_prior_position = False, settings.use_gps_in_mapping
-    options.mapper.abs_pose_min_num_inliers = FEW_INLIERS
-    largest = min(found, key=lambda row: (-found[row].num_reg_images(), -found[row].num_points3D(), row))
-    before, after = models / "before", models / "after"
-    for path in (before, after):
-        path.mkdir()
-    found[largest].write_binary(before)
-    grown = pycolmap.incremental_mapping(database, capture.folder, after, options, input_path=before)
-    for model in grown.values():
-        if model.num_reg_images() > found[largest].num_reg_images():
-            found[largest] = model
 
 
 def _triangulate_all(
