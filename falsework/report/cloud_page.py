@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from falsework.report.cloud_view import SHOWN_POINTS, Shown, cloud_view
-from falsework.report.figures import class_figure, flight_figure
+from falsework.report.figures import flight_figure
 from falsework.report.flight import flight_of_cloud
 from falsework.report.page import file_link, way_to, write_page
-from falsework.report.reconstruction import NOTHING, reconstruction_parts
+from falsework.report.reconstruction import NOTHING, reconstruction_parts, sample_parts
 from falsework.report.report import CLOUD, FILES, PAGE_POINTS
 from falsework.report.scene_tables import headline_tiles, unit_of
 from groundwork.slug import slug
@@ -42,7 +42,7 @@ def write_cloud_page(path: Path, title: str, clouds: Mapping[str, Path], page: P
         title=title,
         lead=notes[0] if notes else ", ".join(cloud.source for cloud, _ in found.values()),
         surveys=[_reconstructed(name, cloud, folder, shown) for name, (cloud, folder) in flown.items()],
-        samples=[_sampled(name, cloud, shown) for name, (cloud, _) in found.items() if name not in flown],
+        samples=[sample_parts(name, cloud, shown) for name, (cloud, _) in found.items() if name not in flown],
         settings=[],
         files=[row for name, folder in clouds.items() for row in _files(name, folder, page)],
     )
@@ -62,17 +62,6 @@ def _reconstructed(name: str, cloud: "Cloud", folder: Path, shown: Shown) -> dic
         "view": cloud_view(cloud, flight, shown),
         "flight": plan,
         **dict.fromkeys(("sheet", "frames", "legend"), ()),
-    }
-
-
-def _sampled(name: str, cloud: "Cloud", shown: Shown) -> dict[str, Any]:
-    return {
-        "name": name,
-        "key": slug(f"sample {name}"),
-        "source": cloud.source,
-        "tiles": [{"label": "points", "value": f"{len(cloud):,}"}],
-        "view": cloud_view(cloud, None, shown),
-        "classes": class_figure(cloud.columns["segment"], cloud.classes),
     }
 
 

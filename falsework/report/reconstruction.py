@@ -1,4 +1,4 @@
-"""What a page says of one reconstructed cloud, whatever it was made from: figures, tables, the unit of its lengths."""
+"""What a page says of one cloud, reconstructed or sampled: figures, tables, the unit of its lengths."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from falsework.report.cloud_view import Shown, cloud_view
 from falsework.report.figures import class_figure, uncertainty_figure
 from falsework.report.residuals import image_rows, image_table, overlap_figure, residual_figure
 from falsework.report.scene_tables import (
@@ -17,6 +18,7 @@ from falsework.report.scene_tables import (
     unit_of,
     window_rows,
 )
+from groundwork.slug import slug
 
 if TYPE_CHECKING:
     from recon.cloud import Cloud
@@ -59,4 +61,22 @@ def reconstruction_parts(cloud: "Cloud", folder: Path, links: Mapping[str, str])
         "windows": window_rows(cloud.statistics),
         "pixels": pixel_rows(cloud.statistics),
         "images": image_table(rows, dict(links)),
+    }
+
+
+def sample_parts(name: str, cloud: "Cloud", shown: Shown) -> dict[str, Any]:
+    """Fill what the template shows of a cloud that was sampled on a stage.
+
+    Args:
+        name: What it is called.
+        cloud: The cloud.
+        shown: How much of it the page holds.
+    """
+    return {
+        "name": name,
+        "key": slug(f"sample {name}"),
+        "source": cloud.source,
+        "tiles": [{"label": "points", "value": f"{len(cloud):,}"}],
+        "view": cloud_view(cloud, None, shown),
+        "classes": class_figure(cloud.columns["segment"], cloud.classes),
     }

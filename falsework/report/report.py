@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from falsework.report.cloud_view import SHOWN_POINTS, Shown, cloud_view
-from falsework.report.figures import class_figure, flight_figure
+from falsework.report.figures import flight_figure
 from falsework.report.flight import flight_of
 from falsework.report.outline import outline_cloud
 from falsework.report.page import file_link, settings_rows, write_page
 from falsework.report.pictures import data_uri, paint_depth, paint_labels
-from falsework.report.reconstruction import NOTHING, reconstruction_parts
+from falsework.report.reconstruction import NOTHING, reconstruction_parts, sample_parts
 from falsework.report.scene_tables import headline_tiles
 from groundwork.errors import InputError
 from groundwork.files import read_json
@@ -163,16 +163,8 @@ def _spread(count: int, wanted: int) -> list[int]:
 def _sample(name: str, folder: Path, shown: Shown, place: str) -> dict[str, Any]:
     from recon.cloud import read_cloud
 
-    cloud = read_cloud(folder)
-    return {
-        "name": name,
-        "key": slug(f"sample {name}"),
-        "source": cloud.source,
-        "tiles": [{"label": "points", "value": f"{len(cloud):,}"}],
-        "view": cloud_view(cloud, None, shown),
-        "classes": class_figure(cloud.columns["segment"], cloud.classes),
-        "files": _files(place, CLOUD, name, folder, FILES[CLOUD]),
-    }
+    parts = sample_parts(name, read_cloud(folder), shown)
+    return {**parts, "files": _files(place, CLOUD, name, folder, FILES[CLOUD])}
 
 
 def _settings(name: str, folder: Path) -> list[tuple[str, list[dict[str, Any]]]]:
