@@ -305,7 +305,7 @@ def test_arrays_are_known_behind_a_type_alias() -> None:
     """NumPy 2.5 on Python 3.12 and later: `NDArray[float32]` is no `ndarray[...]` but an alias that stands for one."""
 
     class Alias:
-        __value__ = NDArray[np.float32]
+        __value__ = np.ndarray[Any, np.dtype[np.float32]]
 
     assert is_array(GenericAlias(Alias, (np.float32,)))
     assert is_array(NDArray[np.float32])
