@@ -119,12 +119,23 @@ def test_the_model_grows_over_few_matches(tmp_path: Path) -> None:
 
 
 def test_a_model_of_all_images_is_left_alone(tmp_path: Path) -> None:
-    """Where COLMAP's own limit registers every image, nothing is begun and nothing is told."""
-    heard = Heard()
-    found = map_into(wall(tmp_path / "many", 40, 0.0), tmp_path / "model", heard)
+    """Where COLMAP's own limit registers every image, its model is only adjusted, byte for byte; nothing is told."""
+    capture, heard = wall(tmp_path / "many", 40, 0.0), Heard()
+    found = map_into(capture, tmp_path / "model", heard)
     assert found["models"][0]["images"] == ROW + AWAY
     assert "growth" not in found
     assert heard.stages == ["tie points", "mapping", "last adjustment"]
+    options = pycolmap.IncrementalPipelineOptions(random_seed=0, min_model_size=3, num_threads=1)
+    options.mapper.num_threads = 1
+    options.mapper.random_seed = options.triangulation.random_seed = 0
+    options.mapper.filter_min_tri_angle = options.triangulation.min_angle = SparseSettings().min_triangulation_angle
+    options.triangulation.ignore_two_view_tracks = False
+    for folder in ("first", "alone"):
+        (tmp_path / folder).mkdir()
+    alone = pycolmap.incremental_mapping(capture.folder / DATABASE, capture.folder, tmp_path / "first", options)[0]
+    mapping.adjust_robustly(alone, 1)
+    alone.write_binary(tmp_path / "alone")
+    assert folder_digest(tmp_path / "alone") == folder_digest(tmp_path / "model" / mapping.MODEL)
 
 
 def test_images_that_hang_loose_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
