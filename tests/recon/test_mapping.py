@@ -191,7 +191,7 @@ def test_a_camera_that_ran_away_leaves_the_model(tmp_path: Path) -> None:
     centers = np.array([model.image(number).projection_center() for number in sorted(model.reg_image_ids())])
     spread = np.ptp(centers, axis=0).max()
     for reach, found in ((10.0, []), (1e6, [last])):
-        _move(model, last, np.median(centers, axis=0) + [reach * spread, 0.0, 0.0])
+        _move(model, last, np.median(centers, axis=0) + reach * spread * np.eye(3)[0])
         assert runaways(model) == found
     points = model.num_points3D()
     leave_out(model, [last])
