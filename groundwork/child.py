@@ -174,7 +174,7 @@ def _watch(process: subprocess.Popen[bytes], time_limit: float, memory_limit: fl
 
 
 def _waited(pid: int) -> float:
-    """How long a process waited for a core that others had [s]: no fault of its own; 0 where the kernel does not say."""
+    """How long a process waited for a core that others had [s]; 0 where the kernel does not say."""
     try:
         return int(Path(f"/proc/{pid}/schedstat").read_text(encoding="ascii").split()[1]) / 1e9
     except (OSError, IndexError, ValueError):
