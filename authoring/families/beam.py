@@ -27,6 +27,7 @@ from authoring.parts.girders import (
     girder_parts,
 )
 from authoring.parts.part import Part
+from authoring.parts.pier_choice import PAPER_KINDS_UNDER_CONCRETE
 from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
 from authoring.parts.spans import Levels, Spans
 from groundwork.errors import InputError
@@ -119,7 +120,7 @@ def draw_beam(settings: BeamSettings, shared: SharedSettings, draws: Draws) -> t
             hint="Make it narrower or the girder wider",
         )
     edge = draw_deck_edge(settings.edge, draws)
-    kinds = ("single", "multi")
+    kinds = PAPER_KINDS_UNDER_CONCRETE
     piers = draw_piers(shared.pier, width, girders.lines[-1], bearings, spans, draws, paper_kinds=kinds)
     beam = DrawnBeam(spans, slab, top, edge, girders, bearings, piers, abutments)
     layout = draw_layout_of(

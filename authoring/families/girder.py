@@ -24,7 +24,7 @@ from authoring.parts.cross_frames import (
 )
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
 from authoring.parts.decks import DeckEdge, DeckEdgeSettings, Haunches, deck_parts, draw_deck_edge
-from authoring.parts.drawing import Draws, chosen, draw, drawn
+from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.fittings import fitting_parts
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
@@ -35,7 +35,7 @@ from authoring.parts.steel_choice import PlateGirderSettings, draw_plate_girders
 from authoring.parts.stiffeners import Stiffening, stiffener_parts
 
 _SPANS = SpanRule("girder", "steel girders", 10.0, 90.0, (22.0, 60.0), 18.0, one_row=True)
-_COUNTS = {"1": 14.0, "2": 20.0, "3": 26.0, "4": 16.0, "5": 10.0, "6": 6.0, "7": 4.0, "8": 4.0}
+_COUNTS = {1: 14.0, 2: 20.0, 3: 26.0, 4: 16.0, 5: 10.0, 6: 6.0, 7: 4.0, 8: 4.0}
 _PAPER_COUNTS = (8, 20)
 
 
@@ -48,12 +48,12 @@ class SteelGirderSettings(SpanSettings):
         description="Bearing line to bearing line [m], 10 to 90 each; empty: drawn, inner spans 22 to 60 and alike, "
         "end spans by `end_share` but 18 at least; in profile paper 10 each",
     )
-    span_count: int | None = Field(
-        default=None,
+    span_count: int | None = chosen(
+        _COUNTS,
+        "Number of spans where they are drawn",
+        among=f"; in profile paper {_PAPER_COUNTS[0]} to {_PAPER_COUNTS[1]} (the Random Bridge Generator has 50)",
         ge=1,
         le=20,
-        description="Number of spans where they are drawn; 1 to 8 drawn 14 : 20 : 26 : 16 : 10 : 6 : 4 : 4, in profile "
-        "paper 8 to 20 (the Random Bridge Generator has 50)",
     )
     end_share: float | None = drawn(0.72, 0.90, "End span over inner span where they are drawn [1]", ge=0.5, le=1.2)
     continuous: bool | None = chosen(
@@ -137,8 +137,8 @@ def draw_girder(settings: SteelGirderSettings, shared: SharedSettings, draws: Dr
 
 
 def _draw_spans(settings: SteelGirderSettings, bearings: Bearings, draws: Draws) -> Spans:
-    chosen, many = int(draws.choose(_COUNTS)), int(draws.rng.integers(_PAPER_COUNTS[0], _PAPER_COUNTS[1] + 1))
-    count = settings.span_count or (many if draws.profile == "paper" else chosen)
+    count, many = draw_option(settings, "span_count", draws), int(draws.rng.integers(*_PAPER_COUNTS, endpoint=True))
+    count = many if draws.profile == "paper" and settings.span_count is None else count
     return draw_spans(_SPANS, settings, count, bearings, draws)
 
 
