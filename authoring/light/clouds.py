@@ -37,7 +37,7 @@ def clouded(sky: F64, directions: F64, sun: F64, cover: float, rng: np.random.Ge
     heaps, wisps, drift = _heaps(rng), _wisps(rng), rng.random(4)
     rows = np.flatnonzero(directions[:, 0, 2] > 0)
     result, above, behind = sky.copy(), directions[rows], sky[rows]
-    shine = _shine(sky, directions, sun)
+    shine = _shine(sky, sun)
     angle = np.arccos(np.clip(above @ sun, -1, 1))
     seen, glow = _ice(wisps, above, angle, drift[:2], cover)
     behind = behind * (1 - seen[..., None]) + seen[..., None] * (0.55 * behind + 0.45 * shine * glow[..., None])
@@ -70,7 +70,7 @@ def _means(opacity: F64, lit: F64, away: F64) -> tuple[F64, F64, F64]:
     return covered, mean(opacity * lit) / known, mean(opacity * away) / known
 
 
-def _shine(sky: F64, directions: F64, sun: F64) -> F64:
+def _shine(sky: F64, sun: F64) -> F64:
     """Colour of a cloud in the sun, as bright as it is beside that sky, shape (3,)."""
     height = max(float(sun[2]), 0.0)
     level = float(np.median((sky @ LUMINANCE)[: len(sky) // 2]))

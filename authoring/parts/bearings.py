@@ -101,13 +101,11 @@ class _Row:
     Attributes:
         plinth_top: Height of the plinths [m].
         soffit: Height of the girders' soffit [m].
-        below: Slope of the seat.
         above: Slope of the soffit.
     """
 
     plinth_top: float
     soffit: float
-    below: Slope
     above: Slope
 
 
@@ -137,7 +135,7 @@ def bearing_parts(
         at = np.full(len(lines), station), np.array(lines), np.zeros(len(lines))
         seats = levels.seat + level.point(*at)[:, 2] - place.point(*at)[:, 2]
         below, above = seat_slope(place, support), road_slope(place, station)
-        row = _Row(levels.plinth_top, levels.girder_soffit, below, above)
+        row = _Row(levels.plinth_top, levels.girder_soffit, above)
         template = _bearing(bearings, row)
         for number, line in enumerate(lines):
             where, name = place.frame_at(station, line, turn=-place.skew), f"{span:03d}_{end}_{number:02d}"

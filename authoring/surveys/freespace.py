@@ -112,11 +112,9 @@ class Ways:
     """The graph of the free cells.
 
     Attributes:
-        cells: Numbers of each free cell along the box's axes, shape (N, 3), int64.
         costs: What a step from one free cell to a neighbour costs [m].
     """
 
-    cells: I64
     costs: sparse.csr_matrix
 
     def between(self, start: int, end: int) -> I64:
@@ -144,8 +142,8 @@ def link_cells(space: FreeSpace, weight: F64) -> Ways:
         weight: What a metre in each cell costs [1], shape (X, Y, Z), float64.
     """
     number = np.full(space.free.shape, -1, np.int64)
-    cells = np.argwhere(space.free)
-    number[space.free] = np.arange(len(cells))
+    count = int(space.free.sum())
+    number[space.free] = np.arange(count)
     rows, columns, costs = [], [], []
     for step in NEIGHBOURS:
         here = tuple(slice(max(0, -s), n - max(0, s)) for s, n in zip(step, space.free.shape, strict=True))
@@ -155,7 +153,7 @@ def link_cells(space: FreeSpace, weight: F64) -> Ways:
         columns.append(number[there][both])
         costs.append(np.linalg.norm(step) * space.edge * 0.5 * (weight[here][both] + weight[there][both]))
     pairs = (np.concatenate(costs), (np.concatenate(rows), np.concatenate(columns)))
-    return Ways(cells, sparse.csr_matrix(pairs, shape=(len(cells), len(cells))))
+    return Ways(sparse.csr_matrix(pairs, shape=(count, count)))
 
 
 def smooth_field(shape: tuple[int, ...], cells: float, rng: np.random.Generator) -> F64:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from authoring.axis.alignment import Layout
+from authoring.families.arch_masonry import DrawnMasonry
 from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.registry import FAMILIES, DrawnBridge, build_bridge
 from authoring.parts.piers import Ground
@@ -144,8 +145,9 @@ class Bridge:
 
     @cached_property
     def without_bearings(self) -> frozenset[int]:
-        """Supports that the family declares to have none: masonry springings, decks built into a pylon."""
-        return frozenset(getattr(self.drawn.record, "without_bearings", ()))
+        """Supports that have none: all of a masonry arch bridge."""
+        masonry = isinstance(getattr(self.drawn.record, "arch", None), DrawnMasonry)
+        return frozenset(range(len(self.layout.supports)) if masonry else ())
 
     @cached_property
     def bridge_coordinates(self) -> list[F64]:
