@@ -1,10 +1,11 @@
 """The seasons: what colors of grass, fields and woods are in each, as factors of those in summer."""
 
-from typing import Literal
+from typing import Literal, get_args
 
 from authoring.looks.sheet import Color
 
 Season = Literal["spring", "summer", "autumn", "winter"]
+SEASONS: tuple[Season, ...] = get_args(Season)
 SUMMER: Season = "summer"  # as all surfaces are drawn
 
 Shades = dict[Season, Color]

@@ -26,6 +26,7 @@ from authoring.looks.library import _ensure
 from authoring.looks.material import MaterialRecipe, author_material, author_sheets
 from authoring.looks.recipes import RECIPES
 from authoring.looks.roles import LOOKS, SUITS, fill_roles
+from authoring.looks.scenery import SURFACES
 from authoring.looks.weathering import ground_patches, weather
 from authoring.shapes.component import Component, Mesh
 from groundwork.errors import InputError
@@ -180,6 +181,7 @@ def test_every_role_and_surface_has_a_recipe() -> None:
             assert set(surfaces.values()) <= set(RECIPES)
             assert 0 < years <= 2
     assert set(SUITS) == set(ROLES)
+    assert set(SURFACES) <= set(RECIPES)
 
 
 def test_random_look_draws_each_role_from_all_that_suit_it() -> None:

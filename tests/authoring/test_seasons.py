@@ -2,7 +2,6 @@
 
 from functools import cache
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from authoring.looks.leaves import leaves
 from authoring.looks.library import SheetName, draw_sheet
 from authoring.looks.noise import Tile
 from authoring.looks.scenery import SCENERY, SEASONAL, worn_in
-from authoring.looks.seasons import SUMMER, Season
+from authoring.looks.seasons import SEASONS, SUMMER, Season
 from authoring.looks.sheet import Sheet
 from authoring.settings import AuthoringSettings
 from authoring.site.sprays import ROWS, SPRAYS
@@ -25,7 +24,6 @@ COUNTRY: dict[str, object] = {
     "name": "countryside",
     "countryside": {"reach": 400, "buildings": 1, "trees": 8, "hedge_bushes": 5},
 }
-SEASONS: tuple[Season, ...] = get_args(Season)
 OTHERS: tuple[Season, ...] = tuple(season for season in SEASONS if season != SUMMER)
 NEEDLES = ("spruce", "pine", "twigs")
 
