@@ -68,6 +68,7 @@ class TextureSlot:
     Attributes:
         array: The texture array, shape (side, side, layers), uint8: RGBA, or one channel of numbers; None where only
             the mean was asked for.
+        side: Side of the array's layers [px].
         layer: Its layer.
         channel: Channel of the array that a number is in: 3 where it lies in the unused opacity of a colour.
         mean: Mean linear value of red, green, blue [1]; of a number, three times the same.
@@ -75,6 +76,7 @@ class TextureSlot:
     """
 
     array: moderngl.TextureArray | None
+    side: int
     layer: int
     mean: tuple[float, float, float]
     cut_out: bool
@@ -121,7 +123,7 @@ def load_textures(
             return None
         side = kept[key] if array is not None else sides[key]
         mean, cut_out = _mean(image, key.kind == "color"), image.shape[2] == 4 and bool(image[..., 3].min() < 255)
-        slots[key] = TextureSlot(array, layer, mean, cut_out, channel)
+        slots[key] = TextureSlot(array, side, layer, mean, cut_out, channel)
         return _halved(image, side) if array is not None else None
 
     for key in [key for key in sides if key not in kept]:
