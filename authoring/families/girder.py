@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pydantic import Field
 
 from authoring.axis.alignment import Layout
-from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
 from authoring.families.span_choice import SEVERAL, SpanRule, SpanSettings, draw_spans
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
@@ -27,7 +27,7 @@ from authoring.parts.decks import DeckEdge, DeckEdgeSettings, Haunches, deck_par
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.fittings import fitting_parts
 from authoring.parts.part import Part
-from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
+from authoring.parts.piers import Ground, PierNeeds, Piers, draw_piers, pier_parts
 from authoring.parts.plate_girders import PlateGirders, girder_parts, splices
 from authoring.parts.spans import Levels, Spans
 from authoring.parts.splices import splice_parts
@@ -128,12 +128,11 @@ def draw_girder(settings: SteelGirderSettings, shared: SharedSettings, draws: Dr
     slab, edge = draw(settings, "slab", draws), draw_deck_edge(settings.edge, draws)
     steel = draw_plate_girders(settings.steel, top.width, spans, draws)
     frames = draw_cross_frames(settings.frames, steel, draws)
-    piers = draw_piers(shared.pier, top.width, steel.bearing_lines[-1], bearings, spans, draws)
+    piers = draw_piers(shared.pier, PierNeeds(top.width, steel.bearing_lines[-1], bearings, spans), draws)
     girder = DrawnGirder(spans, slab, top, edge, steel, frames, bearings, piers, abutments)
     lowest = (girder.pier_levels if spans.count > 1 else girder.levels).girder_soffit
-    return draw_layout_of(
-        shared, top, spans.supports, lowest, girder.levels.seat, draws, walls=abutments.wing_length
-    ), girder
+    needs = AxisNeeds(spans.supports, lowest, girder.levels.seat, abutments.wing_length)
+    return draw_layout_of(shared, top, needs, draws), girder
 
 
 def _draw_spans(settings: SteelGirderSettings, bearings: Bearings, draws: Draws) -> Spans:
@@ -173,4 +172,4 @@ def build_girder(layout: Layout, girder: DrawnGirder, ground: Ground) -> list[Pa
     parts += pier_parts(girder.piers, spans, piers, place, ground)
     parts += abutment_parts(girder.abutments, girder.top.width, spans, levels, place, ground)
     top = girder.top
-    return parts + fitting_parts(top.fittings, top.roadway, top.width, spans, levels.girder_soffit, place)
+    return parts + fitting_parts(top.fitted, spans, levels.girder_soffit, place)

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from authoring.axis.alignment import Layout
-from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
 from authoring.families.span_choice import SEVERAL, SpanLengths, SpanRule, draw_spans
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
@@ -19,7 +19,7 @@ from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_de
 from authoring.parts.drawing import Draws, check_depth, chosen, draw_option, draw_whole, drawn
 from authoring.parts.fittings import fitting_parts
 from authoring.parts.part import Part
-from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
+from authoring.parts.piers import Ground, PierNeeds, Piers, draw_piers, pier_parts
 from authoring.parts.slabs import (
     LEAST_DEPTH,
     SLENDERNESS,
@@ -113,12 +113,11 @@ def draw_slab(settings: SlabSettings, shared: SharedSettings, draws: Draws) -> t
         most = min(ratio * SLENDERNESS[1], longest / LEAST_DEPTH)
         check_depth("bridge.slab.depth", slab.depth, longest, (ratio * SLENDERNESS[0], most))
     _check(settings, slab, longest)
-    piers = draw_piers(shared.pier, top.width, slab.lines[-1], bearings, spans, draws)
+    piers = draw_piers(shared.pier, PierNeeds(top.width, slab.lines[-1], bearings, spans), draws)
     drawn_slab = DrawnSlab(spans, top, slab, bearings, piers, abutments)
     levels = drawn_slab.levels
-    return draw_layout_of(
-        shared, top, spans.supports, levels.girder_soffit, levels.seat, draws, walls=abutments.wing_length
-    ), drawn_slab
+    needs = AxisNeeds(spans.supports, levels.girder_soffit, levels.seat, abutments.wing_length)
+    return draw_layout_of(shared, top, needs, draws), drawn_slab
 
 
 def _draw_spans(settings: SlabSettings, section: str, service: str, bearings: Bearings, draws: Draws) -> Spans:
@@ -173,5 +172,5 @@ def build_slab(layout: Layout, drawn_slab: DrawnSlab, ground: Ground) -> list[Pa
     parts += bearing_parts(drawn_slab.bearings, drawn_slab.slab.lines, spans, levels, place)
     parts += pier_parts(drawn_slab.piers, spans, levels, place, ground)
     parts += abutment_parts(drawn_slab.abutments, top.width, spans, levels, place, ground)
-    parts += fitting_parts(top.fittings, top.roadway, top.width, spans, levels.girder_soffit, place)
+    parts += fitting_parts(top.fitted, spans, levels.girder_soffit, place)
     return parts

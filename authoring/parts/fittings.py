@@ -91,28 +91,35 @@ def draw_fittings(settings: FittingSettings, draws: Draws) -> Fittings:
     )
 
 
+@dataclass(frozen=True)
+class FittedDeck:
+    """A deck with fittings.
+
+    Attributes:
+        fittings: What there is.
+        roadway: Cross-section of the road, None on a railway.
+        width: Overall deck width [m].
+    """
+
+    fittings: Fittings
+    roadway: Roadway | None
+    width: float
+
+
 def fitting_parts(
-    fittings: Fittings,
-    roadway: Roadway | None,
-    width: float,
-    spans: Spans,
-    soffit: float | None,
-    place: Alignment,
-    *,
-    clear: float = CLEAR,
+    deck: FittedDeck, spans: Spans, soffit: float | None, place: Alignment, *, clear: float = CLEAR
 ) -> list[Part]:
     """Build the fittings of a road bridge; a railway has none.
 
     Args:
-        fittings: What there is.
-        roadway: Cross-section of the road, None on a railway.
-        width: Overall deck width [m].
+        deck: The deck.
         spans: Stations of the deck's pieces and joints.
         soffit: Lowest underside of the superstructure, above the finished surface [m]; None where the deck's edges are
             not free, and nothing may hang there.
         place: Axis of the bridge.
         clear: Least distance between a lamp post and a support [m]: the legs of pylons reach over the deck.
     """
+    fittings, roadway, width = deck.fittings, deck.roadway, deck.width
     if roadway is None:
         return []
     parts = _lamp_parts(fittings, roadway, spans, place, clear) if fittings.lamps else []

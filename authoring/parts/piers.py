@@ -136,32 +136,40 @@ class Piers:
         return CapShape(self.cap, *size, flat, face, self.upstand, self.chamfer)
 
 
+@dataclass(frozen=True)
+class PierNeeds:
+    """What a bridge asks of its piers.
+
+    Attributes:
+        width: Deck width [m].
+        outer_line: From the axis to the outermost line of bearings [m].
+        bearings: What stands on the caps.
+        spans: Stations of the bearings' rows.
+    """
+
+    width: float
+    outer_line: float
+    bearings: Bearings
+    spans: Spans
+
+
 def draw_piers(
-    settings: PierSettings,
-    width: float,
-    outer_line: float,
-    bearings: Bearings,
-    spans: Spans,
-    draws: Draws,
-    *,
-    paper_kinds: tuple[PierKind, ...] = PAPER_KINDS,
+    settings: PierSettings, needs: PierNeeds, draws: Draws, *, paper_kinds: tuple[PierKind, ...] = PAPER_KINDS
 ) -> Piers:
     """Draw the piers under a deck.
 
     Args:
         settings: What the user fixed.
-        width: Deck width [m].
-        outer_line: From the axis to the outermost line of bearings [m].
-        bearings: What stands on the caps.
-        spans: Stations of the bearings' rows.
+        needs: What the bridge asks of them.
         draws: Random stream and profile of the bridge.
         paper_kinds: Kinds that profile `paper` knows for this family, equally likely.
     """
+    bearings, spans = needs.bearings, needs.spans
     paper = draws.profile == "paper"
     share, shape = draws.random(), draw_option(settings, "column_shape", draws)
     single, several = draw(settings, "hammerhead_diameter", draws), draw(settings, "diameter", draws)
     depth, taper = draw(settings, "cap_depth", draws), draw(settings, "taper", draws)
-    cap_length = round(2.0 * (outer_line + 0.5 * bearings.plinth_width + draw(settings, "cap_margin", draws)), 3)
+    cap_length = round(2.0 * (needs.outer_line + 0.5 * bearings.plinth_width + draw(settings, "cap_margin", draws)), 3)
     chamfer, margin = draw(settings, "chamfer", draws), draw(settings, "footing_margin", draws)
     footing_top, footing_depth = draw(settings, "footing_top", draws), draw(settings, "footing_depth", draws)
     thickness, wall_share = draw(settings, "wall_thickness", draws), draw(settings, "wall_share", draws)
@@ -172,7 +180,7 @@ def draw_piers(
         (settings.kind, settings.cap, settings.columns), cap_length, upstand, draws, paper_kinds if paper else ()
     )
     room = max(2, int(cap_length / (_CLEAR_PITCH * several)))  # a short cap under a narrow box holds few
-    number = settings.columns or _column_count(width, share, room) if kind == "multi" else _COLUMNS.get(kind, 1)
+    number = settings.columns or _column_count(needs.width, share, room) if kind == "multi" else _COLUMNS.get(kind, 1)
     piers = Piers(
         kind,
         cap,
