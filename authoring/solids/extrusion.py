@@ -8,7 +8,7 @@ import numpy as np
 from authoring.axis.alignment import Alignment
 from authoring.shapes.component import F64, I32
 from authoring.shapes.nets import twisted_quads
-from authoring.shapes.sections import mitres
+from authoring.shapes.sections import miters
 from authoring.solids.sweep import Axis, Surface, closed, missing_rings, placed
 
 GROOVE_DEPTH = 0.010  # [m], of a false joint
@@ -109,7 +109,7 @@ def _of_one_make(prisms: list[Prism], along: F64, depth: F64) -> list[Surface]:
     outlines = np.stack([solid.outline for solid in prisms])[:, None]
     sections = np.repeat(outlines, depth.shape[1], axis=1)
     if depth.any():
-        sections += depth[..., None, None] * mitres(outlines)
+        sections += depth[..., None, None] * miters(outlines)
     axis, affine = prisms[0].axis, prisms[0].place.affine
     points = np.empty((*sections.shape[:3], 3))
     shares: dict[Alignment, list[int]] = defaultdict(list)

@@ -16,7 +16,7 @@ I64 = NDArray[np.int64]
 Cells = NDArray[np.bool_]
 
 # One of each pair of opposite neighbours among the 26 of a cell.
-NEIGHBOURS = tuple((i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0))
+NEIGHBORS = tuple((i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +145,7 @@ def link_cells(space: FreeSpace, weight: F64) -> Ways:
     count = int(space.free.sum())
     number[space.free] = np.arange(count)
     rows, columns, costs = [], [], []
-    for step in NEIGHBOURS:
+    for step in NEIGHBORS:
         here = tuple(slice(max(0, -s), n - max(0, s)) for s, n in zip(step, space.free.shape, strict=True))
         there = tuple(slice(max(0, s), n - max(0, -s)) for s, n in zip(step, space.free.shape, strict=True))
         both = space.free[here] & space.free[there]

@@ -114,13 +114,13 @@ def test_a_scan_gets_what_the_scored_model_says(chain: Path, tmp_path: Path, nam
     """The labelled copy has the classes that the scored model gives the test split's points; most of them are right."""
     out = tmp_path / "labelled.laz"
     assert call("predict", chain / "scan.laz", "-o", out, "--model", chain / name, "--unit", "m") == 0
-    labelled = laspy.read(out)
-    predicted = np.asarray(labelled["predicted_class"])
+    labeled = laspy.read(out)
+    predicted = np.asarray(labeled["predicted_class"])
     model = read_trained_model(chain / name)
     said = votes(model, StoredSplit(chain / "set", "test", model.channels))
     ids = {row.name: row.id for row in taxonomy("kim2023").rows}
     table = [ids[name] for name in class_table("kim2023").names]
-    known = [(row, said[place]) for row, place in enumerate(grid(np.array(labelled.xyz))) if place in said]
+    known = [(row, said[place]) for row, place in enumerate(grid(np.array(labeled.xyz))) if place in said]
     assert len(known) == len(said) > 1000
     for row, likely in known:
         best = np.flatnonzero(likely > likely.max() - 1e-4 * likely.sum())  # sums in another order may differ there

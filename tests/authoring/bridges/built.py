@@ -123,7 +123,7 @@ class Bridge:
         return np.ascontiguousarray(self.near[near])
 
     @cached_property
-    def neighbours(self) -> list[list[int]]:
+    def neighbors(self) -> list[list[int]]:
         """Members that touch each member."""
         found: list[list[int]] = [[] for _ in self.members]
         for i, j in self.contacts.tolist():

@@ -30,7 +30,7 @@ INVARIANTS: tuple[Invariant, ...] = (
     invariants.atlas_without_overlap,
     invariants.declared_sizes,
     structure.bearings_carry,
-    structure.every_member_meets_its_neighbours,
+    structure.every_member_meets_its_neighbors,
     structure.cables_end_in_fittings,
     structure.supports_have_bearings,
     structure.headroom,

@@ -84,7 +84,7 @@ def nothing_floats(bridge: Bridge) -> list[str]:
     reached = bridge.in_ground.copy()
     front = np.flatnonzero(reached).tolist()
     while front:
-        for other in bridge.neighbours[front.pop()]:
+        for other in bridge.neighbors[front.pop()]:
             if not reached[other]:
                 reached[other] = True
                 front.append(other)

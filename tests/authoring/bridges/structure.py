@@ -63,7 +63,7 @@ _UPPER = frozenset(("saddle", "upper_anchorage", "cable_clamp"))
 _LOWER = frozenset(("cable_socket", "cable_clamp", "anchor_block", "saddle"))
 
 # Every kind on the left touches at least one of each set on the right.
-NEIGHBOURS: dict[str, tuple[frozenset[str], ...]] = {
+NEIGHBORS: dict[str, tuple[frozenset[str], ...]] = {
     "pier_cap": (frozenset(("column", "wall_pier")),),
     "sleeper": (frozenset(("track_slab", "ballast", "deck_slab", "deck_top")), frozenset(("rail",))),
     "rail": (frozenset(("sleeper", "track_slab")),),
@@ -82,14 +82,14 @@ NEIGHBOURS: dict[str, tuple[frozenset[str], ...]] = {
 }
 
 
-def every_member_meets_its_neighbours(bridge: Bridge) -> list[str]:
+def every_member_meets_its_neighbors(bridge: Bridge) -> list[str]:
     """A cap touches its columns, a kerb the deck, a cable both its ends, a rail its sleepers."""
     found = []
     for number, member in enumerate(bridge.members):
-        kinds = {bridge.members[n].kind for n in bridge.neighbours[number]}
+        kinds = {bridge.members[n].kind for n in bridge.neighbors[number]}
         found += [
             f"{member.name}: touches none of {', '.join(sorted(wanted))}, only {', '.join(sorted(kinds)) or 'nothing'}"
-            for wanted in NEIGHBOURS.get(member.kind, ())
+            for wanted in NEIGHBORS.get(member.kind, ())
             if not kinds & wanted
         ]
     return found
@@ -108,7 +108,7 @@ def bearings_carry(bridge: Bridge) -> list[str]:
         while stack:
             number = stack.pop()
             group.append(bridge.members[number].name)
-            for other in bridge.neighbours[number]:
+            for other in bridge.neighbors[number]:
                 kinds.add(bridge.members[other].kind)
                 if bearing[other] and other not in seen:
                     seen.add(other)
@@ -135,7 +135,7 @@ def cables_end_in_fittings(bridge: Bridge) -> list[str]:
             middle = end.mean(axis=0)
             near = [
                 n
-                for n in bridge.neighbours[number]
+                for n in bridge.neighbors[number]
                 if bridge.members[n].kind in _UPPER | _LOWER
                 and np.all(bridge.boxes[n, 0] - thick <= middle)
                 and np.all(bridge.boxes[n, 1] + thick >= middle)
