@@ -147,9 +147,9 @@ def _paths(ring: I64, body: I64, along: I64) -> I64:
     of_body = np.zeros(count, np.int64)
     of_body[ring] = body
     bodies = int(body.max(initial=-1)) + 1
-    neighbours = np.bincount(pairs.ravel(), minlength=count)
+    neighbors = np.bincount(pairs.ravel(), minlength=count)
     crowded = np.zeros(bodies, bool)
-    crowded[of_body[neighbours > 2]] = True
+    crowded[of_body[neighbors > 2]] = True
     open_path = np.bincount(of_body[pairs[:, 0]], minlength=bodies) == np.bincount(of_body, minlength=bodies) - 1
     return pairs[(open_path & ~crowded)[of_body[pairs[:, 0]]]]
 
