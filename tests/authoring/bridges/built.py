@@ -1,6 +1,6 @@
 """One random bridge of a family with everything that the invariants look at."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -24,6 +24,21 @@ STRAIGHT: dict[str, Any] = {
 OPEN_KINDS = frozenset(("road_marking", "traffic_sign", "water", "ground", "tree", "shrub", "vegetation"))
 
 
+Figures = dict[str, float]
+
+
+def join_figures(figures: Figures, others: Figures) -> None:
+    """Join figures with others: the least of each that begins with `least`, the most of `largest`, else the sum.
+
+    Args:
+        figures: Changed in place.
+        others: Figures of other members or bridges.
+    """
+    for key, value in others.items():
+        join = min if key.startswith("least") else max if key.startswith("largest") else float.__add__
+        figures[key] = join(figures[key], float(value)) if key in figures else float(value)
+
+
 def rolling_ground(xy: F64) -> F64:
     """Ground that rises and falls by 0.4 m."""
     return 0.4 * np.sin(xy[:, 0] / 7.0) * np.cos(xy[:, 1] / 5.0)
@@ -41,6 +56,7 @@ class Bridge:
         members: Its components.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
         profile: Profile that it was drawn with.
+        measured: What was measured on it, as `join_figures` joins it.
     """
 
     family: str
@@ -50,6 +66,16 @@ class Bridge:
     members: tuple[Component, ...]
     ground: Ground = rolling_ground
     profile: str = "default"
+    measured: Figures = field(default_factory=Figures)
+
+    def note(self, key: str, value: float) -> None:
+        """Note a measured value.
+
+        Args:
+            key: What it is; `join_figures` tells how values of the same key are joined.
+            value: The value.
+        """
+        join_figures(self.measured, {key: value})
 
     @cached_property
     def first(self) -> I64:
