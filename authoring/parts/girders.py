@@ -14,7 +14,7 @@ from authoring.parts.girder_sections import Girders as Girders
 from authoring.parts.girder_sections import diaphragm_heights, diaphragm_outline, girder_outline, u_top_width
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans
-from authoring.solids.extrusion import Prism, prism
+from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, sweep
 from groundwork.errors import InputError
 from groundwork.settings import Settings
@@ -198,7 +198,7 @@ def girder_surface(girders: Girders, line: float, low: float, high: float, level
     """
     shift = np.array([line, levels.girder_soffit])
     if girders.shape not in ("i", "bulb_t") or not girders.end_blocks:
-        return prism(girder_outline(girders) + shift, low, high, "station", place)
+        return Prism(girder_outline(girders) + shift, low, high, "station", place).surface
     block, taper = girders.depth, 0.6 * girders.depth
     stations = np.array([low, low + block, low + block + taper, high - block - taper, high - block, high])
     sections = np.stack([girder_outline(girders, t) + shift for t in (1.0, 1.0, 0.0, 0.0, 1.0, 1.0)])
