@@ -137,9 +137,8 @@ def draw_through_arch(
         bearing_lines=lines,
         abutments=abutments,
     )
-    levels, walls = drawn.levels, abutments.wing_length
-    low, seat = levels.girder_soffit, levels.seat
-    needs = AxisNeeds((0.0, total), low, seat, walls, straight=True)
+    levels = drawn.levels
+    needs = AxisNeeds((0.0, total), levels.girder_soffit, levels.seat, abutments.wing_length, straight=True)
     layout = draw_layout_of(shared, top, needs, draws)
     if not tied:
         layout = with_springing_ground(raised(layout, drawn.rib, choice.springing), drawn.rib)
