@@ -11,7 +11,7 @@ from pydantic import Field
 
 from authoring.axis.alignment import Layout
 from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
-from authoring.families.span_choice import SEVERAL, SpanRule, SpanSettings, draw_spans
+from authoring.families.span_choice import SEVERAL, OwnDraws, SpanRule, SpanSettings, draw_spans
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
@@ -134,7 +134,7 @@ def _draw_spans(settings: BeamSettings, bearings: Bearings, draws: Draws) -> Spa
         shortest, longest = (settings.girder.depth * ratio for ratio in SPAN_TO_DEPTH)
         return round(max(_SPANS.shortest, min(max(inner, shortest), longest)), 3)
 
-    return draw_spans(_SPANS, settings, draw_whole(settings, "span_count", draws), bearings, draws, fit)
+    return draw_spans(_SPANS, settings, OwnDraws(draw_whole(settings, "span_count", draws), fit), bearings, draws)
 
 
 def build_beam(layout: Layout, beam: DrawnBeam, ground: Ground) -> list[Part]:

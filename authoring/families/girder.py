@@ -11,7 +11,7 @@ from pydantic import Field
 
 from authoring.axis.alignment import Layout
 from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
-from authoring.families.span_choice import SEVERAL, SpanRule, SpanSettings, draw_spans
+from authoring.families.span_choice import SEVERAL, OwnDraws, SpanRule, SpanSettings, draw_spans
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.cross_frames import (
@@ -138,7 +138,7 @@ def draw_girder(settings: SteelGirderSettings, shared: SharedSettings, draws: Dr
 def _draw_spans(settings: SteelGirderSettings, bearings: Bearings, draws: Draws) -> Spans:
     count, many = draw_option(settings, "span_count", draws), int(draws.rng.integers(*_PAPER_COUNTS, endpoint=True))
     count = many if draws.profile == "paper" and settings.span_count is None else count
-    return draw_spans(_SPANS, settings, count, bearings, draws)
+    return draw_spans(_SPANS, settings, OwnDraws(count), bearings, draws)
 
 
 def build_girder(layout: Layout, girder: DrawnGirder, ground: Ground) -> list[Part]:

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from authoring.axis.alignment import Layout
 from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
-from authoring.families.span_choice import SEVERAL, SpanLengths, SpanRule, draw_spans
+from authoring.families.span_choice import SEVERAL, OwnDraws, SpanLengths, SpanRule, draw_spans
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
@@ -133,7 +133,7 @@ def _draw_spans(settings: SlabSettings, section: str, service: str, bearings: Be
         inner = round(float(np.clip(inner, SLENDERNESS[0] * usual, SLENDERNESS[1] * usual)), 3)
         return min(max(inner, rule.shortest), longest)
 
-    return draw_spans(rule, settings, count, bearings, draws, fit, continuous=through)
+    return draw_spans(rule, settings, OwnDraws(count, fit, through), bearings, draws)
 
 
 def _check(settings: SlabSettings, slab: Slab, longest: float) -> None:

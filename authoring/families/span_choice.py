@@ -55,44 +55,48 @@ class SpanSettings(SpanLengths):
     continuous: bool | None = Field(default=None, description="Members run through over the piers")
 
 
-def draw_spans(
-    rule: SpanRule,
-    settings: SpanLengths,
-    count: int,
-    bearings: Bearings,
-    draws: Draws,
-    fit: Callable[[float], float] = lambda span: span,
-    *,
-    continuous: bool | None = None,
-) -> Spans:
+@dataclass(frozen=True)
+class OwnDraws:
+    """What a family draws of its spans by itself.
+
+    Attributes:
+        count: Number of spans where they are drawn.
+        fit: Brings a drawn inner span [m] to what goes with the rest of the bridge.
+        continuous: Members run through over the piers; None: a setting `continuous` says so, or is drawn.
+    """
+
+    count: int
+    fit: Callable[[float], float] = lambda span: span
+    continuous: bool | None = None
+
+
+def draw_spans(rule: SpanRule, settings: SpanLengths, own: OwnDraws, bearings: Bearings, draws: Draws) -> Spans:
     """Draw spans: inner ones alike, end spans shorter.
 
     Args:
         rule: What they may be.
         settings: What the user fixed; has `overhang` and `gap`, too, and of girders `end_share` and `continuous`.
-        count: Number of spans where they are drawn.
+        own: What the family draws of them by itself.
         bearings: Bearings and plinths under them.
         draws: Random stream and profile of the bridge.
-        fit: Brings a drawn inner span [m] to what goes with the rest of the bridge.
-        continuous: Members run through over the piers, where that is drawn already.
 
     Raises:
         InputError: A given span is out of range.
     """
     overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
     (low, high), at = rule.drawn, draws.random()
-    inner = fit(round(float(low + (high - low) * at if rule.end_shares else low * (high / low) ** at), 1))
+    inner = own.fit(round(float(low + (high - low) * at if rule.end_shares else low * (high / low) ** at), 1))
     if rule.end_shares:
         low, high = rule.end_shares
         share = low + (high - low) * draws.random()
     else:
         share = draw(settings, "end_share", draws)
-    through = draw_option(settings, "continuous", draws) if continuous is None else continuous
+    through = draw_option(settings, "continuous", draws) if own.continuous is None else own.continuous
     if draws.profile == "paper":
         inner, share = PAPER_SPAN, None
     elif rule.end_shares and not through:
         share = None
-    lengths = settings.spans or _regular(rule, count, inner, share)
+    lengths = settings.spans or _regular(rule, own.count, inner, share)
     return _lay_out(rule, lengths, (overhang, gap), bearings, continuous=through)
 
 
