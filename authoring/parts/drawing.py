@@ -147,7 +147,7 @@ def chosen_by(
     """
     told = "" if paper is None else f"; in profile paper {told_shares(paper)}"
     cases = "; ".join(f"{where}: {told_shares(weights)}" for where, weights in tables.items())
-    extra = None if paper is None else {"paper": [*map(list, paper.items())]}
+    extra: dict[str, Any] | None = None if paper is None else {"paper": [*map(list, paper.items())]}
     return Field(None, description=f"{description}; drawn {cases}{told}", json_schema_extra=extra)
 
 

@@ -126,7 +126,7 @@ def no_collision(bridge: Bridge) -> list[str]:
             share, depth = _common(bridge, int(i), int(j), low + (high - low) * rng.random((8 * _SAMPLES, 3)))
         volume = share * box
         thick = "an_overlap" if depth > 0.5 * EMBEDDED + 1e-4 else "a_sheet"
-        bridge.note(f"largest_share_of_{thick}", volume / smaller)
+        bridge.note(f"largest_share_of_{thick}", float(volume / smaller))
         if volume > SHARED * smaller and (depth > 0.5 * EMBEDDED + 1e-4 or volume > LARGEST_EMBEDDED * smaller):
             found.append(
                 f"{bridge.members[i].name} and {bridge.members[j].name} share {volume:.4f} m3, "
