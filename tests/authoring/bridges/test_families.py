@@ -47,6 +47,14 @@ def test_holds_for_every_bridge(
         )
 
 
+def test_figures_are_joined_by_what_they_are() -> None:
+    """Of margins the least counts, of errors the largest; what was looked at is added up."""
+    figures = Figures()
+    for room, error, count in ((0.5, 1e-3, 3), (0.2, 2e-3, 4), (0.9, 1e-4, 5)):
+        join_figures(figures, {"least_room_m": room, "largest_error_m": error, "members": count})
+    assert figures == {"least_room_m": 0.2, "largest_error_m": 2e-3, "members": 12.0}
+
+
 @pytest.mark.parametrize("family", FAMILIES)
 def test_same_seed_is_the_same_bytes(family: str, proof_count: Count, record_proof: RecordProof) -> None:
     """A seed gives one bridge to the byte, the next seed another."""
