@@ -3,10 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.exchange.texel_cover import Cover, covers
+
 F32 = NDArray[np.float32]
 
-_GUTTER = 8  # [px] so far colours grow over the edge of a chart, for filtered look-ups
-_TINY = 1e-12
+_GUTTER = 8  # [px] so far colors grow over the edge of a chart, for filtered look-ups
 
 
 class AtlasRaster:
@@ -45,7 +46,9 @@ class AtlasRaster:
         return self._twice / max(int((self.owner >= 0).sum()), 1)
 
     def draw(self, charts: F32, st: F32, number: int) -> None:
-        """Draw the triangles of one mesh.
+        """Draw the triangles of one mesh, a later one over an earlier one.
+
+        A triangle that is thinner than a texel has the one that it lies in, where nothing else is.
 
         Args:
             charts: Corners on the atlas [1], shape (T, 3, 2), float32, v upwards.
@@ -56,8 +59,8 @@ class AtlasRaster:
         pixels = np.stack([charts[..., 0] * texels, (1 - charts[..., 1]) * texels], axis=-1).astype(np.float64)
         former = self._areas.get(number, (0.0, 1e-12))
         self._areas[number] = (former[0] + _area(st.astype(np.float64)), former[1] + _area(pixels))
-        for corners, values in zip(pixels, st.astype(np.float64), strict=True):
-            self._triangle(corners, values, number)
+        for cover in covers(pixels, texels):
+            self._take(cover, st.astype(np.float64), number)
         self._meshes += 1
 
     def fill_gutters(self, image: F32) -> F32:
@@ -87,32 +90,24 @@ class AtlasRaster:
         filled[mask > 0] = colors[mask > 0]
         return filled
 
-    def _triangle(self, corners: NDArray[np.float64], values: NDArray[np.float64], number: int) -> None:
-        texels = len(self.owner)
-        low = np.clip(np.floor(corners.min(axis=0) - 0.5), 0, texels - 1).astype(int)
-        high = np.clip(np.ceil(corners.max(axis=0) + 0.5), 1, texels).astype(int)
-        one, two = corners[1] - corners[0], corners[2] - corners[0]
-        area = one[0] * two[1] - one[1] * two[0]
-        if abs(area) < _TINY or (high <= low).any():
-            return
-        x = np.arange(low[0], high[0]) + 0.5 - corners[0, 0]
-        y = (np.arange(low[1], high[1]) + 0.5 - corners[0, 1])[:, None]
-        second = (x * two[1] - y * two[0]) / area
-        third = (one[0] * y - one[1] * x) / area
-        inside = (second >= 0) & (third >= 0) & (second + third <= 1)
-        rows, columns = np.nonzero(inside)
-        weights = np.stack([1 - second[inside] - third[inside], second[inside], third[inside]], axis=-1)
-        rows, columns = rows + low[1], columns + low[0]
-        if not len(rows):  # thinner than a texel: it has the one that it lies in, where nobody else is
-            middle = np.clip(corners.mean(axis=0).astype(int), 0, texels - 1)
-            if self.owner[middle[1], middle[0]] >= 0:
-                return
-            rows, columns, weights = middle[1:], middle[:1], np.full((1, 3), 1 / 3)
-        former = self._mesh[rows, columns]
-        self._twice += int(((former >= 0) & (former != self._meshes)).sum())
-        self._mesh[rows, columns] = self._meshes
-        self.owner[rows, columns] = number
-        self.st[rows, columns] = weights @ values
+    def _take(self, cover: Cover, st: NDArray[np.float64], number: int) -> None:
+        owner, mesh = self.owner.reshape(-1), self._mesh.reshape(-1)
+        claimed = np.unique(cover.texel[~cover.thin])
+        self._twice += int(((mesh[claimed] >= 0) & (mesh[claimed] != self._meshes)).sum())
+        whole, thin = np.flatnonzero(~cover.thin), np.flatnonzero(cover.thin)
+        whole = whole[_lasts(cover.texel[whole])]
+        where = cover.texel[thin]
+        thin = thin[(owner[where] < 0) & ~np.isin(where, claimed)]
+        thin = thin[np.unique(cover.texel[thin], return_index=True)[1]]
+        rows = np.concatenate([whole, thin])
+        taken = cover.texel[rows]
+        mesh[taken], owner[taken] = self._meshes, number
+        self.st.reshape(-1, 2)[taken] = (cover.weights[rows][:, None, :] @ st[cover.triangle[rows]])[:, 0]
+
+
+def _lasts(values: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Find where each value is for the last time."""
+    return len(values) - 1 - np.unique(values[::-1], return_index=True)[1]
 
 
 def _area(triangles: NDArray[np.float64]) -> float:

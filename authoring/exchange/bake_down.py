@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from authoring.exchange.atlas_raster import AtlasRaster
-from authoring.exchange.bake_lookup import sample
+from authoring.exchange.bake_lookup import TextureLookup
 from authoring.exchange.bake_tiles import DETAIL, bake_tile, remove_detail
+from authoring.exchange.baking import Baking
 from authoring.exchange.flatten import flatten_scene
 from authoring.layers.layer import export
 from authoring.looks.encode import encode_srgb, png
@@ -63,16 +64,17 @@ def bake_down(scene: Path, folder: Path, texels: int, warn: Warn) -> Path:
     root = folder / "scene.usdc"
     flatten_scene(scene, root)
     stage = Usd.Stage.Open(str(root))
-    patched = {path for group in _groups(stage) for path in _bake_group(stage, group, folder, texels, warn)}
+    baking = Baking(stage, folder, TextureLookup(), warn)
+    patched = {path for group in _groups(stage) for path in _bake_group(baking, group, texels)}
     for path in _still_procedural(stage):
         far = path.HasPrefix(tokens.BACKGROUND) and path not in patched
-        bake_tile(stage, path, folder, texels // (4 if far else 2), path in patched, warn)
+        bake_tile(baking, path, texels // (4 if far else 2), path in patched)
     kept = [path.name for path in _still_procedural(stage)]
     if kept:
         warn(f"without their detail elsewhere, having no texture to burn it into: {', '.join(kept)}")
     baked = folder / "baked.usdc"
     export(stage.GetRootLayer(), baked)
-    del stage
+    del stage, baking
     baked.replace(root)
     Sdf.Layer.FindOrOpen(str(root)).Reload(force=True)
     return root
@@ -94,9 +96,9 @@ def _groups(stage: Usd.Stage) -> list[_Group]:
     return [groups[key] for key in sorted(groups)]
 
 
-def _bake_group(stage: Usd.Stage, group: _Group, folder: Path, texels: int, warn: Warn) -> list[Sdf.Path]:
+def _bake_group(baking: Baking, group: _Group, texels: int) -> list[Sdf.Path]:
     """Bake an atlas; give the materials of a group whose meshes share theirs, as land does that repeats it in tiles."""
-    order = sorted(group.meshes)
+    stage, order = baking.stage, sorted(group.meshes)
     raster = AtlasRaster(texels)
     for number, path in enumerate(order):
         for prim in group.meshes[path]:
@@ -106,11 +108,11 @@ def _bake_group(stage: Usd.Stage, group: _Group, folder: Path, texels: int, warn
                 return order
     image = np.zeros((texels, texels, 3), np.float32)
     for number, path in enumerate(order):
-        flat = read_material(UsdShade.Material(stage.GetPrimAtPath(path)), warn).material
+        flat = read_material(UsdShade.Material(stage.GetPrimAtPath(path)), baking.warn).material
         if flat is not None:
-            _shade(image, raster, number, flat)
+            _shade(image, raster, number, flat, baking.textures)
     file = f"./{group.name}_baked.png"
-    write_bytes(folder / file, png(encode_srgb(raster.fill_gutters(image))))
+    write_bytes(baking.folder / file, png(encode_srgb(raster.fill_gutters(image))))
     mean = image[raster.owner >= 0].mean(axis=0) if (raster.owner >= 0).any() else np.full(3, 0.5)
     for path in order:
         baked = _copy_material(stage, path, file, [round(float(value), 4) for value in mean])
@@ -146,7 +148,7 @@ def _corners(mesh: UsdGeom.Mesh, name: str) -> F32:
     return values[np.stack([first, first + step, first + step + 1], axis=1)]
 
 
-def _shade(image: F32, raster: AtlasRaster, number: int, material: Material) -> None:
+def _shade(image: F32, raster: AtlasRaster, number: int, material: Material, textures: TextureLookup) -> None:
     rows, columns = np.nonzero(raster.owner == number)
     st, metres, texels = raster.st[rows, columns], raster.footprint(number), len(raster.owner)
     st1 = np.stack([(columns + 0.5) / texels, 1 - (rows + 0.5) / texels], axis=-1).astype(np.float32)
@@ -154,17 +156,18 @@ def _shade(image: F32, raster: AtlasRaster, number: int, material: Material) -> 
     texture = material.base_texture
     if texture:
         tiles = 1 / texels if texture.uv_set else metres
-        color = sample(texture.file, _place(st, st1, texture), tiles * max(texture.scale), texture.srgb)
-    image[rows, columns] = np.minimum(color * _detail(material.detail, st, st1, metres), _BRIGHTEST)
+        place = _place(st, st1, texture)
+        color = textures.colors(texture.file, place, tiles * max(texture.scale), texture.srgb)
+    image[rows, columns] = np.minimum(color * _detail(material.detail, st, st1, metres, textures), _BRIGHTEST)
 
 
-def _detail(detail: Detail, st: F32, st1: F32, metres: float) -> F32:
+def _detail(detail: Detail, st: F32, st1: F32, metres: float, textures: TextureLookup) -> F32:
     factor = np.ones((len(st), 3), np.float32)
     for period, amplitude in zip(detail.periods, detail.amplitudes, strict=True) if detail.file else ():
-        gray = sample(detail.file, st / np.float32(period), metres / period, False)[:, :1]
+        gray = textures.levels(detail.file, st / np.float32(period), metres / period)
         factor *= 1 + np.float32(amplitude) * (2 * gray - 1)
     if detail.macro_file:
-        factor *= 2 * sample(detail.macro_file, st1, 0.0, False)
+        factor *= 2 * textures.colors(detail.macro_file, st1, 0.0, False)
     return factor
 
 

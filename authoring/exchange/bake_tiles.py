@@ -1,16 +1,14 @@
 """Burning fine detail into tiled textures: a tile grows until it holds the periods of the detail nearly whole times."""
 
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdShade
 
-from authoring.exchange.bake_lookup import sample
+from authoring.exchange.bake_lookup import TextureLookup
+from authoring.exchange.baking import Baking
 from authoring.looks.encode import encode_srgb, png
 from groundwork.files import write_bytes
 from usd_schemas.flat_scene import Detail, Texture
-from usd_schemas.guard.layer_walk import Warn
 from usd_schemas.reading.materials import read_material
 
 F32 = NDArray[np.float32]
@@ -21,19 +19,18 @@ PATCHES = 130.0  # [m] side of a tile with patches, as wide as those of the land
 _BRIGHTEST = np.float32(0.95)  # albedo, as in our renderer
 
 
-def bake_tile(stage: Usd.Stage, path: Sdf.Path, folder: Path, texels: int, patched: bool, warn: Warn) -> None:
+def bake_tile(baking: Baking, path: Sdf.Path, texels: int, patched: bool) -> None:
     """Give a material a larger tile with its detail burnt in; one without a tiled base texture stays as it is.
 
     Args:
-        stage: Flattened stage; its root layer is changed.
+        baking: Stage and textures.
         path: A material with detail.
-        folder: Folder of that layer; receives the texture.
         texels: Texels along a side of the tile [px].
         patched: Its macro texture is repeated in tiles, too, and goes into this one.
-        warn: Called with one line for each thing about the material that is not read.
     """
+    stage = baking.stage
     material = UsdShade.Material(stage.GetPrimAtPath(path))
-    flat = read_material(material, warn).material
+    flat = read_material(material, baking.warn).material
     surface, _, _ = material.ComputeSurfaceSource()
     texture = flat.base_texture if flat is not None else None
     reader = _source(surface, "diffuseColor") if surface else None
@@ -43,9 +40,9 @@ def bake_tile(stage: Usd.Stage, path: Sdf.Path, folder: Path, texels: int, patch
     if placement.GetShaderId() != "UsdTransform2d" or texture.rotation or any(texture.translation):
         return
     repeats = _repeats(1 / max(texture.scale), flat.detail.periods, PATCHES if patched else 0.0)
-    image = _tile(flat.detail, texture, repeats, texels, patched)
+    image = _tile(flat.detail, texture, repeats, texels, patched, baking.textures)
     file = f"./{path.GetParentPath().name}_{path.name}_baked.png"
-    write_bytes(folder / file, png(encode_srgb(image)))
+    write_bytes(baking.folder / file, png(encode_srgb(image)))
     larger = path.AppendChild("BakedPlacement")
     Sdf.CopySpec(stage.GetRootLayer(), placement.GetPath(), stage.GetRootLayer(), larger)
     place = UsdShade.Shader(stage.GetPrimAtPath(larger))
@@ -91,24 +88,26 @@ def _repeats(sheet: float, periods: tuple[float, ...], wanted: float) -> int:
     return min(range(1, max(int(LONGEST / sheet), 1) + 1), key=bend)
 
 
-def _tile(detail: Detail, texture: Texture, repeats: int, texels: int, patched: bool) -> F32:
+def _tile(detail: Detail, texture: Texture, repeats: int, texels: int, patched: bool, textures: TextureLookup) -> F32:
     """Multiply base texture, detail and patches over one tile, linear, shape (H, H, 3), float32."""
     steps = (np.arange(texels, dtype=np.float32) + np.float32(0.5)) / np.float32(texels)
     across, up = np.meshgrid(steps, 1 - steps)
     unit = np.stack([across, up], axis=-1).reshape(-1, 2)
-    color = sample(texture.file, unit * np.float32(repeats), repeats / texels, texture.srgb)
-    color *= _detail(detail, unit, texture.scale, repeats, texels)
+    color = textures.colors(texture.file, unit * np.float32(repeats), repeats / texels, texture.srgb)
+    color *= _detail(detail, unit, texture.scale, repeats, texels, textures)
     if patched and detail.macro_file:
-        color *= 2 * sample(detail.macro_file, unit, 1 / texels, False)
+        color *= 2 * textures.colors(detail.macro_file, unit, 1 / texels, False)
     return np.minimum(color, _BRIGHTEST).reshape(texels, texels, 3)
 
 
-def _detail(detail: Detail, unit: F32, scale: tuple[float, float], repeats: int, texels: int) -> F32:
+def _detail(
+    detail: Detail, unit: F32, scale: tuple[float, float], repeats: int, texels: int, textures: TextureLookup
+) -> F32:
     factor = np.ones((len(unit), 1), np.float32)
     counts = [whole_periods(detail.periods, repeats / one) for one in scale]
     octaves = zip(*counts, detail.amplitudes, strict=True) if detail.file else ()
     for across, up, amplitude in octaves:
-        gray = sample(detail.file, unit * np.array([across, up], np.float32), max(across, up) / texels, False)[:, :1]
+        gray = textures.levels(detail.file, unit * np.array([across, up], np.float32), max(across, up) / texels)
         factor *= 1 + np.float32(amplitude) * (2 * gray - 1)
     return factor
 

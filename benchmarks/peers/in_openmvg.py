@@ -5,6 +5,7 @@ Usage: python in_openmvg.py IMAGES OUT.json
 
 import json
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -16,7 +17,8 @@ def main(images: Path, out: Path) -> None:
 
     Args:
         images: Folder of photographs.
-        out: JSON file to write: `seconds` of processor time, `points`, and `views` with name, rotation and centre.
+        out: JSON file to write: `seconds` of processor time, `points`, `views` with name, rotation and centre, and of
+            each point the number of its views (`track_lengths`) and its mean reprojection error (`errors`) [px].
     """
     scene = openmvg_rs.reconstruct(images, extraction_method="sift", progress=False)
     views = [
@@ -24,7 +26,20 @@ def main(images: Path, out: Path) -> None:
         for view in scene.views
     ]
     found = {"seconds": time.process_time(), "points": len(scene.points), "views": views}
-    out.write_text(json.dumps(found), encoding="utf-8")
+    with tempfile.TemporaryDirectory() as folder:
+        scene.write_colmap(folder)
+        errors, lengths = tracks_of(Path(folder) / "sparse" / "0" / "points3D.txt")
+    out.write_text(json.dumps({**found, "errors": errors, "track_lengths": lengths}), encoding="utf-8")
+
+
+def tracks_of(file: Path) -> tuple[list[float], list[int]]:
+    """Read of a COLMAP text model how far each point misses its keypoints [px], and how many of them it has.
+
+    Args:
+        file: Its `points3D.txt`: number, place, color and error, then image and keypoint of each view.
+    """
+    rows = [line.split() for line in file.read_text(encoding="utf-8").splitlines() if line and line[0] != "#"]
+    return [float(row[7]) for row in rows], [(len(row) - 8) // 2 for row in rows]
 
 
 if __name__ == "__main__":

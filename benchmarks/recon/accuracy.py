@@ -4,8 +4,9 @@ Usage: python -m benchmarks.recon.accuracy WORK [--only NAME…] [--page] [--not
 
 Makes a bridge for every row, flies, renders and reconstructs it, and writes `docs/benchmarks/accuracy.md`. WORK keeps
 what was made: a second call goes on. `--page` writes the page of what is there. Some six processor minutes a row.
-The same bridges are sampled on their mesh and by a tripod's laser, for `benchmarks.compare`. Rows of `inspection` are
-short bridges whose every member is flown at, for the class that has fewest points: dense alone, and no samples.
+All but the rail bridges of whole flights are sampled on their mesh and by a tripod's laser, too, for
+`benchmarks.compare`. Rows of `inspection` are short bridges whose every member is flown at, for the class that has
+fewest points: dense alone, and no samples.
 """
 
 import argparse
@@ -81,11 +82,14 @@ class Row:
         return f"{self.survey}-{self.family}-{self.service}"
 
 
-ROWS = tuple(
-    Row(family, service, survey)
-    for survey in SURVEYS
-    for family in FAMILIES
-    for service in (SERVICES if survey == "local" else ("road",))
+ROWS = (
+    *(
+        Row(family, service, survey)
+        for survey in SURVEYS
+        for family in FAMILIES
+        for service in (SERVICES if survey == "local" else ("road",))
+    ),
+    *(Row(family, "rail", "global") for family in FAMILIES),  # last: the place of a row is the seed of its bridge
 )
 
 
@@ -126,6 +130,7 @@ def scenario_of_row(row: Row, seed: int) -> dict[str, Any]:
     """
     bridge: dict[str, Any] = {"family": row.family, "service": SERVICES[row.service]}
     inspected = row.survey == "inspection"
+    sampled = row.survey == "local" or (row.survey == "global" and row.service == "road")
     if inspected:
         bridge[row.family] = dict(SHORT[row.family])
     return {
@@ -134,7 +139,7 @@ def scenario_of_row(row: Row, seed: int) -> dict[str, Any]:
         "background": {"name": "countryside"},
         "look": {"name": "random", "texels": 1024},
         "survey": [{**SURVEYS[row.survey], "width": 960, "height": 720}],
-        "sample": [] if inspected else [dict(sample) for sample in SAMPLES],
+        "sample": [dict(sample) for sample in SAMPLES] if sampled else [],
         "sensor": {"noise": True},
         "recon": {"mode": "dense" if inspected else "both", "quality": "medium"},
         "keep": ["stage", "cloud"],
@@ -272,11 +277,12 @@ def class_lines(clouds: Sequence[Judged]) -> list[str]:
     return lines
 
 
-def accuracy_page(found: Mapping[Row, Mapping[str, Judged]], note: str = "") -> str:
+def accuracy_page(found: Mapping[Row, Mapping[str, Judged]], rejected: Mapping[Row, str], note: str = "") -> str:
     """Write the page.
 
     Args:
         found: For each row its clouds by mode.
+        rejected: For each row whose scene was rejected, why.
         note: A line of its own, such as which code made the clouds; empty for none.
     """
     lines = [
@@ -298,7 +304,10 @@ def accuracy_page(found: Mapping[Row, Mapping[str, Judged]], note: str = "") -> 
         "|---|---|---|---|---|---|---|---|---|---|---|---|",
         *(row_line(row, mode, clouds[mode]) for row, clouds in found.items() for mode in MODES if mode in clouds),
     ]
-    missing = [row.name for row in ROWS if row not in found]
+    if rejected:
+        lines += ["", "Rejected, and so without a cloud:", ""]
+        lines += [f"- {row.name}: {reason}" for row, reason in rejected.items()]
+    missing = [row.name for row in ROWS if row not in found and row not in rejected]
     if missing:
         lines += ["", f"Not made: {', '.join(missing)}."]
     head = "| class | points | near | right | right where confidence is 1 | clearly wrong | instances right |"
@@ -322,7 +331,8 @@ def main() -> None:
                 outcome = falsework.run(scenario_of_row(row, number), given.work / row.name, progress=progress)
             sys.stdout.write(f"{row.name}: {outcome.made} made\n")
     found = {row: clouds for row in ROWS if (clouds := _clouds(given.work / row.name))}
-    write_page(PAGE, accuracy_page(found, given.note), __file__)
+    rejected = {row: why for row in ROWS if row not in found and (why := _rejection(given.work / row.name))}
+    write_page(PAGE, accuracy_page(found, rejected, given.note), __file__)
 
 
 def _clouds(run: Path) -> dict[str, Judged]:
@@ -333,6 +343,11 @@ def _clouds(run: Path) -> dict[str, Judged]:
             surface = lay_out(load_scene(record.parents[2] / "stage" / "scene.usda"))
             found[mode] = judge(read_cloud(record.parent), surface.corners, surface.labels)
     return found
+
+
+def _rejection(run: Path) -> str:
+    records = [read_json(path) for path in sorted(run.glob("failed/*.json"))]
+    return next((f"{record['reason']}, {record['message']}." for record in records if record["kind"] == "rejected"), "")
 
 
 def _share(part: float, whole: float) -> str:

@@ -1,16 +1,18 @@
 """What became of folders of real photographs, and how far a frame made of GPS is from one of surveyed points.
 
-Usage: python -m benchmarks.recon.photographs NAME=CLOUD [NAME=CLOUD …] [--defaults NAME=PHOTOGRAPHS …]
-           [--control NAME=GPS_CLOUD NAME=CONTROL_CLOUD] [--keep]
+Usage: python -m benchmarks.recon.photographs [NAME=CLOUD …] [--defaults NAME=PHOTOGRAPHS …]
+           [--openmvg PYTHON --peer NAME=PHOTOGRAPHS …] [--control NAME=GPS_CLOUD NAME=CONTROL_CLOUD] [--keep]
 
 Each CLOUD is a cloud folder that `falsework reconstruct` made of photographs; `docs/benchmarks/photographs.md` shows
 what it says of itself, and beside it what pycolmap makes of the folders behind `--defaults`, where nobody tells it
-anything. The photographs are other people's: they are named, not kept here. With `--keep` rows that are on the page
-stay as they are, where none of the same name and cloud is made anew. The two clouds behind
-`--control` come from one model (`reconstruct --model`): the first stands on GPS, the second on control points.
+anything, and openmvg-rs of those behind `--peer`; PYTHON is an interpreter that has it (`pip install openmvg-rs`). The
+photographs are other people's: they are named, not kept here. With `--keep` rows that are on the page stay as they are,
+where none of the same name and cloud is made anew. The two clouds behind `--control` come from one model
+(`reconstruct --model`): the first stands on GPS, the second on control points.
 """
 
 import argparse
+import subprocess
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -19,10 +21,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.page import words_of, write_page
-from benchmarks.recon.colmap_defaults import run_defaults
+from benchmarks.recon.colmap_defaults import TIME_LIMIT, run_defaults
 from benchmarks.recon.gps_flights import frame_errors
 from benchmarks.recon.noise import named_cloud
-from groundwork.errors import InputError
+from groundwork.errors import ChildError, InputError
+from groundwork.files import read_json
 from recon.cloud import Cloud, read_cloud
 from recon.photos.photos import local_position, open_photographs
 from recon.placing.place_errors import PlaceErrors
@@ -49,13 +52,18 @@ HEADS = [
 def main() -> None:
     """Write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("clouds", nargs="+", type=named_cloud, metavar="NAME=CLOUD")
+    parser.add_argument("clouds", nargs="*", type=named_cloud, metavar="NAME=CLOUD")
     parser.add_argument("--defaults", nargs="*", type=named_cloud, default=[], metavar="NAME=PHOTOGRAPHS")
+    parser.add_argument("--openmvg", type=Path, metavar="PYTHON")
+    parser.add_argument("--peer", nargs="*", type=named_cloud, default=[], metavar="NAME=PHOTOGRAPHS")
     parser.add_argument("--control", nargs=2, type=named_cloud, metavar="NAME=CLOUD")
     parser.add_argument("--keep", action="store_true", help="rows of other clouds that are on the page stay")
     told = parser.parse_args()
     rows = [(name, figures_of(folder)) for name, folder in told.clouds]
     rows += [(name, figures_of_defaults(folder)) for name, folder in told.defaults]
+    if told.peer and not told.openmvg:
+        parser.error("--peer needs --openmvg PYTHON")
+    rows += [(name, figures_of_openmvg(told.openmvg, folder)) for name, folder in told.peer]
     page = photographs_page(rows, words_of(PAGE) if told.keep else "")
     if told.control:
         (name, on_gps), (_, on_points) = told.control
@@ -114,6 +122,44 @@ def figures_of_defaults(folder: Path) -> dict[str, Any]:
     }
 
 
+def figures_of_openmvg(python: Path, folder: Path) -> dict[str, Any]:
+    """Let openmvg-rs make a model of photographs from SIFT keypoints, with everything else as it comes.
+
+    Args:
+        python: Interpreter that has it.
+        folder: Photographs; it takes the folder itself, or `images` in it.
+
+    Returns:
+        As `figures_of`, of its model.
+
+    Raises:
+        ChildError: It failed; the last line that it said.
+    """
+    script = Path(__file__).resolve().parents[1] / "peers" / "in_openmvg.py"
+    with tempfile.TemporaryDirectory() as work:
+        answer = Path(work) / "openmvg.json"
+        command = [str(python), str(script), str(folder), str(answer)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=TIME_LIMIT, check=False)
+        if done.returncode:
+            lines = [line for line in done.stderr.splitlines() if line.strip()]
+            raise ChildError(f"openmvg-rs: {lines[-1] if lines else f'exit code {done.returncode}'}")
+        found = read_json(answer)
+    lengths = np.array(found["track_lengths"], np.int64)
+    return {
+        "mode": "openmvg-rs, SIFT",
+        "target": "none",
+        "method": "none",
+        "images": len(open_photographs(folder).images),
+        "registered": len(found["views"]),
+        "points": found["points"],
+        "model_points": found["points"],
+        "observations": int(lengths.sum()),
+        "thrice": float(np.mean(lengths >= 3)),
+        "mean_reprojection_error": float(np.mean(found["errors"])),
+        "expected_error": None,
+    }
+
+
 def control_errors(on_gps: Cloud, on_points: Cloud) -> PlaceErrors:
     """Measure how far a frame made of GPS is from that of control points, both of the same model.
 
@@ -151,6 +197,8 @@ def photographs_page(clouds: list[tuple[str, dict[str, Any]]], former: str = "")
             "",
             "Written by `python -m benchmarks.recon.photographs`. Each folder, or part, as its authors made it;",
             'no settings but `mode = "dense"`, the quality and the control points that are named.',
+            "*pycolmap's defaults* and *openmvg-rs* are peers that nobody tells anything; their points are those of",
+            "their models, unfiltered, and neither is placed.",
             "*Of the model's*: share of the model's points that the sparse cloud keeps (`recon.max_deviation`).",
             "*Duplicates merged*: points that were equal to another one, which stays; empty in rows of a time that did",
             "not count them.",

@@ -132,7 +132,8 @@ def with_openmvg(python: Path) -> Run:
         poses[:, :3, :3] = np.array([view["rotation"] for view in found["views"]]).transpose(0, 2, 1)
         poses[:, :3, 3] = [view["center"] for view in found["views"]]
         names = tuple(f"images/{view['name']}" for view in found["views"])
-        return Found(names, poses, found["points"], "its own", {"all": found["seconds"]})
+        thrice = float(np.mean(np.array(found["track_lengths"]) >= 3))
+        return Found(names, poses, found["points"], "its own", {"all": found["seconds"]}, thrice)
 
     return run
 

@@ -38,7 +38,7 @@ def reconstruct(
         gcp: Ground control points and scale bars, as a gcp_list.txt or as Metashape's tables; not with truth.
         mode: Which points. sparse: those of structure from motion; dense: one for nearly every pixel that enough
             photographs confirm, the way to train on; both: a cloud of each, from one model. Left out: as the scenario
-            says, else sparse.
+            says, else dense.
         quality: How fine the depth maps of a dense cloud are. ultra: a depth for every pixel of the photographs; high
             for each 2 x 2 of them, medium 4 x 4, low 8 x 8. Left out: as the scenario says, else high.
         model: A cloud of the same photographs: its cameras are used again, and not looked for.

@@ -23,6 +23,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "export": ("falsework export cloud --to laz -o for_others",),
     "report": (
         "falsework report out/scenes/0000 -o page.html",
+        "falsework report cloud -o cloud.html",
         "falsework report out -o run.html",
         "falsework report model scores.json -o training.html",
     ),

@@ -1,4 +1,4 @@
-"""The verb that writes pages: of a scene, a run, a data set, models with their scores, or a comparison."""
+"""The verb that writes pages: of a scene, a cloud, a run, a data set, models with their scores, or a comparison."""
 
 from pathlib import Path
 from typing import Annotated
@@ -15,19 +15,19 @@ from groundwork.output_reading import reading
 Sources = tyro.conf.Positional[Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FOLDER ...")]]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 
-ALLOWED = "a scene of a run, the folder of a run, a data set, a model, scores (.json), or a comparison"
+ALLOWED = "a scene of a run, a cloud, the folder of a run, a data set, a model, scores (.json), or a comparison"
 SEVERAL = ("run", "model", "scores")
 
 
 def report(sources: Sources, output: Output, *, as_json: AsJson = False) -> int:
-    """Write a self-contained page: of a scene, a run, a data set, a training or a comparison.
+    """Write a self-contained page: of a scene, a cloud, a run, a data set, a training or a comparison.
 
     The kind of page follows from what is in the folder. Several runs stand side by side in one page, and so do several
     models with their scores. Nothing is fetched when the page is opened.
 
     Args:
-        sources: Folder of a scene (`OUT/scenes/0000`), of a run, a data set, a model or a comparison; JSON files of
-            falsework evaluate.
+        sources: Folder of a scene (`OUT/scenes/0000`), of a cloud, a run, a data set, a model or a comparison; JSON
+            files of falsework evaluate.
         output: HTML file to write.
         as_json: Print one JSON object instead of a line.
     """
@@ -54,7 +54,7 @@ def kind_of(source: Path) -> str:
         source: A folder, or a file.
 
     Returns:
-        scene, run, dataset, model, scores or comparison.
+        scene, cloud, run, dataset, model, scores or comparison.
 
     Raises:
         InputError: None of them.
@@ -63,15 +63,24 @@ def kind_of(source: Path) -> str:
         if source.suffix == ".json":
             return "scores"
         raise InputError("no report on this kind of file", where=source, allowed=ALLOWED)
-    marks = {"comparison": "comparison.json", "dataset": "dataset.json", "model": "model.json"}
+    marks = {"comparison": "comparison.json", "dataset": "dataset.json", "model": "model.json", "cloud": "cloud.json"}
     for kind, mark in marks.items():
         if (source / mark).is_file():
             return kind
     if is_run(source):
         return "run"
-    if (source / "capture").is_dir() or (source / "cloud").is_dir():
+    if (source / "capture").is_dir() or (source / "stage").exists():
         return "scene"
+    if _clouds_in(source):  # what `reconstruct --mode both` writes
+        return "cloud"
     raise InputError("nothing here to report on", where=source, allowed=ALLOWED)
+
+
+def _clouds_in(source: Path) -> dict[str, Path]:
+    """Find the cloud that a folder is, or those in it."""
+    if (source / "cloud.json").is_file():
+        return {source.absolute().name: source}
+    return {path.parent.name: path.parent for path in sorted(source.glob("cloud/*/cloud.json"))}
 
 
 def _write(kinds: list[str], sources: tuple[Path, ...], page: Path) -> None:
@@ -89,6 +98,10 @@ def _write(kinds: list[str], sources: tuple[Path, ...], page: Path) -> None:
             from falsework.report.run_page import write_run_page
 
             write_run_page(temporary, [run_facts(run, way_to(run, page)) for run in sources])
+        elif kinds[0] == "cloud":
+            from falsework.report.cloud_page import write_cloud_page
+
+            write_cloud_page(temporary, f"Cloud {first.absolute().name}", _clouds_in(first), page)
         elif kinds[0] == "dataset":
             from falsework.report.dataset_page import write_dataset_page
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from falsework.report.flight import Flight, flight_data
 from falsework.report.page import script_json
+from falsework.report.scene_tables import unit_of
 from usd_schemas.components import ClassRow
 
 if TYPE_CHECKING:
@@ -91,6 +92,7 @@ def cloud_view(
         "ends": [_FINEST, _COARSEST],
         "flight": flight_data(flight, origin),
         "origin": origin.tolist(),
+        "unit": unit_of(cloud),
         "box": box.round(3).tolist(),
         "along": _along(columns["coord"], columns["segment"]),
         "seen": _seen(cloud, every, shown.views),

@@ -15,7 +15,9 @@ U8 = NDArray[np.uint8]
 _ROOM = 0.35  # of the axis's length, behind the longest bar, for its count
 
 
-def flight_figure(centers: F64, statuses: list[str], bridge: F64, good_label: str = "registered") -> go.Figure:
+def flight_figure(
+    centers: F64, statuses: list[str], bridge: F64, good_label: str = "registered", unit: str = "m"
+) -> go.Figure:
     """Draw the camera path in plan and elevation.
 
     Args:
@@ -23,6 +25,7 @@ def flight_figure(centers: F64, statuses: list[str], bridge: F64, good_label: st
         statuses: `ok` or the reason why not, one a camera.
         bridge: Points on the bridge for orientation [m], shape (M, 3), float64.
         good_label: What cameras that are `ok` are called.
+        unit: Unit of length, for the axes.
     """
     figure = go.Figure()
     good = np.array([status == "ok" for status in statuses], bool)
@@ -50,10 +53,10 @@ def flight_figure(centers: F64, statuses: list[str], bridge: F64, good_label: st
                 )
     plain_layout(figure, 620)
     return figure.update_layout(
-        xaxis={"domain": [0, 1], "anchor": "y", "title": "x [m]"},
-        yaxis={"domain": [0.4, 1], "scaleanchor": "x", "title": "y [m]"},
-        xaxis2={"domain": [0, 1], "anchor": "y2", "matches": "x", "title": "x [m]"},
-        yaxis2={"domain": [0, 0.27], "scaleanchor": "x2", "title": "z [m]"},
+        xaxis={"domain": [0, 1], "anchor": "y", "title": f"x [{unit}]"},
+        yaxis={"domain": [0.4, 1], "scaleanchor": "x", "title": f"y [{unit}]"},
+        xaxis2={"domain": [0, 1], "anchor": "y2", "matches": "x", "title": f"x [{unit}]"},
+        yaxis2={"domain": [0, 0.27], "scaleanchor": "x2", "title": f"z [{unit}]"},
     )
 
 

@@ -96,6 +96,29 @@ def flight_of(capture: Capture, truth: Truth | None, cloud: "Cloud | None", fold
     )
 
 
+def flight_of_cloud(cloud: "Cloud", folder: Path) -> Flight:
+    """Say where the images of a cloud were taken from as it was reconstructed, without looking at any of them.
+
+    Args:
+        cloud: A reconstructed cloud.
+        folder: Its folder.
+
+    Raises:
+        InputError: Its cameras are damaged.
+    """
+    poses, half = _reconstructed(folder)
+    rows = [k for k, camera in enumerate(cloud.cameras) if camera["name"] in poses]
+    cameras = [cloud.cameras[k] for k in rows]
+    return Flight(
+        tuple(str(camera["name"]) for camera in cameras),
+        tuple(rows),
+        np.array([poses[camera["name"]] for camera in cameras]).reshape(-1, 4, 4),
+        tuple(str(camera["status"]) for camera in cameras),
+        half,
+        ("",) * len(rows),
+    )
+
+
 def small_picture(path: Path, width: int) -> NDArray[np.uint8] | None:
     """Decode a photograph no finer than needed, which takes a tenth of the time.
 

@@ -7,21 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from falsework.report.cloud_view import SHOWN_POINTS, Shown, cloud_view
-from falsework.report.figures import class_figure, flight_figure, uncertainty_figure
+from falsework.report.figures import flight_figure
 from falsework.report.flight import flight_of
 from falsework.report.outline import outline_cloud
 from falsework.report.page import file_link, settings_rows, write_page
 from falsework.report.pictures import data_uri, paint_depth, paint_labels
-from falsework.report.residuals import image_rows, image_table, overlap_figure, residual_figure
-from falsework.report.scene_tables import (
-    NOISE_THRESHOLD,
-    fact_rows,
-    headline_tiles,
-    kept_rows,
-    noise_rows,
-    pixel_rows,
-    window_rows,
-)
+from falsework.report.reconstruction import NOTHING, reconstruction_parts, sample_parts
+from falsework.report.scene_tables import headline_tiles
 from groundwork.errors import InputError
 from groundwork.files import read_json
 from groundwork.slug import slug
@@ -103,47 +95,28 @@ def _survey(
     flight = flight_of(capture, truth, cloud, folder, f"{home}")
     outline = None if truth is None else outline_cloud(truth)
     seen = {row.class_name for row in truth.instances} if truth is not None else set()
-    noise = None if cloud is None else cloud.statistics.get("noise")
     drawn = cloud or outline
     found: dict[str, Any] = {
+        **NOTHING,
         "name": title,
+        "heading": f"Survey {title}",
         "key": slug(title),
-        "tiles": headline_tiles(capture, cloud),
-        "overlap": None,
-        "residuals": None,
+        "tiles": headline_tiles(len(capture.images), cloud),
         "view": None if drawn is None or not (first or cloud) else cloud_view(drawn, flight, shown),
         "flight": _plan(capture, truth, cloud, outline) if first else None,
         "sheet": _sheet(capture, home) if first else [],
         "frames": _frames(capture, truth, home, frames) if first and truth is not None else [],
         "legend": [row for row in truth.classes if row.name in seen] if truth is not None else [],
-        "is_cloud": cloud is not None,
-        "threshold": None if noise is None else f"{noise['threshold']:g} m",
-        "noise": noise_rows(noise),
         "files": _files(place, CAPTURE, name, capture_folder, FILES[CAPTURE]) if first else [],
         "settings": _settings(f"capture {name}", capture_folder) if first else [],
     }
     if cloud is None or folder is None:
-        return found | dict.fromkeys(("facts", "kept", "windows", "pixels", "images"), ()) | {"known": False}
-    rows = image_rows(cloud, folder)
-    links = dict(zip(flight.names, flight.files, strict=True))
+        return found
     own = f"{name}+{mode}" if mode else name
-    figures = {
-        "classes": class_figure(cloud.columns["segment"], cloud.classes),
-        "known": bool(np.isfinite(cloud.columns["uncertainty"]).any()),
-        "uncertainty": uncertainty_figure(cloud.columns["uncertainty"], NOISE_THRESHOLD),
-        "residuals": residual_figure(rows) if any(np.isfinite(row.residual) for row in rows) else None,
-        "overlap": overlap_figure(cloud) if len(cloud.observations["image"]) else None,
-    }
-    tables = {
-        "facts": fact_rows(cloud),
-        "kept": kept_rows(cloud.statistics),
-        "windows": window_rows(cloud.statistics),
-        "pixels": pixel_rows(cloud.statistics),
-        "images": image_table(rows, links),
-    }
     more = _files(place, CLOUD, own, folder, FILES[CLOUD])
     settings = found["settings"] + _settings(f"cloud {own}", folder)
-    return {**found, **figures, **tables, "files": found["files"] + more, "settings": settings}
+    parts = reconstruction_parts(cloud, folder, dict(zip(flight.names, flight.files, strict=True)))
+    return {**found, **parts, "files": found["files"] + more, "settings": settings}
 
 
 def _plan(capture: Capture, truth: Truth | None, cloud: "Cloud | None", outline: "Cloud | None") -> Any:
@@ -190,16 +163,8 @@ def _spread(count: int, wanted: int) -> list[int]:
 def _sample(name: str, folder: Path, shown: Shown, place: str) -> dict[str, Any]:
     from recon.cloud import read_cloud
 
-    cloud = read_cloud(folder)
-    return {
-        "name": name,
-        "key": slug(f"sample {name}"),
-        "source": cloud.source,
-        "tiles": [{"label": "points", "value": f"{len(cloud):,}"}],
-        "view": cloud_view(cloud, None, shown),
-        "classes": class_figure(cloud.columns["segment"], cloud.classes),
-        "files": _files(place, CLOUD, name, folder, FILES[CLOUD]),
-    }
+    parts = sample_parts(name, read_cloud(folder), shown)
+    return {**parts, "files": _files(place, CLOUD, name, folder, FILES[CLOUD])}
 
 
 def _settings(name: str, folder: Path) -> list[tuple[str, list[dict[str, Any]]]]:

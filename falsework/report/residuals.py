@@ -122,11 +122,12 @@ def residual_figure(rows: list[ImageRow]) -> go.Figure:
     return figure.update_layout(xaxis={"title": "image"}, yaxis={"title": "median residual [px]"}, bargap=0.15)
 
 
-def overlap_figure(cloud: "Cloud") -> go.Figure:
+def overlap_figure(cloud: "Cloud", unit: str = "m") -> go.Figure:
     """Count in plan how many images show each spot where the cloud has points.
 
     Args:
         cloud: A reconstructed cloud.
+        unit: Unit of its lengths, for the axes.
     """
     counts, x, y = overlap_map(cloud)
     steps = [[k / (MANY - 1), color] for k, color in enumerate(SCALE)]
@@ -143,12 +144,14 @@ def overlap_figure(cloud: "Cloud") -> go.Figure:
                 "tickvals": [1, 2, 3, 4, 5, MANY],
                 "ticktext": ["1", "2", "3", "4", "5", f"≥ {MANY}"],
             },
-            hovertemplate="%{z:.0f} images at x %{x:.1f} m, y %{y:.1f} m<extra></extra>",
+            hovertemplate="%{z:.0f} images at x %{x:.1f}"
+            + (", y %{y:.1f}" if unit != "m" else " m, y %{y:.1f} m")
+            + "<extra></extra>",
         )
     )
     plain_layout(figure, 420)
     return figure.update_layout(
-        xaxis={"title": "x [m]", "constrain": "domain"}, yaxis={"title": "y [m]", "scaleanchor": "x"}
+        xaxis={"title": f"x [{unit}]", "constrain": "domain"}, yaxis={"title": f"y [{unit}]", "scaleanchor": "x"}
     )
 
 

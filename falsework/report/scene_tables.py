@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from falsework.report.page import number, percent
-from render.capture import Capture
 
 if TYPE_CHECKING:
     from recon.cloud import Cloud
@@ -24,22 +23,33 @@ UNITS = {
 }  # by the beginning of a statistic's name
 
 
-def headline_tiles(capture: Capture, cloud: "Cloud | None") -> list[dict[str, str]]:
+def unit_of(cloud: "Cloud") -> str:
+    """Name the unit of a cloud's lengths; photographs that nothing placed have none.
+
+    Args:
+        cloud: A cloud.
+    """
+    return "units of the model" if cloud.alignment.get("unit") == "unknown" else "m"
+
+
+def headline_tiles(images: int, cloud: "Cloud | None") -> list[dict[str, str]]:
     """Say what came out in a few large figures.
 
     Args:
-        capture: Photographs.
+        images: Number of photographs.
         cloud: Their cloud, or None.
     """
-    tiles = [{"label": "images", "value": f"{len(capture.images)}"}]
+    tiles = [{"label": "images", "value": f"{images}"}]
     if cloud is None:
         return tiles
     good = [camera for camera in cloud.cameras if camera["status"] == "ok"]
     tiles[0] = {"label": "cameras registered", "value": f"{len(good)} of {len(cloud.cameras)}"}
     tiles.append({"label": "points", "value": f"{len(cloud):,}"})
     errors = np.array([camera["center_error"] for camera in good], dtype=np.float64)
-    if np.isfinite(errors).any():
+    if np.isfinite(errors).any() and cloud.alignment.get("target", "truth") == "truth":
         tiles.append({"label": "median camera-centre error", "value": f"{np.nanmedian(errors) * 1000:.0f} mm"})
+    elif np.isfinite(errors).any():  # a camera that is far from its fix says something about the receiver
+        tiles.append({"label": "median distance of a camera from its fix", "value": f"{np.nanmedian(errors):.2f} m"})
     if np.isfinite(cloud.columns["surface_distance"]).any():
         near = cloud.columns["surface_distance"] <= NEAR
         right = (
@@ -77,8 +87,16 @@ def placing_rows(alignment: Mapping[str, Any]) -> list[tuple[str, str]]:
     """
     units = {"scale_percent": " %", "tilt_deg": "°", "heading_deg": "°", "place_m": " m"}
     limits = alignment.get("expected_error", {})
-    rows = [
-        (f"error of {key.partition('_')[0]}, 95 % below", f"{limits[key]:.2g}{unit}")
+    rows = [("unit of length", "unknown")] if alignment.get("unit") == "unknown" else []
+    if alignment.get("unfixed"):
+        rows.append(("GPS does not fix the frame", str(alignment["unfixed"])))
+    if alignment.get("agreeing_fixes") is not None:
+        rows.append(("fixes that agree", f"{alignment['agreeing_fixes']} of {alignment['fixes']}"))
+    rows += [
+        (
+            f"error of {key.partition('_')[0]}, 95 % below",
+            f"{limits[key]:{'.2g' if limits[key] < 100.0 else '.0f'}}{unit}",
+        )
         for key, unit in units.items()
         if limits.get(key) is not None
     ]

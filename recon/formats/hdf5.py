@@ -34,14 +34,16 @@ def write_hdf5(path: Path, cloud: Cloud) -> None:
         file.attrs["classes"] = canonical_json([vars(row) for row in cloud.classes])
         file.attrs["components"] = canonical_json(list(cloud.components))
         kinds = {**COLUMNS, **OPTIONAL_COLUMNS}
+        metric = cloud.alignment.get("target") != "none"  # photographs that nothing placed have no unit of length
         for name in sorted(cloud.columns):
-            _put(file, name, cloud.columns[name], kinds[name])
+            _put(file, name, cloud.columns[name], kinds[name], metric)
         group = file.create_group("observations", track_order=False)
         for name, values in sorted(cloud.observations.items()):
-            _put(group, name, values, OBSERVATION_COLUMNS[name])
+            _put(group, name, values, OBSERVATION_COLUMNS[name], metric)
 
 
-def _put(group: Any, name: str, values: NDArray[Any], kind: ColumnKind) -> None:
+def _put(group: Any, name: str, values: NDArray[Any], kind: ColumnKind, metric: bool) -> None:
     packed = {"compression": "gzip", "compression_opts": _LEVEL, "shuffle": True} if values.size else {}
     made = group.create_dataset(name, data=np.ascontiguousarray(values), track_times=False, **packed)
-    made.attrs["unit"], made.attrs["meaning"] = kind.unit, kind.meaning
+    made.attrs["unit"] = kind.unit if metric or kind.unit != "m" else "unknown"
+    made.attrs["meaning"] = kind.meaning

@@ -24,7 +24,7 @@ def describe_pixels(
     Args:
         fates: What became of every pixel.
         rows: Row in the capture of each image of the model, shape (I,), int64.
-        valid: Images of the model that make points, shape (I,), bool; only these are counted.
+        valid: Whether a camera of the capture is valid, shape (K,), bool; only images of these are counted.
         truth: True label images, or None.
         classes: Class table in force.
 
@@ -36,7 +36,7 @@ def describe_pixels(
     inside = ((place >= 0) & (place < [size.width, size.height])).all(axis=-1)
     column, row = place[inside].T
     counts = np.zeros(_CLASSES * len(PIXEL_FATES), np.int64)
-    for number in np.flatnonzero(valid).tolist():
+    for number in np.flatnonzero(valid[rows]).tolist():
         fate = fates.of(number)[inside].astype(np.int64)
         label = np.full(len(fate), UNLABELED) if truth is None else truth.semantic(int(rows[number]))[row, column]
         counts += np.bincount(label.astype(np.int64) * len(PIXEL_FATES) + fate, minlength=len(counts))

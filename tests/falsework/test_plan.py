@@ -249,7 +249,7 @@ def test_verb(
         return int(end.value.code or 0), said.out + said.err
 
     scenario, out = tmp_path / "s.toml", tmp_path / "out"
-    scenario.write_text(f'seed = {SEED}\nscenes = 3\n[[survey]]\nkind = "global"\n')
+    scenario.write_text(f'seed = {SEED}\nscenes = 3\n[[survey]]\nkind = "global"\n[recon]\nmode = "sparse"\n')
     code, said = ask("plan", scenario)
     assert code == 0
     assert "15 results to make in 3 of 3 scenes: about 13 min in one process, 1155 MB more" in said

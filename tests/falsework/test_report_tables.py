@@ -30,6 +30,12 @@ def test_limits_and_residuals_stand_in_the_report() -> None:
         ("scale bar A to B off by", "-0.0012 m"),
     ]
     assert placing_rows({"target": "truth"}) == []
+    open_frame = {"unit": "unknown", "unfixed": "scale ±128 %", "expected_error": {"scale_percent": 127.7}}
+    assert placing_rows(open_frame) == [
+        ("unit of length", "unknown"),
+        ("GPS does not fix the frame", "scale ±128 %"),
+        ("error of scale, 95 % below", "128 %"),
+    ]
 
 
 def test_pixels_of_each_class_stand_in_the_report() -> None:

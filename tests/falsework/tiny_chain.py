@@ -33,8 +33,10 @@ TEXTURE = bytes(range(256)) * 400
 
 
 def tiny_scenario(scenes: int = 1, **more: Any) -> Scenario:
-    """Give a scenario with one survey and so many scenes."""
-    return parse_settings(Scenario, {"seed": SEED, "scenes": scenes, "survey": [{"kind": "global"}], **more}, "tiny")
+    """Give a scenario with one survey and so many scenes, sparse where nothing else is said."""
+    recon = {"mode": "sparse", **more.pop("recon", {})}
+    values = {"seed": SEED, "scenes": scenes, "survey": [{"kind": "global"}], "recon": recon, **more}
+    return parse_settings(Scenario, values, "tiny")
 
 
 def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:

@@ -17,7 +17,8 @@ from tests.recon.conftest import poses_on_arc, write_capture
 
 ROOT = Path(__file__).resolve().parents[2]
 MAX_FEATURES = 700
-SETTINGS = f"[recon.sparse]\nmax_features = {MAX_FEATURES}\n"
+FEW = f"[recon.sparse]\nmax_features = {MAX_FEATURES}\n"
+SETTINGS = f"[recon]\nmode = 'sparse'\n{FEW}"
 
 PATIENCE = 240.0  # [s] on a box that many tests share
 MARKS = (MARK, MANIFEST)

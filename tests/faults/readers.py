@@ -148,7 +148,7 @@ OPENED_RAW: dict[str, set[str]] = {
     LOOKED_AT: {
         "training_page._log",
         "array_file.read_arrays",
-        "bake_lookup.sample",
+        "bake_lookup.read_picture",
         "cloud._load",
         "float_files.decode_exr",
         "glb._Picture.__init__",

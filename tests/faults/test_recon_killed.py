@@ -17,12 +17,12 @@ from groundwork.marks import MARK
 from groundwork.progress import Silent
 from recon.settings import ReconSettings, SparseSettings
 from tests.conftest import Count, RecordProof
-from tests.faults.conftest import MAX_FEATURES, PATIENCE, SETTINGS, Start, contents, finish
+from tests.faults.conftest import FEW, MAX_FEATURES, PATIENCE, Start, contents, finish
 
 WORK = ".next/files"  # where an output is made
 LOOK = 0.004  # [s]
 SOON = 5.0  # [s] until the kernel has cleared away the child of a child
-SMALL = ReconSettings(sparse=SparseSettings(max_features=MAX_FEATURES))
+SMALL = ReconSettings(mode="sparse", sparse=SparseSettings(max_features=MAX_FEATURES))
 
 
 def kill_when(process: subprocess.Popen[str], seen: "Seen", work: Path) -> None:
@@ -113,7 +113,7 @@ def test_killed_at_random(
 @pytest.mark.proof_only
 def test_killed_in_the_dense_step(start_reconstruct: Start, tmp_path: Path) -> None:
     """Kill a dense run while depth is measured and while points are labelled: the same bytes, and one model only."""
-    settings = f'[recon]\nmode = "dense"\nquality = "medium"\n{SETTINGS}'
+    settings = f'[recon]\nmode = "dense"\nquality = "medium"\n{FEW}'
     calm, out, folder = tmp_path / "calm", tmp_path / "out", tmp_path / "out" / WORK
     finish(start_reconstruct(calm, settings=settings))
     for moment in (Seen("work/dense-*.partial/*"), Seen("coord.npy")):

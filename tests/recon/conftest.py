@@ -188,7 +188,7 @@ def plane_capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def plane_settings() -> ReconSettings:
     """Give settings with which the planes are reconstructed in seconds."""
-    return ReconSettings(sparse=SparseSettings(max_features=1800))
+    return ReconSettings(mode="sparse", sparse=SparseSettings(max_features=1800))
 
 
 @pytest.fixture(scope="session")

@@ -65,16 +65,21 @@ def test_points_and_instances_are_counted(plane_cloud: Path) -> None:
 
 def test_the_page_says_what_was_not_made(plane_cloud: Path) -> None:
     """One line for the cloud that is there; every other row is named."""
-    page = accuracy_page({ROWS[0]: {"sparse": _judged(plane_cloud)}})
+    page = accuracy_page({ROWS[0]: {"sparse": _judged(plane_cloud)}}, {ROWS[1]: "too_few_cameras, 6 of 9 are invalid."})
+    assert f"- {ROWS[1].name}: too_few_cameras, 6 of 9 are invalid." in page.splitlines()
+    assert f"{ROWS[1].name}," not in page
     assert "| slab | road | local | sparse |" in page
     assert "| 90 | 83.3% | 97.3% | 1.3% | 1 of 2 | abutment: 60 |" in page
     assert all(row.name in page for row in ROWS[1:])
 
 
 def test_rows_are_scenarios_of_their_own_seeds() -> None:
-    """The first eighteen rows are those of stored clouds; inspections come after them, one a family, dense alone."""
+    """Eighteen rows of stored clouds come first; then inspections, dense alone, and whole rail bridges."""
     assert [row.name for row in ROWS[:13:12]] == ["local-slab-road", "global-slab-road"]
-    assert [row.name for row in ROWS[18:]] == [f"inspection-{row.family}-road" for row in ROWS[12:18]]
+    families = [row.family for row in ROWS[12:18]]
+    assert [row.name for row in ROWS[18:24]] == [f"inspection-{family}-road" for family in families]
+    assert [row.name for row in ROWS[24:]] == [f"global-{family}-rail" for family in families]
     for number, row in enumerate(ROWS, 4001):
         scenario = parse_settings(Scenario, scenario_of_row(row, number), row.name)
+        assert len(scenario.sample) == (3 if number <= 4018 else 0)
         assert scenario.recon.modes == (("dense",) if row.survey == "inspection" else ("sparse", "dense"))

@@ -2,7 +2,7 @@
 
 import resource
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -23,13 +23,14 @@ from recon.dense.depth_sgm import PosedImage
 from recon.dense.pixel_fates import PIXEL_FATES, PixelFates
 from recon.dense.points import DensePoints, read_points
 from recon.reconstruct import reconstruct
-from recon.settings import DenseSettings, ReconSettings
+from recon.settings import DenseSettings, ReconSettings, SparseSettings
 from recon.sfm.colmap_model import read_model
 from recon.sfm.sparse import Sparse
 from recon.truth.completeness import count_cameras, measure_completeness, visible_surface
 from recon.truth.pixel_classes import describe_pixels
 from render.capture import Truth, read_capture, read_truth
 from tests.conftest import Count
+from tests.recon.conftest import CAMERA
 
 SETTINGS = ReconSettings(mode="dense", quality="high", dense=DenseSettings(sources=3))
 
@@ -139,6 +140,28 @@ def test_every_pixel_is_counted_once(
     unknown = describe_pixels(fates, rows, rows >= 0, None, truth.classes)
     sums = {fate: sum(row[fate] for row in every.values()) for fate in PIXEL_FATES}
     assert unknown == {"unlabelled": sums}
+
+
+def test_an_image_outside_the_model_leaves_the_others_their_pixels(
+    make_capture: Callable[..., Path], arc: Callable[[int], NDArray[np.float64]], tmp_path: Path
+) -> None:
+    """One photograph between the others is blank: pixels are counted by what the registered photographs show."""
+    folder = make_capture(tmp_path / "capture", arc(7))
+    cv2.imwrite(str(folder / "images/000003.jpg"), np.full((CAMERA.height, CAMERA.width, 3), 200, np.uint8))
+    (tmp_path / "cloud").mkdir()
+    settings = ReconSettings(mode="dense", quality="low", sparse=SparseSettings(max_features=1200))
+    reconstruct(folder, tmp_path / "cloud", settings, SILENT)
+    cloud, truth = read_cloud(tmp_path / "cloud"), read_truth(read_capture(folder))
+    assert truth is not None
+    assert [camera["status"] for camera in cloud.cameras] == ["ok"] * 3 + ["no_texture"] + ["ok"] * 3
+    shown = np.bincount(
+        np.concatenate([truth.semantic(row).ravel() for row in (0, 1, 2, 4, 5, 6)]), minlength=256
+    ) / sum(truth.semantic(row).size for row in (0, 1, 2, 4, 5, 6))
+    pixels = {name: sum(row.values()) for name, row in cloud.statistics["pixels"].items()}
+    names = {row.id: row.name for row in truth.classes}
+    assert {name: count / sum(pixels.values()) for name, count in pixels.items()} == pytest.approx(
+        {names[int(number)]: shown[number] for number in np.flatnonzero(shown)}, abs=0.01
+    )
 
 
 def test_pixels_in_points_are_those_that_points_show(

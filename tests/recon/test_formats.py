@@ -15,6 +15,7 @@ from groundwork.canonical import folder_digest
 from groundwork.errors import InputError
 from recon.cloud import COLUMNS, Cloud, read_cloud, without_observations, write_cloud
 from recon.formats.export import EXPORTS, export_cloud
+from recon.formats.hdf5 import write_hdf5
 from recon.formats.laz import write_laz
 from recon.formats.scan import open_scan
 from usd_schemas.components import class_rows
@@ -161,6 +162,10 @@ def test_hdf5(source: Path) -> None:
         assert file["uncertainty"].attrs["unit"] == "m"
         assert file.attrs["source"] == "lidar-terrestrial"
         assert {row["name"] for row in json.loads(file.attrs["classes"])} >= {"deck", "pier_cap"}
+    write_hdf5(source.parent / "loose.h5", dataclasses.replace(cloud, alignment={"target": "none", "unit": "unknown"}))
+    with h5py.File(source.parent / "loose.h5") as file:  # photographs that nothing placed
+        units = {name: file[name].attrs["unit"] for name in ("coord", "displacement", "reprojection_error")}
+        assert units == {"coord": "unknown", "displacement": "unknown", "reprojection_error": "px"}
 
 
 def test_pointcept(source: Path) -> None:

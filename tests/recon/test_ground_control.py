@@ -331,7 +331,7 @@ def test_photographs_are_laid_onto_control(
     (tmp_path / "gcp_list.txt").write_text("\n".join(lines), encoding="utf-8")
     made = Sparse(model, plane_cloud / "sparse", "", {}, {})
     monkeypatch.setattr(conductor, "run_sparse", lambda *_: made)
-    conductor.reconstruct(bare, folder, ReconSettings(), SILENT, tmp_path / "gcp_list.txt")
+    conductor.reconstruct(bare, folder, ReconSettings(mode="sparse"), SILENT, tmp_path / "gcp_list.txt")
     cloud = read_cloud(folder)
     assert cloud.alignment["target"] == "control points"
     assert cloud.alignment["unit"] == "m"
@@ -348,7 +348,7 @@ def test_photographs_are_laid_onto_control(
     figures["stated_scale_percent"] = cloud.alignment["expected_error"]["scale_percent"]
     record_proof("ground control: photographs laid onto points", len(spots), 0, figures)
     with pytest.raises(InputError, match="a capture with truth is placed by it"):
-        conductor.reconstruct(plane_capture, tmp_path, ReconSettings(), SILENT, tmp_path / "gcp_list.txt")
+        conductor.reconstruct(plane_capture, tmp_path, ReconSettings(mode="sparse"), SILENT, tmp_path / "gcp_list.txt")
 
 
 def conductor_poses(capture: Path) -> Any:

@@ -10,7 +10,8 @@ from recon.photos.photo_xmp import camera_up_of, read_xmp
 from recon.photos.photos import open_photographs
 from recon.placing.place import Registered, place
 from recon.settings import AlignmentSettings
-from tests.recon.test_photos import tagged
+from render.images.exif import geodetic
+from tests.recon.test_photos import jpeg, tagged, with_exif
 from usd_schemas.pinhole import look_at
 
 SPACE = b"http:xap/1.0/\x00"
@@ -61,6 +62,58 @@ def test_packets_as_drones_write_them() -> None:
     ):
         assert read_xmp(packet).sigmas is None
         assert read_xmp(packet).up is None
+
+
+def exif_of(place: tuple[float, float, float], error: float) -> bytes:
+    """Write EXIF of a place in degrees north and east and metres, with the receiver's error along the ground [m]."""
+    entries: list[tuple[int, int, bytes, int]] = [(1, 2, b"N\x00", 2), (3, 2, b"E\x00", 2)]
+    for tag, angle in ((2, place[0]), (4, place[1])):
+        entries.append((tag, 5, struct.pack(">6I", int(angle), 1, 0, 1, round((angle % 1.0) * 3.6e9), 1_000_000), 3))
+    entries += [(6, 5, struct.pack(">2I", round(place[2] * 1e4), 10_000), 1)]
+    entries += [(0x1F, 5, struct.pack(">2I", round(error * 1e4), 10_000), 1)]
+    rows, tail, at = b"", b"", 26 + 2 + 12 * len(entries) + 4
+    for tag, kind, value, count in sorted(entries):
+        rows += struct.pack(">HHI", tag, kind, count)
+        rows += value.ljust(4, b"\x00") if len(value) <= 4 else struct.pack(">I", at + len(tail))
+        tail += value if len(value) > 4 else b""
+    root = struct.pack(">HHHIII", 1, 0x8825, 4, 1, 26, 0)
+    return b"MM\x00*" + struct.pack(">I", 8) + root + struct.pack(">H", len(entries)) + rows + bytes(4) + tail
+
+
+def test_errors_in_exif_weigh_as_they_are(tmp_path: Path) -> None:
+    """Without XMP, EXIF's own error of the place counts: centimetres place to centimetres, metres only to metres."""
+    rng = np.random.default_rng(0)
+    eyes = np.column_stack([rng.uniform(0, 60, 12), rng.uniform(0, 40, 12), rng.uniform(30, 45, 12)])
+    poses = np.stack([look_at(eye, eye + np.array([0.0, 1.0, -1.0])) for eye in eyes])
+    model = poses.copy()
+    model[:, :3, 3] /= 7.0
+    places = []
+    for error in (0.02, 2.0):
+        folder = tmp_path / f"{error}"
+        folder.mkdir()
+        for row, eye in enumerate(eyes):
+            east, north, up = eye + np.random.default_rng(row).normal(0, [error, error, 1.5 * error])
+            fix = geodetic((east, north, up), (46.2, 7.5, 400.0))
+            (folder / f"{row:02d}.jpg").write_bytes(with_exif(jpeg(), exif_of(fix, error)))
+        capture = open_photographs(folder)
+        assert capture.gps_sigma == pytest.approx((error, error, 1.5 * error))
+        found, _ = place(Registered(model, np.arange(12)), capture, None, AlignmentSettings(), rng)
+        assert found.errors is not None
+        assert abs(found.similarity.scale / 7.0 - 1.0) * 100 < found.errors.scale
+        places.append(found.errors.place)
+    assert places[0] < 0.15
+    assert 3.0 < places[1] < 15.0
+    told = read_header_with_both(tmp_path)
+    assert told == (0.011, 0.012, 0.025)
+
+
+def read_header_with_both(folder: Path) -> tuple[float, float, float]:
+    """Photograph with both: what XMP says by direction goes before EXIF's one number."""
+    file = folder / "both" / "a.jpg"
+    file.parent.mkdir()
+    data = with_xmp(jpeg(), PACKET.format(roll="0.00", pitch="-45.00"))
+    file.write_bytes(with_exif(data, exif_of((46.2, 7.5, 400.0), 0.5)))
+    return open_photographs(file.parent).gps_sigma
 
 
 def test_corrected_places_weigh_as_they_are(tmp_path: Path) -> None:

@@ -6,14 +6,13 @@ import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.recon.photographs import HEADS, control_errors, figures_of, former_rows, photographs_page
+from benchmarks.recon.photographs import control_errors, figures_of, photographs_page
 from falsework.commands.verbs import reconstruct_folder
 from groundwork.errors import InputError, MissingError, RejectedSceneError
 from groundwork.progress import SILENT, Silent
@@ -185,7 +184,7 @@ def test_a_rejected_folder_leaves_nothing(tmp_path: Path) -> None:
     for name in ("a.jpg", "b.jpg"):
         (photographs / name).write_bytes(jpeg())
     with pytest.raises(RejectedSceneError) as rejected:
-        reconstruct_folder(photographs, tmp_path / "cloud", ReconSettings(), SILENT)
+        reconstruct_folder(photographs, tmp_path / "cloud", ReconSettings(mode="sparse"), SILENT)
     assert rejected.value.reason == "too_few_images"
     assert [path.name for path in tmp_path.iterdir()] == ["photographs"]
 
@@ -283,10 +282,10 @@ def test_bare_photographs_become_a_cloud(
     cut = (bare / "000002.jpg").read_bytes()
     (bare / "000002.jpg").write_bytes(cut[:20_000])
     with pytest.raises(InputError, match=r"000002\.jpg: the image is cut off or damaged"):
-        reconstruct(bare, folder, ReconSettings(), SILENT)
+        reconstruct(bare, folder, ReconSettings(mode="sparse"), SILENT)
     (bare / "000002.jpg").write_bytes(cut)
     listener = Notes()
-    reconstruct(bare, folder, ReconSettings(sparse=SparseSettings(max_features=700)), listener)
+    reconstruct(bare, folder, ReconSettings(mode="sparse", sparse=SparseSettings(max_features=700)), listener)
     cloud = read_cloud(folder)
     (said,) = listener.notes
     assert said.startswith(f"5 of 5 photographs ok, {len(cloud):,} of ")
@@ -329,21 +328,6 @@ def test_bare_photographs_become_a_cloud(
     )
 
 
-def test_rows_of_former_photographs_stay() -> None:
-    """What is on the page stays, a column that it did not have is empty, and what is made anew takes its place."""
-    numbers = ["3 of 3", "1,000", "90%", "60%", "3.0", "0.50", "nothing", "", ""]
-    heads = [head for head in HEADS if head != "duplicates merged"]
-    rows = [["field (drone)", "sparse", *numbers], ["shore", "sparse", *numbers]]
-    former = "\n".join(["# Real photographs", "", *(f"| {' | '.join(row)} |" for row in (heads, *rows)), ""])
-    figures: dict[str, Any] = {"images": 3, "registered": 2, "points": 50, "model_points": 100, "observations": 150}
-    figures |= {"thrice": 0.5, "mean_reprojection_error": 0.7, "target": "none", "method": "up", "expected_error": None}
-    anew = ("shore", {**figures, "mode": "sparse", "duplicates": 1200})
-    found = former_rows(photographs_page([anew], former))
-    assert found[0] == ["field (drone)", "sparse", *numbers[:3], "", *numbers[3:]]
-    assert [row[:6] for row in found[1:]] == [["shore", "sparse", "2 of 3", "50", "50%", "1,200"]]
-    assert former_rows("") == []
-
-
 @pytest.mark.proof_only
 def test_photographs_with_gps_become_a_cloud_in_metres(
     make_capture: Callable[..., Path], arc: Callable[[int], np.ndarray], tmp_path: Path
@@ -360,7 +344,7 @@ def test_photographs_with_gps_become_a_cloud_in_metres(
         shot = Shot(420.0 / 480 * 0.036, 0.036, 0.001, 0.0, (east, north, up), ORIGIN)
         data = (capture / "images" / f"{row:06d}.jpg").read_bytes()
         (bare / f"{row:06d}.jpg").write_bytes(insert_exif(data, shot, 480, 360))
-    reconstruct(bare, folder, ReconSettings(sparse=SparseSettings(max_features=1500)), SILENT)
+    reconstruct(bare, folder, ReconSettings(mode="sparse", sparse=SparseSettings(max_features=1500)), SILENT)
     cloud = read_cloud(folder)
     assert cloud.alignment["target"] == "gps"
     assert cloud.alignment["unit"] == "m"

@@ -148,7 +148,7 @@ def test_a_cut_image_is_named(left: int, plane_capture: Path, tmp_path: Path) ->
     path.write_bytes(path.read_bytes()[:left])
     folder.mkdir()
     with pytest.raises(InputError, match=r"000004\.jpg"):
-        reconstruct(capture, folder, ReconSettings(), SILENT)
+        reconstruct(capture, folder, ReconSettings(mode="sparse"), SILENT)
     assert not [path for path in folder.rglob("*") if path.is_file()]  # no database, no cloud
 
 

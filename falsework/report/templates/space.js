@@ -462,7 +462,7 @@ class Space {
     const sure = level > this.top ? "not known" : level === 0 ? "1 mm or less" : level === this.top ? "10 m or more" : `about ${lengthInWords(limit)}`;
     const at = this.at(i).map((value, k) => (value + told.origin[k]).toFixed(2)).join(", ");
     this.rowsOf(panel, "Point", [["class", told.classes[this.segment[i]]?.name || "–"], ["instance", own.id || "none"],
-      ["kind", own.kind || "–"], ["uncertainty", sure], ["place", `${at} m`]]);
+      ["kind", own.kind || "–"], ["uncertainty", sure], ["place", `${at} ${told.unit}`]]);
     if (!this.seen || this.seen.first[i + 1] === this.seen.first[i]) return [];
     const list = document.createElement("ul"), cameras = [], all = told.seen.of ? unpacked(told.seen.of, Uint16Array)[i] : 0;
     for (let k = this.seen.first[i]; k < this.seen.first[i + 1]; k += 1) {
@@ -487,7 +487,7 @@ class Space {
 
   tellCamera(panel, k) {
     const { flight } = this.told, camera = flight.cameras[k], sheet = flight.sheet;
-    this.rowsOf(panel, "Image", [["status", camera.status], ["place", camera.eye.map((value, axis) => (value + this.told.origin[axis]).toFixed(2)).join(", ") + " m"]]);
+    this.rowsOf(panel, "Image", [["status", camera.status], ["place", camera.eye.map((value, axis) => (value + this.told.origin[axis]).toFixed(2)).join(", ") + ` ${this.told.unit}`]]);
     const crop = document.createElement("i"), column = camera.cell % sheet.columns, row = Math.floor(camera.cell / sheet.columns);
     crop.className = "crop";
     crop.style.backgroundImage = `url(${sheet.picture})`;

@@ -1,0 +1,26 @@
+"""What every step of one baking works on."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from pxr import Usd
+
+from authoring.exchange.bake_lookup import TextureLookup
+from usd_schemas.guard.layer_walk import Warn
+
+
+@dataclass(frozen=True, eq=False)
+class Baking:
+    """A flattened stage that gets baked textures.
+
+    Attributes:
+        stage: Flattened stage; its root layer is changed.
+        folder: Folder of that layer; receives the textures.
+        textures: What the textures of the stage show.
+        warn: Called with one line for each thing about a material that is not read.
+    """
+
+    stage: Usd.Stage
+    folder: Path
+    textures: TextureLookup
+    warn: Warn

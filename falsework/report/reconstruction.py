@@ -1,0 +1,82 @@
+"""What a page says of one cloud, reconstructed or sampled: figures, tables, the unit of its lengths."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from falsework.report.cloud_view import Shown, cloud_view
+from falsework.report.figures import class_figure, uncertainty_figure
+from falsework.report.residuals import image_rows, image_table, overlap_figure, residual_figure
+from falsework.report.scene_tables import (
+    NOISE_THRESHOLD,
+    fact_rows,
+    kept_rows,
+    noise_rows,
+    pixel_rows,
+    unit_of,
+    window_rows,
+)
+from groundwork.slug import slug
+
+if TYPE_CHECKING:
+    from recon.cloud import Cloud
+
+NOTHING: Mapping[str, Any] = {
+    "is_cloud": False,
+    "threshold": None,
+    "noise": [],
+    "residuals": None,
+    "overlap": None,
+    "known": False,
+    "from_truth": True,
+    **dict.fromkeys(("facts", "kept", "windows", "pixels", "images"), ()),
+}
+"""What a page says of photographs without a cloud."""
+
+
+def reconstruction_parts(cloud: "Cloud", folder: Path, links: Mapping[str, str]) -> dict[str, Any]:
+    """Fill what the template shows of a reconstructed cloud.
+
+    Args:
+        cloud: The cloud.
+        folder: Its folder, with the cameras of the reconstruction.
+        links: Link to the file of each photograph, by name.
+    """
+    rows = image_rows(cloud, folder)
+    noise = cloud.statistics.get("noise")
+    return {
+        "is_cloud": True,
+        "threshold": None if noise is None else f"{noise['threshold']:g} m",
+        "noise": noise_rows(noise),
+        "classes": class_figure(cloud.columns["segment"], cloud.classes),
+        "known": bool(np.isfinite(cloud.columns["uncertainty"]).any()),
+        "uncertainty": uncertainty_figure(cloud.columns["uncertainty"], NOISE_THRESHOLD),
+        "residuals": residual_figure(rows) if any(np.isfinite(row.residual) for row in rows) else None,
+        "overlap": overlap_figure(cloud, unit_of(cloud)) if len(cloud.observations["image"]) else None,
+        "from_truth": cloud.alignment.get("target", "truth") == "truth",
+        "facts": fact_rows(cloud),
+        "kept": kept_rows(cloud.statistics),
+        "windows": window_rows(cloud.statistics),
+        "pixels": pixel_rows(cloud.statistics),
+        "images": image_table(rows, dict(links)),
+    }
+
+
+def sample_parts(name: str, cloud: "Cloud", shown: Shown) -> dict[str, Any]:
+    """Fill what the template shows of a cloud that was sampled on a stage.
+
+    Args:
+        name: What it is called.
+        cloud: The cloud.
+        shown: How much of it the page holds.
+    """
+    return {
+        "name": name,
+        "key": slug(f"sample {name}"),
+        "source": cloud.source,
+        "tiles": [{"label": "points", "value": f"{len(cloud):,}"}],
+        "view": cloud_view(cloud, None, shown),
+        "classes": class_figure(cloud.columns["segment"], cloud.classes),
+    }
