@@ -125,6 +125,7 @@ class Tower:
     Attributes:
         spot: World position of the middle of its footprint, on the pavement [m].
         heading: Direction of its own x, counter-clockwise from +x [rad].
+        half: Half its footprint [m].
         tiers: Its boxes from the ground up.
         style: Its facade.
         wall: Material recipe of its piers.
@@ -135,6 +136,7 @@ class Tower:
 
     spot: tuple[float, float, float]
     heading: float
+    half: tuple[float, float]
     tiers: tuple[Tier, ...]
     style: Style
     wall: str
@@ -224,7 +226,7 @@ def _tower(plan: TownPlan, lot: Block, height: float, number: int, rng: np.rando
     level = round(float(plan.land.ground(world).mean()) + KERB, 3)
     away = float(plan.land.look(plan.land.away, spot[None], 1e4)[0])
     place = (round(float(spot[0]), 3), round(float(spot[1]), 3), level)
-    return Tower(place, plan.heading, tiers, style, wall, band or wall, away, number)
+    return Tower(place, plan.heading, (float(half[0]), float(half[1])), tiers, style, wall, band or wall, away, number)
 
 
 def _tiers(half: F64, storeys: int, style: Style, rng: np.random.Generator) -> tuple[Tier, ...]:
