@@ -220,6 +220,7 @@ def test_unknown_names_say_what_is_allowed(tmp_path: Path) -> None:
 _BAKE = """
 import sys; from pathlib import Path; import numpy as np
 from authoring.looks.bake import bake_surface
+from authoring.looks.library import SheetName
 from authoring.light.daylight import LightSettings, bake_light
 folder = Path(sys.argv[1])
 for name in ("board_concrete", "grass", "gravel", "painted_steel", "foliage", "road_marking"):
