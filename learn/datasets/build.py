@@ -86,10 +86,14 @@ def build_dataset(
         cloud = read_labeled(source.path, source.class_map, table, progress, settings.moving)
         cloud = _with_noise(cloud, table, settings)
         present &= set(cloud.inputs)
-        for row, patch in _rows(cloud, number, facts, settings, splits):
-            write_piece(folder / row.split / row.name, patch)
-            pieces.append(row)
-            counts[row.split] += np.bincount(patch.labels, minlength=256)
+        try:
+            for row, patch in _rows(cloud, number, facts, settings, splits):
+                write_piece(folder / row.split / row.name, patch)
+                pieces.append(row)
+                counts[row.split] += np.bincount(patch.labels, minlength=256)
+        except InputError as error:
+            error.found_in(source.path)
+            raise
         progress.advance(number + 1)
     _note_empty(pieces, splits, settings, progress)
     if not any(row.split == TRAIN for row in pieces) and not all(facts.evaluate_only for facts in known):

@@ -16,6 +16,8 @@ from recon.photos.photos import FOCAL_GUESSED
 from recon.settings import SparseSettings
 from recon.sfm.colmap_model import read_model
 from recon.sfm.database import DATABASE
+from recon.sfm.growth import MOST_MOVED, grow
+from recon.sfm.runaways import leave_out, runaways
 from recon.sfm.tie_points import write_tie_points
 from render.capture import Capture
 
@@ -46,7 +48,7 @@ def map_images(
     Returns:
         `mapper`; `tie_points`: whether the mapper worked with these instead of all matches; `models`: number of images
         and points of each, largest first (of those that are not kept, of tie points alone); `elsewhere`: files of the
-        images that are in another model than the largest.
+        images that are in another model than the largest; where images were missing, `growth`: see `grow`.
     """
     models, final, ties = folder / _MODELS, folder / MODEL, folder / _TIES
     for path in (models, final):
@@ -57,20 +59,25 @@ def map_images(
     run = _map_globally if kind == "global" else _map_incrementally
     progress.stage("tie points", 0)
     thinned = write_tie_points(matches / DATABASE, ties, settings.tie_points, seed)
-    found = run(capture, ties if thinned else matches / DATABASE, models, settings, seed, progress)
+    source = ties if thinned else matches / DATABASE
+    ranked = _ranked(run(capture, source, models, settings, seed, progress))
+    growth: dict[str, float] = {}
+    if kind != "global":
+        growth = _grow_largest(capture, source, models, ranked, _mapper_options(settings, seed), progress)
     _clear_ties(folder)
-    ranked = sorted(found.items(), key=lambda row: (-row[1].num_reg_images(), -row[1].num_points3D(), row[0]))
     in_largest: set[str] = set()
-    in_any = {image.name for _, model in ranked for image in model.images.values() if image.has_pose}
+    in_any = {image.name for model in ranked for image in model.images.values() if image.has_pose}
     if ranked:
-        largest = ranked[0][1]
+        largest = ranked[0]
         progress.stage("last adjustment", 0)
         adjust_robustly(largest, _threads(settings))
-        if thinned:
+        if thinned or growth.get("added"):  # growth makes no points of two views
             progress.stage("points of all matches", 0)
             largest = _triangulate_all(capture, largest, matches / DATABASE, models, settings, seed)
             adjust_robustly(largest, _threads(settings))
-            ranked[0] = (ranked[0][0], largest)
+            ranked[0] = largest
+        away = _bring_back(largest, settings, progress)
+        in_any -= away
         largest.write_binary(final)
         _check_whole(final)
         in_largest = {image.name for image in largest.images.values() if image.has_pose}
@@ -78,9 +85,21 @@ def map_images(
     return {
         "mapper": kind,
         "tie_points": thinned,
-        "models": [{"images": model.num_reg_images(), "points": model.num_points3D()} for _, model in ranked],
+        "models": [{"images": model.num_reg_images(), "points": model.num_points3D()} for model in ranked],
         "elsewhere": sorted(in_any - in_largest),
+        **({"growth": growth} if growth else {}),
     }
+
+
+def _bring_back(model: pycolmap.Reconstruction, settings: SparseSettings, progress: Progress) -> set[str]:
+    """Leave out the cameras that ran away, adjust the others without them, and name them."""
+    away = runaways(model)
+    names = sorted(model.image(number).name for number in away)
+    if away:
+        leave_out(model, away)
+        adjust_robustly(model, _threads(settings))
+        progress.note(f"left out, for their cameras ran away from all others: {', '.join(names)}")
+    return set(names)
 
 
 def choose_mapper(capture: Capture, settings: SparseSettings) -> str:
@@ -154,8 +173,7 @@ def _map_incrementally(
 
     found: dict[int, pycolmap.Reconstruction] = {}
     for stage, motion in (("mapping", {}), ("mapping, from views straight ahead", _STRAIGHT_AHEAD)):
-        options = _incremental_options(settings, seed)
-        options.use_prior_position = settings.use_gps_in_mapping
+        options = _mapper_options(settings, seed)
         for name, value in motion.items():
             setattr(options.mapper, name, value)
         done = 0
@@ -173,6 +191,33 @@ def _map_incrementally(
     return found
 
 
+def _ranked(found: dict[int, pycolmap.Reconstruction]) -> list[pycolmap.Reconstruction]:
+    order = sorted(found, key=lambda row: (-found[row].num_reg_images(), -found[row].num_points3D(), row))
+    return [found[row] for row in order]
+
+
+def _grow_largest(
+    capture: Capture,
+    database: Path,
+    scratch: Path,
+    ranked: list[pycolmap.Reconstruction],
+    options: pycolmap.IncrementalPipelineOptions,
+    progress: Progress,
+) -> dict[str, float]:
+    """Where images are missing, put the grown model in the place of the largest one; tell what became of it."""
+    total = len(capture.images)
+    if not ranked or ranked[0].num_reg_images() == total or not ranked[0].num_points3D():
+        return {}
+    progress.stage("mapping, by fewer matches", 0)
+    before = ranked[0].num_reg_images()
+    ranked[0], facts = grow(ranked[0], database, capture.folder, scratch, options)
+    if facts["moved"] > MOST_MOVED:
+        progress.note(f"growth by fewer matches bent the model of {before} images (by {facts['moved']:.1%}): not taken")
+    elif facts["added"]:
+        progress.note(f"growth by fewer matches: {before} of {total} images became {before + facts['added']:.0f}")
+    return facts
+
+
 def _triangulate_all(
     capture: Capture,
     model: pycolmap.Reconstruction,
@@ -186,6 +231,12 @@ def _triangulate_all(
     options.ba_global_max_refinements = 1
     options.ba_global_max_num_iterations = _POINT_ROUNDS
     return pycolmap.triangulate_points(model, database, capture.folder, scratch, options=options)
+
+
+def _mapper_options(settings: SparseSettings, seed: int) -> pycolmap.IncrementalPipelineOptions:
+    options = _incremental_options(settings, seed)
+    options.use_prior_position = settings.use_gps_in_mapping
+    return options
 
 
 def _incremental_options(settings: SparseSettings, seed: int) -> pycolmap.IncrementalPipelineOptions:

@@ -24,6 +24,7 @@ _CHILD = "recon.sfm.sparse_child"
 _SECTION = "recon.sparse"
 _MODEL = "model"  # as the child names it; importing it would load COLMAP here
 _VERSION = 6  # raised whenever the same settings would give another model
+_MAPPING_VERSION = 2  # the same, of the mapper alone
 _SLACK = 120.0  # [s] beside the time per image
 _LOOK = 0.5  # [s] how often the database is asked how far it is
 _FEW_KEYPOINTS = 50
@@ -96,6 +97,7 @@ def run_sparse(capture: Capture, work: Path, settings: ReconSettings, progress: 
         "mapper": mapped.result["mapper"],
         "tie_points": mapped.result["tie_points"],
         "models": mapped.result["models"],
+        **({"growth": mapped.result["growth"]} if "growth" in mapped.result else {}),
         "model_sha256": folder_digest(mapped.folder / _MODEL),
     }
     reasons = absent_reasons(capture, keypoints, matches.result["overlapping"], mapped.result["elsewhere"])
@@ -197,6 +199,7 @@ def _map(capture: Capture, matches: Step, work: Path, settings: ReconSettings, p
     sparse = settings.sparse
     recipe = [
         matches.recipe,
+        _MAPPING_VERSION,
         sparse.mapper,
         sparse.global_from,
         sparse.two_view_tracks,
