@@ -74,7 +74,7 @@ def build_dataset(
     """
     settings = _with_own_classes(settings, sources)
     own = settings.table == OWN
-    table = own_table(settings.own) if own else class_table(settings.table, settings.noisy_class)
+    table = own_table(list(settings.own)) if own else class_table(settings.table, settings.noisy_class)
     known = [identify(source.path, source.class_map, source.bridge) for source in sources]
     _check_sources(sources, known)
     splits = split_bridges(known, settings)

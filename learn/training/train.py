@@ -99,14 +99,7 @@ def train_network(
         InputError: No samples, one class alone, no GPU where one was asked for, or a model to begin with that does not
             fit.
     """
-    if settings.accelerator == "gpu" and not (torch.cuda.is_available() or torch.backends.mps.is_available()):
-        raise InputError(
-            "no GPU that torch can use",
-            field="accelerator",
-            value="gpu",
-            allowed="auto, cpu",
-            hint="Install a torch that fits the driver, or train with --set accelerator=cpu",
-        )
+    _check_gpu(settings)
     torch.use_deterministic_algorithms(not trains_on_gpu(settings))
     task, classes = _set_task(data, settings, init), data.training.classes
     torch.manual_seed(settings.seed)
@@ -150,6 +143,17 @@ def trains_on_gpu(settings: TrainSettings) -> bool:
         settings: The training.
     """
     return settings.accelerator == "gpu" or (settings.accelerator == "auto" and torch.cuda.is_available())
+
+
+def _check_gpu(settings: TrainSettings) -> None:
+    if settings.accelerator == "gpu" and not (torch.cuda.is_available() or torch.backends.mps.is_available()):
+        raise InputError(
+            "no GPU that torch can use",
+            field="accelerator",
+            value="gpu",
+            allowed="auto, cpu",
+            hint="Install a torch that fits the driver, or train with --set accelerator=cpu",
+        )
 
 
 def _set_task(data: TrainingData, settings: TrainSettings, init: Path | None) -> _Task:

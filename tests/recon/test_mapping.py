@@ -62,7 +62,7 @@ def wall(folder: Path, shared: int, bow: float) -> Capture:
     among = np.flatnonzero(held & (points[:, 0] > 0) & (points[:, 0] < 12) & seen[ROW:].all(axis=0))
     seen[ROW:] &= np.isin(np.arange(600), rng.choice(among, shared, replace=False))
     alone = np.flatnonzero(~seen.any(axis=0) & (abs(points[:, 0] - 6) < 7))[:ALONE]
-    seen[np.ix_([-2, -1], alone)] = True
+    seen[-2:, alone] = True
     pixels[ROW:, :, 1] += bow * ((points[:, 0] - 6) / 6) ** 2
     return write_matches(folder, pixels, seen)
 
