@@ -4,7 +4,9 @@ Usage: python -m benchmarks.shipped.pack DATASET… --out FILE [--validation NAM
        python -m benchmarks.shipped.pack --unpack FILE… --out DATASET
 
 What a training on positions needs is kept: places to the centimeter, labels, and which bridge a piece is of. Of the
-pieces of a cloud that show nothing of a bridge, `--land` are kept; of the pieces for validation one in `--every`.
+pieces of a cloud that show nothing of a bridge, `--land` are kept; of the pieces for validation one in `--every`. There
+`benchmarks.shipped.training` trains on it; its model, put as `model` beside the `dataset` in one folder, is what
+`benchmarks.shipped.model CLOUDS… --work FOLDER` ships.
 """
 
 import argparse
