@@ -4,9 +4,9 @@ import numpy as np
 import pycolmap
 
 FAR = 100.0
-"""Distance from the middle of all cameras at which one has run away, in distances that three quarters of them keep
-within [1]. Real photographs and flights stay below 10; one camera of 222 stood at 180,000 (4,000 km from its bridge),
-and took 144 dense points with it."""
+"""Distance from the middle of all cameras at which one has run away, in distances that three quarters of cameras and
+points keep within [1]. Real photographs and flights stay below 10; one camera of 222 stood at 180,000 (4,000 km from
+its bridge), and took 144 dense points with it."""
 _SHARE = 0.75
 
 
@@ -23,8 +23,10 @@ def runaways(model: pycolmap.Reconstruction) -> list[int]:
     if not numbers:
         return []
     centers = np.array([model.image(number).projection_center() for number in numbers])
-    away = np.linalg.norm(centers - np.median(centers, axis=0), axis=1)
-    limit = FAR * float(np.quantile(away, _SHARE))
+    points = np.array([point.xyz for point in model.points3D.values()]).reshape(-1, 3)
+    away, reach = (np.linalg.norm(places - np.median(centers, axis=0), axis=1) for places in (centers, points))
+    sizes = [float(np.quantile(distances, _SHARE)) for distances in (away, reach) if len(distances)]
+    limit = FAR * max(sizes)  # of cameras that turn on one spot the points alone tell the size
     return [number for number, distance in zip(numbers, away, strict=True) if not distance <= limit]
 
 

@@ -205,6 +205,10 @@ def test_a_camera_that_ran_away_leaves_the_model(tmp_path: Path) -> None:
         _move(model, last, np.median(centers, axis=0) + reach * spread * np.eye(3)[0])
         assert runaways(model) == found
     points = model.num_points3D()
+    for number in range(2, last):  # a tripod, and one camera a step beside it
+        _move(model, number, centers[0] + 1e-9 * number)
+    _move(model, last, centers[0] + 0.1 * spread)
+    assert runaways(model) == []
     leave_out(model, [last])
     assert sorted(model.reg_image_ids()) == list(range(1, ROW + AWAY))
     assert model.num_points3D() < points
