@@ -10,6 +10,9 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
+from recon.sfm.colmap_model import check_whole
+from recon.sfm.runaways import runaways
+
 F64 = NDArray[np.float64]
 
 FEW_INLIERS = 15
@@ -21,6 +24,9 @@ MOST_MOVED = 0.003
 """How far a camera of the model may move among the others of it, as a share of the diagonal of their places [1]. It was
 0.0001 to 0.0012 on that flight where growth was sound (0.001 is how far such models were off before), 0.0055 where it
 folded."""
+
+
+_LEAST = 3  # cameras that a similarity needs
 
 
 def grow(
@@ -53,6 +59,7 @@ def grow(
     for path in (before, after):
         path.mkdir()
     model.write_binary(before)
+    check_whole(before)
     found = pycolmap.incremental_mapping(database, images, after, options, input_path=before)
     grown = next((other for other in found.values() if other.num_reg_images() > model.num_reg_images()), None)
     if grown is None:
@@ -104,9 +111,13 @@ def shift(model: pycolmap.Reconstruction, grown: pycolmap.Reconstruction) -> flo
 
     Returns:
         The largest distance that the best similarity leaves between the places of a camera, as a share of the diagonal
-        of the box of all places before [1]; 1 where all have become one place.
+        of the box of all places before [1]; 1 where all have become one place, 0 where fewer than three cameras are
+        left, which cannot be bent. Cameras that had run away before are not asked.
     """
-    numbers = sorted(set(model.reg_image_ids()) & set(grown.reg_image_ids()))
+    away = set(runaways(model))  # they would make every other distance small
+    numbers = sorted((set(model.reg_image_ids()) & set(grown.reg_image_ids())) - away)
+    if len(numbers) < _LEAST:
+        return 0.0
     before, after = (
         np.array([each.image(number).projection_center() for number in numbers]) for each in (model, grown)
     )
