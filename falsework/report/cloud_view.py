@@ -212,7 +212,8 @@ def _box_of_most(places: F64) -> tuple[F64, F64]:
     """Find a box that one stray point a thousand kilometers away does not blow up: it is drawn at the side of it."""
     low, high = _box(places)
     if len(places):
-        first, last = (np.quantile(places, q, axis=0, method=m) for q, m in ((0.01, "higher"), (0.99, "lower")))
+        first = np.quantile(places, 0.01, axis=0, method="higher")
+        last = np.quantile(places, 0.99, axis=0, method="lower")
         room = _STRAY * (last - first) + 1.0
         low, high = np.maximum(low, first - room), np.minimum(high, last + room)
     return low, high
