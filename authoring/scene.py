@@ -136,7 +136,7 @@ def _write_bridge(
     asked = dict.fromkeys((settings.look.name, *settings.variants.look))
     others = (name for name in LOOKS if name not in asked)
     names = [*asked, *islice(others, max(2 - len(asked), 0))]  # two in any case, so that a swap needs no authoring
-    files = {name: write_look(settings, seed, name, bridge, folder, given=surfaces) for name in names}
+    files = {name: write_look(recipe, name, bridge, folder, given=surfaces) for name in names}
     spans = tuple(np.diff(layout.supports).tolist())
     facts = {**asdict(drawn), "alignment": asdict(layout.alignment)}
     layer = bridge_layer(drawn.family, spans, layout.width, facts, files)

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.shipped.scan_scores import TABLES, Labelled, label_scan, read_labeled_scan
+from benchmarks.shipped.scan_scores import TABLES, Labeled, label_scan, read_labeled_scan
 from docs.sampling_picture import GAP, PANEL, draw
 from groundwork.files import write_bytes
 from learn.datasets.class_tables import ClassTable, class_table
@@ -38,7 +38,7 @@ KINDS = {
 _LETTERS, _LINE = 0.5, 26  # of captions; height of a line of the legend [px]
 
 
-def panels(found: Labelled, table: str, title: str) -> U8:
+def panels(found: Labeled, table: str, title: str) -> U8:
     """Draw truth, prediction and errors of one cloud side by side.
 
     Args:

@@ -38,7 +38,7 @@ def run_child(
     Args:
         module: Module that calls `answer_parent` under `__main__`.
         request: JSON for the child.
-        time_limit: Wall time after which it is killed [s].
+        time_limit: Wall time after which it is killed, that which it waited for a core left out [s].
         memory_limit: Resident memory above which it is killed [GB].
         progress: Listener for the child's progress.
         environment: Variables to add to the child's environment.
@@ -167,10 +167,18 @@ def _watch(process: subprocess.Popen[bytes], time_limit: float, memory_limit: fl
             process.wait(_POLL)
             return None
         except subprocess.TimeoutExpired:
-            if time.monotonic() - begin > time_limit:
+            if time.monotonic() - begin - _waited(process.pid) > time_limit:
                 return f"ran longer than {time_limit:.0f} s"
             if _resident(process.pid) > memory_limit:
                 return f"used more than {memory_limit:.1f} GB of memory"
+
+
+def _waited(pid: int) -> float:
+    """How long a process waited for a core that others had [s]; 0 where the kernel does not say."""
+    try:
+        return int(Path(f"/proc/{pid}/schedstat").read_text(encoding="ascii").split()[1]) / 1e9
+    except (OSError, IndexError, ValueError):
+        return 0.0
 
 
 def _resident(pid: int) -> float:

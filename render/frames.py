@@ -25,7 +25,7 @@ from render.images import image_files
 from render.images.exif import insert_exif
 from render.light.illumination import BRIGHTEST
 from render.light.light_volume import LightVolume
-from render.sensor.sensor import Exposure, Sensor, balance, meter
+from render.sensor.sensor import Exposure, Metering, Sensor, balance, meter
 from render.sensor.shutter import read_out
 from render.settings import RenderSettings
 from render.views.camera_body import CameraBody, Shot
@@ -231,7 +231,7 @@ def _draw_missing(
     shape, told = (assignment.camera.height, assignment.camera.width), assignment.settings.sensor
     follows = told.exposure is None and not assignment.meters_light
     white = balance(body.prepared.light.daylight.on_level_ground(), told.white_balance)
-    sensor = Sensor(told, gain, BRIGHTEST, shape, assignment.seed, follows=follows, white=white)
+    sensor = Sensor(told, Metering(gain, follows, white), BRIGHTEST, shape, assignment.seed)
     _photograph(assignment, body, sensor, journal, rows, progress)
 
 

@@ -12,7 +12,7 @@ from authoring.backgrounds.harbour import container_stacks, crane, draw_sheds
 from authoring.backgrounds.hillside_land import BUILT, FOOT, QUAY, draw_sea, hillside_hills
 from authoring.backgrounds.lanes import Lane, along_lanes, draw_lanes, lane_pieces, lane_room, street_gap
 from authoring.backgrounds.lowland import valley_fields
-from authoring.backgrounds.plots import Plots, downhill, joined, place_plots
+from authoring.backgrounds.plots import Candidates, Plots, downhill, joined, place_plots
 from authoring.backgrounds.roadside import plant_hedges, plant_poles
 from authoring.backgrounds.shore_quay import quay_pieces, quay_places, quay_reaches, quay_runs
 from authoring.backgrounds.shore_town import Town, Waterside, anchored, beside_roads, land_room, street_cars
@@ -189,7 +189,7 @@ def _plots(
             np.column_stack([at, left, np.full(len(at), front), rng.integers(0, SHEDS, len(at)).astype(np.float64)])
         )
     wanted = rng.permutation(np.concatenate(rows))
-    sheds = place_plots(terrain, wanted, half, land_room(terrain, sea, wanted), settings.sheds, gap=9.0)
+    sheds = place_plots(terrain, Candidates(wanted, half, land_room(terrain, sea, wanted)), settings.sheds, gap=9.0)
     roads = beside_roads(terrain, (27.0, 60.0), rng)
     spots = np.concatenate([street + np.array([-14.5, 14.5]) for street in STREETS])
     low = np.column_stack([middle + rng.uniform(-540.0, 540.0, 900), sea.side * rng.choice(spots, 900)])
@@ -198,7 +198,7 @@ def _plots(
     turn = rng.choice((0.0, np.pi), len(places))
     wanted = np.column_stack([places, turn, rng.integers(SHEDS, SHEDS + BLOCKS, len(places)).astype(np.float64)])
     room = np.minimum(land_room(terrain, sea, wanted), lane_room((*lanes, *terraces), *places.T) + 6.0)
-    blocks = place_plots(terrain, wanted, half, room, settings.blocks, gap=7.0, standing=sheds)
+    blocks = place_plots(terrain, Candidates(wanted, half, room), settings.blocks, gap=7.0, standing=sheds)
     return joined((sheds, blocks, _houses(terrain, sea, terraces, settings.houses, half, rng)))
 
 
@@ -216,7 +216,8 @@ def _houses(
     room = land_room(terrain, sea, wanted) + 6.0
     close = terrain.beyond(spots[:, 0], spots[:, 1])
     order = np.argsort(close * rng.uniform(0.5, 1.0, len(close)), kind="stable")
-    return place_plots(terrain, wanted[order], half, room[order], count, gap=2.2, deepest=1e3, level=spots[order, 2])
+    candidates = Candidates(wanted[order], half, room[order], spots[order, 2])
+    return place_plots(terrain, candidates, count, gap=2.2, deepest=1e3)
 
 
 def _town_covers(terrain: Terrain, sea: Basin, patches: Relief) -> tuple[tuple[Cover, F64], ...]:
@@ -248,7 +249,7 @@ def _harbour(place: Waterside, plots: Plots, count: int, rng: np.random.Generato
     wanted = np.column_stack([at, sea.side * (sea.near(at) - back), np.zeros(len(at)), block])
     half = np.full((4, 2), (14.5, 4.2))
     room = np.where(rng.random(len(at)) < 0.75, land_room(terrain, sea, wanted), 0.0)
-    stacks = place_plots(terrain, wanted, half, room, 60, gap=2.0, standing=plots)
+    stacks = place_plots(terrain, Candidates(wanted, half, room), 60, gap=2.0, standing=plots)
     cranes = np.column_stack([rail, np.full(len(rail), front), np.zeros(len(rail))])
     blocks = np.column_stack([stacks.places, stacks.heading, stacks.which.astype(np.float64)])
     blocks[:, 2] -= 0.12

@@ -11,7 +11,7 @@ from authoring.backgrounds.dwellings import Style, draw_designs, dwelling_runs, 
 from authoring.backgrounds.lakeside_land import QUAY, draw_lake, lakeside_hills
 from authoring.backgrounds.lanes import Lane, along_lanes, draw_lanes, lane_pieces, lane_room, street_gap
 from authoring.backgrounds.lowland import valley_fields
-from authoring.backgrounds.plots import Plots, downhill, joined, place_plots
+from authoring.backgrounds.plots import Candidates, Plots, downhill, joined, place_plots
 from authoring.backgrounds.roadside import plant_hedges, plant_poles
 from authoring.backgrounds.shore_quay import SETBACK, quay_pieces, quay_places, quay_reaches, quay_runs
 from authoring.backgrounds.shore_town import Town, Waterside, anchored, beside_roads, land_room, street_cars
@@ -118,7 +118,8 @@ def _settlement(
         rows.append(np.column_stack([at, left, turn, rng.choice(towns, len(at)).astype(np.float64)]))
     wanted = np.concatenate(rows)
     wanted = wanted[rng.permutation(len(wanted))]
-    first = place_plots(terrain, wanted, half, land_room(terrain, lake, wanted), settings.town_houses, gap=5.0)
+    candidates = Candidates(wanted, half, land_room(terrain, lake, wanted))
+    first = place_plots(terrain, candidates, settings.town_houses, gap=5.0)
     across = along_lanes(lanes, np.array([-12.5, -11.0, 11.5, 13.0, 15.0]), 9.0, rng)[:, :2]
     far = middle + rng.uniform(-1500.0, 1500.0, 6 * settings.villas)
     shore = lake.near(far) + settings.lake_width + rng.uniform(-200.0, 350.0, len(far))
@@ -131,7 +132,7 @@ def _settlement(
     design = rng.integers(7, len(half), count).astype(np.float64)
     wanted = np.column_stack([station, across, turn, design])
     room = np.minimum(land_room(terrain, lake, wanted), lane_room(lanes, station, across) + 3.0)
-    second = place_plots(terrain, wanted, half, room, settings.villas, gap=9.0, standing=first)
+    second = place_plots(terrain, Candidates(wanted, half, room), settings.villas, gap=9.0, standing=first)
     return joined((first, second))
 
 

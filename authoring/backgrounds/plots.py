@@ -37,41 +37,52 @@ class Plots:
         return np.column_stack([self.places[:, :2], np.hypot(*self.half.T)])
 
 
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Places where buildings are wanted.
+
+    Attributes:
+        wanted: Station [m], left [m], heading from the axis [rad] and design [1] of each, shape (K, 4), float64.
+        halves: Half the length and depth of each design [m], shape (D, 2), float64.
+        room: Distance of each to what must stay free [m], shape (K,), float64.
+        level: Height of the terrace under each [m], shape (K,), float64; None: all stand on the ground.
+    """
+
+    wanted: F64
+    halves: F64
+    room: F64
+    level: F64 | None = None
+
+
 def place_plots(
     terrain: Terrain,
-    wanted: F64,
-    halves: F64,
-    room: F64,
+    candidates: Candidates,
     count: int,
     *,
     gap: float = 3.0,
     standing: Plots | None = None,
     deepest: float = DEEP,
-    level: F64 | None = None,
 ) -> Plots:
     """Choose places for buildings, the first wanted first.
 
     Args:
         terrain: The terrain.
-        wanted: Station [m], left [m], heading from the axis [rad] and design [1] of each candidate, shape (K, 4),
-            float64.
-        halves: Half the length and depth of each design [m], shape (D, 2), float64.
-        room: Distance of each candidate to what must stay free [m], shape (K,), float64.
+        candidates: Where they are wanted.
         count: Most buildings.
         gap: Between two buildings [m].
         standing: Buildings that stand already; they are not part of the result.
         deepest: Largest fall of the ground below a floor [m].
-        level: Height of the terrace under each candidate [m], shape (K,), float64; None: all stand on the ground.
 
     Returns:
         Buildings that stand clear of each other on ground that their plinths can follow.
     """
+    wanted, level = candidates.wanted, candidates.level
     which = wanted[:, 3].astype(np.int32)
-    half = halves[which]
+    half = candidates.halves[which]
     floor, drop = _floors(terrain, wanted, half)
     if level is not None:
         floor, drop = np.round(level + 0.12, 3), np.zeros(len(level))
-    fits = (room > np.hypot(*half.T)) & (drop < deepest)
+    fits = (candidates.room > np.hypot(*half.T)) & (drop < deepest)
     world = to_world(terrain.land.layout.alignment, np.column_stack([wanted[:, :2], floor]))
     yaw = wanted[:, 2] + terrain.land.layout.alignment.heading_at(wanted[:, 0])
     rows = [] if standing is None else _rectangles(terrain, standing)

@@ -9,7 +9,7 @@ from authoring.backgrounds.boats import Vessel
 from authoring.backgrounds.dwellings import Design
 from authoring.backgrounds.lanes import Lane, along_lanes
 from authoring.backgrounds.parcels import open_land
-from authoring.backgrounds.plots import Plots, place_plots
+from authoring.backgrounds.plots import Candidates, Plots, place_plots
 from authoring.backgrounds.shore_quay import street_places
 from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.vehicles import vehicle_models
@@ -108,7 +108,8 @@ def anchored(
     Returns:
         One run, or none.
     """
-    afloat = place_plots(place.terrain, wanted, half, np.full(len(wanted), 1e3), count, gap=1.0, deepest=1e3)
+    candidates = Candidates(wanted, half, np.full(len(wanted), 1e3))
+    afloat = place_plots(place.terrain, candidates, count, gap=1.0, deepest=1e3)
     total = len(afloat.which)
     if not total:
         return []

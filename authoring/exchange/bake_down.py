@@ -150,21 +150,21 @@ def _corners(mesh: UsdGeom.Mesh, name: str) -> F32:
 
 def _shade(image: F32, raster: AtlasRaster, number: int, material: Material, textures: TextureLookup) -> None:
     rows, columns = np.nonzero(raster.owner == number)
-    st, metres, texels = raster.st[rows, columns], raster.footprint(number), len(raster.owner)
+    st, meters, texels = raster.st[rows, columns], raster.footprint(number), len(raster.owner)
     st1 = np.stack([(columns + 0.5) / texels, 1 - (rows + 0.5) / texels], axis=-1).astype(np.float32)
     color = np.tile(np.array(material.base_color, np.float32), (len(rows), 1))
     texture = material.base_texture
     if texture:
-        tiles = 1 / texels if texture.uv_set else metres
+        tiles = 1 / texels if texture.uv_set else meters
         place = _place(st, st1, texture)
         color = textures.colors(texture.file, place, tiles * max(texture.scale), texture.srgb)
-    image[rows, columns] = np.minimum(color * _detail(material.detail, st, st1, metres, textures), _BRIGHTEST)
+    image[rows, columns] = np.minimum(color * _detail(material.detail, st, st1, meters, textures), _BRIGHTEST)
 
 
-def _detail(detail: Detail, st: F32, st1: F32, metres: float, textures: TextureLookup) -> F32:
+def _detail(detail: Detail, st: F32, st1: F32, meters: float, textures: TextureLookup) -> F32:
     factor = np.ones((len(st), 3), np.float32)
     for period, amplitude in zip(detail.periods, detail.amplitudes, strict=True) if detail.file else ():
-        gray = textures.levels(detail.file, st / np.float32(period), metres / period)
+        gray = textures.levels(detail.file, st / np.float32(period), meters / period)
         factor *= 1 + np.float32(amplitude) * (2 * gray - 1)
     if detail.macro_file:
         factor *= 2 * textures.colors(detail.macro_file, st1, 0.0, False)

@@ -9,6 +9,7 @@ from authoring.axis.alignment import Alignment, VerticalCurve
 from authoring.axis.plan_curve import Element, PlanCurve, sine_elements
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.spans import ABUTMENT_BACK
+from authoring.streams import told_shares
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
@@ -20,7 +21,7 @@ FADE = 15.0  # [m] at least on which a crossfall grows
 EDGE_RISE = 0.015  # [1] of a deck's edge against the axis there
 RAIL_PITCH = 1.505  # [m] between the middles of two rails: cant over it is crossfall
 _SPAN_RADII = 5.0  # spans that the least drawn radius measures: precast girders are not bent harder
-_SKEWED = 0.40  # share of the bridges
+_SQUARE = {"skewed": 0.4, "square": 0.6}
 
 
 class AlignmentSettings(Settings):
@@ -49,7 +50,10 @@ class AlignmentSettings(Settings):
     superelevation: float | None = drawn(0.02, 0.06, "Crossfall of a road in arcs [1]", ge=0.0, le=0.06)
     cant: float | None = drawn(0.03, 0.15, "Cant of rails in arcs, over 1.505 m [m]", ge=0.0, le=0.15)
     skew: float | None = drawn(
-        5.0, 30.0, "Turn of the supports out of the square [deg], 0 for 60 % of the bridges, either way", ge=-30.0
+        5.0,
+        30.0,
+        f"Turn of the supports out of the square [deg], either way; bridges are {told_shares(_SQUARE)}",
+        ge=-30.0,
     )
 
 
@@ -87,7 +91,11 @@ def draw_alignment(
     supports, half_width, service = carried.supports, carried.half_width, carried.service
     length, paper, (grade, free) = supports[-1], draws.profile == "paper", mean_grade
     kind, profile, turn = (draw_option(settings, key, draws) for key in ("kind", "profile", "turn"))
-    radius_share, skewed, skew_sign = draws.random(), draws.random() < _SKEWED, 1.0 if draws.random() < 0.5 else -1.0
+    radius_share, skewed, skew_sign = (
+        draws.random(),
+        draws.choose(_SQUARE) == "skewed",
+        1.0 if draws.random() < 0.5 else -1.0,
+    )
     sizes = {
         key: draw(settings, key, draws)
         for key in ("spiral", "amplitude", "wave", "crest_radius", "superelevation", "cant", "skew")

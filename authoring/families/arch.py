@@ -31,11 +31,6 @@ class DrawnArch:
     arrangement: str
     arch: DrawnDeckArch | DrawnThroughArch | DrawnMasonry
 
-    @property
-    def without_bearings(self) -> tuple[int, ...]:
-        """Supports without bearings: all of a masonry arch bridge."""
-        return tuple(range(len(self.arch.supports))) if isinstance(self.arch, DrawnMasonry) else ()
-
 
 def draw_arch(settings: ArchSettings, shared: SharedSettings, draws: Draws) -> tuple[Layout, DrawnArch]:
     """Draw what the user did not fix.

@@ -6,7 +6,7 @@ import numpy as np
 
 from authoring.axis.alignment import Alignment, Layout
 from authoring.families.arch_settings import ArchChoice
-from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.arch_axis import ArchAxis, Rib
 from authoring.parts.arches import RibSection, rib_parts, skewback_face, skewback_part, strut_parts
@@ -98,7 +98,8 @@ def draw_deck_arch(choice: ArchChoice, shared: SharedSettings, draws: Draws) -> 
     drawn = DrawnDeckArch(rib, section, bents, pitch, inner, outer, slab, spans, top, bearings, abutments)
     seat = drawn.levels.seat
     soffit = float(rib.intrados(np.array([rib.start + 0.25 * choice.span]))[0])
-    layout = draw_layout_of(shared, top, supports, soffit, seat, draws, straight=True, walls=abutments.wing_length)
+    needs = AxisNeeds(supports, soffit, seat, abutments.wing_length, straight=True)
+    layout = draw_layout_of(shared, top, needs, draws)
     drawn = replace(drawn, rib=_lowered(drawn, layout.alignment))
     return with_springing_ground(raised(layout, drawn.rib, choice.springing), drawn.rib), drawn
 
@@ -151,7 +152,7 @@ def build_deck_arch(layout: Layout, arch: DrawnDeckArch, ground: Ground) -> list
     parts += bearing_parts(arch.bearings, arch.slab.lines, spans, levels, place)
     parts += _pier_parts(arch, place, middle, ground)
     parts += abutment_parts(arch.abutments, arch.top.width, spans, levels, place, ground)
-    parts += fitting_parts(arch.top.fittings, arch.top.roadway, arch.top.width, spans, levels.girder_soffit, place)
+    parts += fitting_parts(arch.top.fitted, spans, levels.girder_soffit, place)
     return parts
 
 

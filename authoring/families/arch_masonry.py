@@ -7,7 +7,7 @@ import numpy as np
 from authoring.axis.alignment import Layout
 from authoring.families.arch_deck import FOUNDING, raised
 from authoring.families.arch_settings import ArchSettings
-from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.arch_axis import Rib
 from authoring.parts.bearings import draw_bearings
@@ -80,7 +80,8 @@ def draw_masonry(
     supports = (0.0, *piers, total)
     drawn = DrawnMasonry(viaduct, supports, Spans((0.0, total), 0.35, 0.02), top, abutments)
     quarter = float(viaduct.rib(0).intrados(np.array([starts[0] + 0.25 * axis.span]))[0])
-    layout = draw_layout_of(shared, top, supports, quarter, base, draws, straight=True, walls=abutments.wing_length)
+    needs = AxisNeeds(supports, quarter, base, abutments.wing_length, straight=True)
+    layout = draw_layout_of(shared, top, needs, draws)
     # The lowest springing is as high as asked for when the middle of the bridge is.
     return raised(layout, replace(viaduct.ring, start=0.5 * (total - axis.span)), springing), drawn
 

@@ -4,17 +4,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
-from authoring.parts.drawing import Draws, chosen, draw, draw_option, draw_whole, drawn
+from authoring.parts.drawing import Draws, chosen, chosen_by, draw, draw_option, draw_whole, drawn
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
 ARRANGEMENTS = {"deck": 0.60, "through": 0.08, "half_through": 0.07, "tied": 0.10, "masonry": 0.15}
-SHAPES = {"parabola": 0.45, "circle": 0.30, "catenary": 0.25}
-DECK_FORMS = {"ring": 0.30, "concrete": 0.45, "steel": 0.25}
-THROUGH_FORMS = {"concrete": 0.35, "steel": 0.65}
-DECKS = {"slab": 0.40, "beam_slab": 0.45, "box": 0.15}
+_DECK_FORMS = {"ring": 0.30, "concrete": 0.45, "steel": 0.25}
+_THROUGH_FORMS = {"concrete": 0.35, "steel": 0.65}
 
 
 class MasonrySettings(Settings):
@@ -47,18 +44,19 @@ class ArchSettings(Settings):
     `springing` by the springings; the higher of both decides the level of the deck.
     """
 
-    arrangement: Literal["deck", "through", "half_through", "tied", "masonry"] | None = Field(
-        default=None, description="Where the deck lies; drawn deck 60, through 8, half_through 7, tied 10, masonry 15 %"
+    arrangement: Literal["deck", "through", "half_through", "tied", "masonry"] | None = chosen(
+        ARRANGEMENTS, "Where the deck lies", paper={"deck": 1}
     )
-    shape: Literal["parabola", "circle", "catenary"] | None = Field(
-        default=None, description="Line of the axis; drawn parabola 45, circle 30, catenary 25 %; paper: parabola"
+    shape: Literal["parabola", "circle", "catenary"] | None = chosen(
+        {"parabola": 0.45, "circle": 0.30, "catenary": 0.25}, "Line of the axis", paper={"parabola": 1}
     )
-    form: Literal["ring", "concrete", "steel"] | None = Field(
-        default=None,
-        description="One concrete ring, or ribs of concrete or steel; drawn 30, 45, 25 %; above a deck 0, 35, 65 %",
+    form: Literal["ring", "concrete", "steel"] | None = chosen_by(
+        {"below a deck": _DECK_FORMS, "above a deck": _THROUGH_FORMS},
+        "One concrete ring, or ribs of concrete or steel",
+        paper={"ring": 1},
     )
-    deck: Literal["slab", "beam_slab", "box"] | None = Field(
-        default=None, description="Deck over spandrel columns; drawn 40, 45, 15 %; paper: box"
+    deck: Literal["slab", "beam_slab", "box"] | None = chosen(
+        {"slab": 0.40, "beam_slab": 0.45, "box": 0.15}, "Deck over spandrel columns", paper={"box": 1}
     )
     span: float | None = drawn(30.0, 150.0, "Springing to springing of a deck arch [m]", paper=(100, 100))
     span_to_rise: float | None = drawn(3.0, 8.0, "Span over rise [1]", paper=(4, 4))
@@ -100,7 +98,7 @@ class ArchChoice:
         arrangement: A key of ARRANGEMENTS.
         shape: Line of the axis.
         form: `ring`, `concrete` or `steel`.
-        deck: A key of DECKS.
+        deck: `slab`, `beam_slab` or `box`.
         bracing: `struts` or `k`.
         span: Springing to springing [m].
         rise: Of the axis [m].
@@ -137,14 +135,10 @@ def draw_choice(settings: ArchSettings, draws: Draws) -> ArchChoice:
         draws: Random stream and profile.
     """
     _refuse_idle(settings)
-    paper = draws.profile == "paper"
-    drawn_arrangement, drawn_shape, share = draws.choose(ARRANGEMENTS), draws.choose(SHAPES), draws.random()
-    drawn_deck, bracing = draws.choose(DECKS), draw_option(settings, "bracing", draws)
-    arrangement = settings.arrangement or _for_profile(drawn_arrangement, "deck", paper)
+    arrangement, shape = (draw_option(settings, key, draws) for key in ("arrangement", "shape"))
     above = arrangement in _ABOVE
-    shape = settings.shape or _for_profile(drawn_shape, "parabola", paper)
-    form = settings.form or _for_profile(_pick(THROUGH_FORMS if above else DECK_FORMS, share), "ring", paper)
-    deck = settings.deck or _for_profile(drawn_deck, "box", paper)
+    form = draw_option(settings, "form", draws, _THROUGH_FORMS if above else _DECK_FORMS)
+    deck, bracing = (draw_option(settings, key, draws) for key in ("deck", "bracing"))
     below_span, below_flatness = draw(settings, "span", draws), draw(settings, "span_to_rise", draws)
     above_span, above_flatness = draw(settings.above, "span", draws), draw(settings.above, "span_to_rise", draws)
     span, flatness = (above_span, above_flatness) if above else (below_span, below_flatness)
@@ -186,12 +180,3 @@ def _refuse_idle(settings: ArchSettings) -> None:
                 allowed=", ".join(f"bridge.arch.{right}" for right in _DIMENSIONS[own]),
                 hint="Give the dimensions of this arrangement, or leave them out",
             )
-
-
-def _for_profile(drawn_name: str, paper_name: str, paper: bool) -> str:
-    return paper_name if paper else drawn_name
-
-
-def _pick(weights: dict[str, float], share: float) -> str:
-    edges = np.cumsum(list(weights.values()))
-    return list(weights)[int(np.searchsorted(edges[:-1], share * edges[-1], side="right"))]

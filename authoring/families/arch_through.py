@@ -7,7 +7,7 @@ import numpy as np
 from authoring.axis.alignment import Alignment, Layout
 from authoring.families.arch_deck import FOUNDING, raised, with_springing_ground
 from authoring.families.arch_settings import ArchChoice, ArchSettings
-from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.arch_axis import ArchAxis, Rib
 from authoring.parts.arch_braces import diagonal_parts
@@ -137,9 +137,9 @@ def draw_through_arch(
         bearing_lines=lines,
         abutments=abutments,
     )
-    levels, walls = drawn.levels, abutments.wing_length
-    low, seat = levels.girder_soffit, levels.seat
-    layout = draw_layout_of(shared, top, (0.0, total), low, seat, draws, straight=True, walls=walls)
+    levels = drawn.levels
+    needs = AxisNeeds((0.0, total), levels.girder_soffit, levels.seat, abutments.wing_length, straight=True)
+    layout = draw_layout_of(shared, top, needs, draws)
     if not tied:
         layout = with_springing_ground(raised(layout, drawn.rib, choice.springing), drawn.rib)
     return layout, drawn
@@ -173,7 +173,7 @@ def build_through_arch(layout: Layout, arch: DrawnThroughArch, ground: Ground) -
         parts += _skewback_parts(arch, rib, middle, ground)
     parts += abutment_parts(arch.abutments, arch.top.width, spans, levels, place, ground)
     top = arch.top
-    parts += fitting_parts(top.fittings, top.roadway, top.width, spans, None, place)
+    parts += fitting_parts(top.fitted, spans, None, place)
     return parts
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import Field
 
 from authoring.axis.alignment import Layout
-from authoring.families.shared import SharedSettings, draw_layout_of
-from authoring.families.span_choice import SEVERAL, SpanRule, SpanSettings, draw_spans
+from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
+from authoring.families.span_choice import SEVERAL, OwnDraws, SpanRule, SpanSettings, draw_spans
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
@@ -27,7 +27,8 @@ from authoring.parts.girders import (
     girder_parts,
 )
 from authoring.parts.part import Part
-from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
+from authoring.parts.pier_choice import PAPER_KINDS_UNDER_CONCRETE
+from authoring.parts.piers import Ground, PierNeeds, Piers, draw_piers, pier_parts
 from authoring.parts.spans import Levels, Spans
 from groundwork.errors import InputError
 
@@ -119,13 +120,11 @@ def draw_beam(settings: BeamSettings, shared: SharedSettings, draws: Draws) -> t
             hint="Make it narrower or the girder wider",
         )
     edge = draw_deck_edge(settings.edge, draws)
-    kinds = ("single", "multi")
-    piers = draw_piers(shared.pier, width, girders.lines[-1], bearings, spans, draws, paper_kinds=kinds)
+    carried = PierNeeds(width, girders.lines[-1], bearings, spans)
+    piers = draw_piers(shared.pier, carried, draws, paper_kinds=PAPER_KINDS_UNDER_CONCRETE)
     beam = DrawnBeam(spans, slab, top, edge, girders, bearings, piers, abutments)
-    layout = draw_layout_of(
-        shared, top, spans.supports, beam.levels.girder_soffit, beam.levels.seat, draws, walls=abutments.wing_length
-    )
-    return layout, beam
+    needs = AxisNeeds(spans.supports, beam.levels.girder_soffit, beam.levels.seat, abutments.wing_length)
+    return draw_layout_of(shared, top, needs, draws), beam
 
 
 def _draw_spans(settings: BeamSettings, bearings: Bearings, draws: Draws) -> Spans:
@@ -135,7 +134,7 @@ def _draw_spans(settings: BeamSettings, bearings: Bearings, draws: Draws) -> Spa
         shortest, longest = (settings.girder.depth * ratio for ratio in SPAN_TO_DEPTH)
         return round(max(_SPANS.shortest, min(max(inner, shortest), longest)), 3)
 
-    return draw_spans(_SPANS, settings, draw_whole(settings, "span_count", draws), bearings, draws, fit)
+    return draw_spans(_SPANS, settings, OwnDraws(draw_whole(settings, "span_count", draws), fit), bearings, draws)
 
 
 def build_beam(layout: Layout, beam: DrawnBeam, ground: Ground) -> list[Part]:
@@ -159,5 +158,5 @@ def build_beam(layout: Layout, beam: DrawnBeam, ground: Ground) -> list[Part]:
     parts += bearing_parts(beam.bearings, g.lines, spans, levels, place, (g.bottom_width, 0.0))
     parts += pier_parts(beam.piers, spans, levels, place, ground)
     parts += abutment_parts(beam.abutments, beam.top.width, spans, levels, place, ground)
-    parts += fitting_parts(beam.top.fittings, beam.top.roadway, beam.top.width, spans, levels.girder_soffit, place)
+    parts += fitting_parts(beam.top.fitted, spans, levels.girder_soffit, place)
     return parts

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 from authoring.axis.alignment import Alignment, Layout
-from authoring.families.shared import SharedSettings, draw_layout_of
+from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
 from authoring.parts.abutments import Abutments, abutment_parts
 from authoring.parts.bearings import Bearings, bearing_parts
 from authoring.parts.box_access import box_access_parts
@@ -12,7 +12,7 @@ from authoring.parts.deck_top import DeckTop
 from authoring.parts.drawing import Draws, draw
 from authoring.parts.fittings import CLEAR, fitting_parts
 from authoring.parts.part import Part
-from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
+from authoring.parts.piers import Ground, PierNeeds, Piers, draw_piers, pier_parts
 from authoring.parts.pylons import Pylon, PylonSite, pylon_parts
 from authoring.parts.spans import Levels, Spans
 from groundwork.settings import Settings
@@ -77,20 +77,12 @@ def draw_supports(
         Layout for the site; the piers; the abutments with such walls.
     """
     deck, levels = hung.deck, hung.levels
-    piers = draw_piers(shared.pier, deck.width, deck.bearing_lines[-1], hung.bearings, spans, draws)
+    piers = draw_piers(shared.pier, PierNeeds(deck.width, deck.bearing_lines[-1], hung.bearings, spans), draws)
     abutments = replace(hung.abutments, wing_thickness=round(max(hung.abutments.wing_thickness, walls), 3))
     air = draw(settings, "air", draws) * main  # ships pass under long spans
-    layout = draw_layout_of(
-        shared,
-        hung.top,
-        spans.supports,
-        levels.girder_soffit,
-        levels.seat,
-        draws,
-        straight=True,
-        least_clearance=air,
-        walls=abutments.wing_length,
-    )
+    wings = abutments.wing_length
+    needs = AxisNeeds(spans.supports, levels.girder_soffit, levels.seat, wings, straight=True, least_clearance=air)
+    layout = draw_layout_of(shared, hung.top, needs, draws)
     return replace(layout, width=deck.width), piers, abutments
 
 
@@ -132,6 +124,6 @@ def support_parts(hung: CableSupportedDeck, supports: Supports, place: Alignment
         parts += pylon_parts(supports.pylon, site, place, ground)
     parts += pier_parts(supports.piers, spans, levels, place, ground, supports.towers)
     parts += abutment_parts(hung.abutments, deck.width, spans, levels, place, ground)
-    parts += fitting_parts(top.fittings, top.roadway, top.width, spans, None, place, clear=supports.clear)
+    parts += fitting_parts(top.fitted, spans, None, place, clear=supports.clear)
     low, high = spans.pieces[0]
     return parts + box_access_parts(deck, low, high, levels, place)

@@ -24,7 +24,7 @@ from authoring.parts.abutments import Abutments, draw_abutments
 from authoring.parts.bearings import Bearings, draw_bearings
 from authoring.parts.box_decks import CableDeck, bracket_parts, bracket_top, cable_deck_parts, floor_stations
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
-from authoring.parts.drawing import Draws, draw
+from authoring.parts.drawing import Draws, draw, draw_option
 from authoring.parts.medians import median_parts
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers
@@ -125,9 +125,7 @@ def draw_cable_stayed(
 
 def _pier_stations(settings: CableStayedSettings, choice: Choice, draws: Draws) -> tuple[float, ...]:
     """Place the anchor piers, which stiffen long side spans [m]."""
-    share = draws.random()
-    stands = share < 0.6 and draws.profile != "paper" if settings.anchor_piers is None else settings.anchor_piers
-    if not stands or choice.side < _ANCHORED:
+    if not draw_option(settings, "anchor_piers", draws) or choice.side < _ANCHORED:
         return ()
     steps = np.linspace(0.0, choice.side, int(np.ceil(choice.side / _ANCHOR_PITCH)) + 1)[1:-1]
     far = [choice.supports[-1] - s for s in steps[::-1]] if choice.pylons == 2 else []

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from pydantic import Field
 
 from authoring.axis.alignment import Layout
-from authoring.families.shared import SharedSettings, draw_layout_of
-from authoring.families.span_choice import SEVERAL, SpanRule, SpanSettings, draw_spans
+from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
+from authoring.families.span_choice import SEVERAL, OwnDraws, SpanRule, SpanSettings, draw_spans
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.cross_frames import (
@@ -24,10 +24,10 @@ from authoring.parts.cross_frames import (
 )
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
 from authoring.parts.decks import DeckEdge, DeckEdgeSettings, Haunches, deck_parts, draw_deck_edge
-from authoring.parts.drawing import Draws, chosen, draw, drawn
+from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.fittings import fitting_parts
 from authoring.parts.part import Part
-from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
+from authoring.parts.piers import Ground, PierNeeds, Piers, draw_piers, pier_parts
 from authoring.parts.plate_girders import PlateGirders, girder_parts, splices
 from authoring.parts.spans import Levels, Spans
 from authoring.parts.splices import splice_parts
@@ -35,7 +35,7 @@ from authoring.parts.steel_choice import PlateGirderSettings, draw_plate_girders
 from authoring.parts.stiffeners import Stiffening, stiffener_parts
 
 _SPANS = SpanRule("girder", "steel girders", 10.0, 90.0, (22.0, 60.0), 18.0, one_row=True)
-_COUNTS = {"1": 14.0, "2": 20.0, "3": 26.0, "4": 16.0, "5": 10.0, "6": 6.0, "7": 4.0, "8": 4.0}
+_COUNTS = {1: 14.0, 2: 20.0, 3: 26.0, 4: 16.0, 5: 10.0, 6: 6.0, 7: 4.0, 8: 4.0}
 _PAPER_COUNTS = (8, 20)
 
 
@@ -48,12 +48,12 @@ class SteelGirderSettings(SpanSettings):
         description="Bearing line to bearing line [m], 10 to 90 each; empty: drawn, inner spans 22 to 60 and alike, "
         "end spans by `end_share` but 18 at least; in profile paper 10 each",
     )
-    span_count: int | None = Field(
-        default=None,
+    span_count: int | None = chosen(
+        _COUNTS,
+        "Number of spans where they are drawn",
+        among=f"; in profile paper {_PAPER_COUNTS[0]} to {_PAPER_COUNTS[1]} (the Random Bridge Generator has 50)",
         ge=1,
         le=20,
-        description="Number of spans where they are drawn; 1 to 8 drawn 14 : 20 : 26 : 16 : 10 : 6 : 4 : 4, in profile "
-        "paper 8 to 20 (the Random Bridge Generator has 50)",
     )
     end_share: float | None = drawn(0.72, 0.90, "End span over inner span where they are drawn [1]", ge=0.5, le=1.2)
     continuous: bool | None = chosen(
@@ -128,18 +128,17 @@ def draw_girder(settings: SteelGirderSettings, shared: SharedSettings, draws: Dr
     slab, edge = draw(settings, "slab", draws), draw_deck_edge(settings.edge, draws)
     steel = draw_plate_girders(settings.steel, top.width, spans, draws)
     frames = draw_cross_frames(settings.frames, steel, draws)
-    piers = draw_piers(shared.pier, top.width, steel.bearing_lines[-1], bearings, spans, draws)
+    piers = draw_piers(shared.pier, PierNeeds(top.width, steel.bearing_lines[-1], bearings, spans), draws)
     girder = DrawnGirder(spans, slab, top, edge, steel, frames, bearings, piers, abutments)
     lowest = (girder.pier_levels if spans.count > 1 else girder.levels).girder_soffit
-    return draw_layout_of(
-        shared, top, spans.supports, lowest, girder.levels.seat, draws, walls=abutments.wing_length
-    ), girder
+    needs = AxisNeeds(spans.supports, lowest, girder.levels.seat, abutments.wing_length)
+    return draw_layout_of(shared, top, needs, draws), girder
 
 
 def _draw_spans(settings: SteelGirderSettings, bearings: Bearings, draws: Draws) -> Spans:
-    chosen, many = int(draws.choose(_COUNTS)), int(draws.rng.integers(_PAPER_COUNTS[0], _PAPER_COUNTS[1] + 1))
-    count = settings.span_count or (many if draws.profile == "paper" else chosen)
-    return draw_spans(_SPANS, settings, count, bearings, draws)
+    count, many = draw_option(settings, "span_count", draws), int(draws.rng.integers(*_PAPER_COUNTS, endpoint=True))
+    count = many if draws.profile == "paper" and settings.span_count is None else count
+    return draw_spans(_SPANS, settings, OwnDraws(count), bearings, draws)
 
 
 def build_girder(layout: Layout, girder: DrawnGirder, ground: Ground) -> list[Part]:
@@ -173,4 +172,4 @@ def build_girder(layout: Layout, girder: DrawnGirder, ground: Ground) -> list[Pa
     parts += pier_parts(girder.piers, spans, piers, place, ground)
     parts += abutment_parts(girder.abutments, girder.top.width, spans, levels, place, ground)
     top = girder.top
-    return parts + fitting_parts(top.fittings, top.roadway, top.width, spans, levels.girder_soffit, place)
+    return parts + fitting_parts(top.fitted, spans, levels.girder_soffit, place)

@@ -1,6 +1,6 @@
 """What all families of bridges have in common: the settings of the road, its edges and its supports."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pydantic import Field
@@ -41,50 +41,56 @@ class SharedSettings(DeckTopSettings):
     abutment: AbutmentSettings = AbutmentSettings()
 
 
-def draw_layout_of(
-    shared: SharedSettings,
-    top: DeckTop,
-    supports: tuple[float, ...],
-    lowest_soffit: float,
-    seat: float,
-    draws: Draws,
-    *,
-    straight: bool = False,
-    least_clearance: float = 0.0,
-    walls: float,
-) -> Layout:
+@dataclass(frozen=True)
+class AxisNeeds:
+    """What a bridge asks of its axis.
+
+    Attributes:
+        supports: Stations of the bearing lines, abutments first and last [m].
+        lowest_soffit: Lowest underside of the superstructure above the finished deck surface, negative [m].
+        seat: Top of the abutments' seats above the finished deck surface, negative [m].
+        walls: Length of the wing walls behind the abutments' back faces [m].
+        straight: The family wants a straight axis, square supports and no crest.
+        least_clearance: Height over z = 0 that the superstructure keeps in any case [m].
+    """
+
+    supports: tuple[float, ...]
+    lowest_soffit: float
+    seat: float
+    walls: float
+    straight: bool = False
+    least_clearance: float = 0.0
+
+
+def draw_layout_of(shared: SharedSettings, top: DeckTop, needs: AxisNeeds, draws: Draws) -> Layout:
     """Draw the axis of a bridge and gather what the site has to know.
 
     Args:
         shared: What the user fixed.
         top: What lies on the deck.
-        supports: Stations of the bearing lines, abutments first and last [m].
-        lowest_soffit: Lowest underside of the superstructure above the finished deck surface, negative [m].
-        seat: Top of the abutments' seats above the finished deck surface, negative [m].
+        needs: What the family asks of the axis.
         draws: Random stream and profile of the bridge.
-        straight: The family wants a straight axis, square supports and no crest.
-        least_clearance: Height over z = 0 that the superstructure keeps in any case [m].
-        walls: Length of the wing walls behind the abutments' back faces [m].
     """
+    supports = needs.supports
     clearance, grade = draw(shared, "clearance", draws), draw(shared, "grade", draws)
-    clearance = max(clearance, least_clearance)
-    carried = Carried(supports, 0.5 * top.width, top.service, straight)
+    clearance = max(clearance, needs.least_clearance)
+    carried = Carried(supports, 0.5 * top.width, top.service, needs.straight)
     axis = draw_alignment(shared.alignment, carried, (grade, shared.grade is None), draws)
     if shared.alignment.skew is None and not top.takes_skew:
         axis = replace(axis, skew=0.0)
-    level = round(clearance - lowest_soffit - _lowest(axis, supports, 0.5 * top.width), 3)
+    level = round(clearance - needs.lowest_soffit - _lowest(axis, supports, 0.5 * top.width), 3)
     alignment = replace(axis, level=level, heading=float(np.radians(shared.heading)))
     return Layout(
         alignment,
         supports,
         top.width,
-        -seat,
+        -needs.seat,
         top.service,
         carriageway=top.carriageway,
         edge_line=top.edge_line,
         underlay=top.underlay,
         track=None if top.tracks is None else top.tracks.section,
-        road=road_section(top, walls) if draws.profile == "default" else None,
+        road=road_section(top, needs.walls) if draws.profile == "default" else None,
     )
 
 

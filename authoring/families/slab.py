@@ -4,22 +4,22 @@ Source: depths L/22 for simple and L/25 for continuous road slabs (WSDOT Bridge 
 (Network Rail); spans of 6 to 15 m, voided to 18 m (Khan, Bridge and Highway Structure Rehabilitation and Repair).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
 from authoring.axis.alignment import Layout
-from authoring.families.shared import SharedSettings, draw_layout_of
-from authoring.families.span_choice import PAPER_SPAN, SEVERAL, SpanRule, lay_out
+from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
+from authoring.families.span_choice import SEVERAL, OwnDraws, SpanLengths, SpanRule, draw_spans
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
-from authoring.parts.drawing import Draws, check_depth, chosen, draw, draw_option, draw_whole, drawn
+from authoring.parts.drawing import Draws, check_depth, chosen, draw_option, draw_whole, drawn
 from authoring.parts.fittings import fitting_parts
 from authoring.parts.part import Part
-from authoring.parts.piers import Ground, Piers, draw_piers, pier_parts
+from authoring.parts.piers import Ground, PierNeeds, Piers, draw_piers, pier_parts
 from authoring.parts.slabs import (
     LEAST_DEPTH,
     SLENDERNESS,
@@ -35,13 +35,12 @@ from authoring.parts.spans import Levels, Spans
 from groundwork.errors import InputError
 
 _LONGEST_SOLID = 15.0  # [m]
-_SPANS = SpanRule("slab", "slabs", 5.0, 18.0, (6.0, 15.0), 0.0, one_row=True)
-_VOIDED_SPANS = (9.0, 18.0)  # [m]
-_SIDE_SPANS = (0.75, 0.85)  # of an inner span, where the slab is continuous [1]
+_SOLID = SpanRule("slab", "slabs", 5.0, 18.0, (6.0, 15.0), 5.0, one_row=True, end_shares=(0.75, 0.85))
+_VOIDED = replace(_SOLID, drawn=(9.0, 18.0))
 _MOST_SPANS = 8
 
 
-class SlabSettings(SlabSectionSettings):
+class SlabSettings(SlabSectionSettings, SpanLengths):
     """A slab bridge; what is left out is drawn."""
 
     spans: tuple[float, ...] = Field(
@@ -114,32 +113,27 @@ def draw_slab(settings: SlabSettings, shared: SharedSettings, draws: Draws) -> t
         most = min(ratio * SLENDERNESS[1], longest / LEAST_DEPTH)
         check_depth("bridge.slab.depth", slab.depth, longest, (ratio * SLENDERNESS[0], most))
     _check(settings, slab, longest)
-    piers = draw_piers(shared.pier, top.width, slab.lines[-1], bearings, spans, draws)
+    piers = draw_piers(shared.pier, PierNeeds(top.width, slab.lines[-1], bearings, spans), draws)
     drawn_slab = DrawnSlab(spans, top, slab, bearings, piers, abutments)
     levels = drawn_slab.levels
-    return draw_layout_of(
-        shared, top, spans.supports, levels.girder_soffit, levels.seat, draws, walls=abutments.wing_length
-    ), drawn_slab
+    needs = AxisNeeds(spans.supports, levels.girder_soffit, levels.seat, abutments.wing_length)
+    return draw_layout_of(shared, top, needs, draws), drawn_slab
 
 
 def _draw_spans(settings: SlabSettings, section: str, service: str, bearings: Bearings, draws: Draws) -> Spans:
     count = draw_whole(settings, "span_count", draws)
     through = draw_option(settings, "system", draws) == "continuous"
-    overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
-    length_share, side_share = draws.random(), draws.random()
-    low, high = _SPANS.drawn if section == "solid" else _VOIDED_SPANS
-    inner = PAPER_SPAN if draws.profile == "paper" else round(low + (high - low) * length_share, 1)
-    count = len(settings.spans) or count
-    continuous = count > 1 and through
-    if settings.depth and draws.profile != "paper":
-        usual = settings.depth * usual_slenderness(service, continuous=continuous)
+    rule, longest = (_SOLID, _LONGEST_SOLID) if section == "solid" else (_VOIDED, _VOIDED.longest)
+
+    def fit(inner: float) -> float:
+        if not settings.depth:
+            return inner
+        several = (len(settings.spans) or count) > 1
+        usual = settings.depth * usual_slenderness(service, continuous=several and through)
         inner = round(float(np.clip(inner, SLENDERNESS[0] * usual, SLENDERNESS[1] * usual)), 3)
-        inner = min(max(inner, _SPANS.shortest), _LONGEST_SOLID if section == "solid" else _SPANS.longest)
-    side = inner
-    if continuous and count > 2 and draws.profile != "paper":
-        side = round(max(inner * (_SIDE_SPANS[0] + (_SIDE_SPANS[1] - _SIDE_SPANS[0]) * side_share), _SPANS.shortest), 1)
-    lengths = settings.spans or tuple(side if k in (0, count - 1) else inner for k in range(count))
-    return lay_out(_SPANS, lengths, (overhang, gap), bearings, continuous=continuous)
+        return min(max(inner, rule.shortest), longest)
+
+    return draw_spans(rule, settings, OwnDraws(count, fit, through), bearings, draws)
 
 
 def _check(settings: SlabSettings, slab: Slab, longest: float) -> None:
@@ -178,5 +172,5 @@ def build_slab(layout: Layout, drawn_slab: DrawnSlab, ground: Ground) -> list[Pa
     parts += bearing_parts(drawn_slab.bearings, drawn_slab.slab.lines, spans, levels, place)
     parts += pier_parts(drawn_slab.piers, spans, levels, place, ground)
     parts += abutment_parts(drawn_slab.abutments, top.width, spans, levels, place, ground)
-    parts += fitting_parts(top.fittings, top.roadway, top.width, spans, levels.girder_soffit, place)
+    parts += fitting_parts(top.fitted, spans, levels.girder_soffit, place)
     return parts

@@ -26,9 +26,11 @@ class SpanRule:
         members: What spans, as users call it.
         shortest: Least span that a user may ask for [m].
         longest: Largest span that a user may ask for [m].
-        drawn: Least and largest inner span that is drawn [m].
+        drawn: Least and largest inner span that is drawn [m]: uniform for slabs, log-uniform for girders.
         shortest_end: Least end span that is drawn, unless the inner spans are shorter [m].
         one_row: Members that run through stand on one row of bearings at each pier.
+        end_shares: Least and largest end span over inner span of slabs that run through, others having all spans
+            alike [1]; empty for girders, which have a setting `end_share`.
     """
 
     family: str
@@ -38,60 +40,70 @@ class SpanRule:
     drawn: tuple[float, float]
     shortest_end: float
     one_row: bool
+    end_shares: tuple[float, ...] = ()
 
 
-class SpanSettings(Settings):
-    """What the settings of beams and girders have in common; each says for itself what it means there."""
+class SpanLengths(Settings):
+    """What the settings of slabs, beams and girders have in common; each says for itself what it means there."""
 
     spans: tuple[float, ...] = Field(default=(), description="Bearing line to bearing line [m]; empty: drawn")
+
+
+class SpanSettings(SpanLengths):
+    """What the settings of beams and girders have in common."""
+
     continuous: bool | None = Field(default=None, description="Members run through over the piers")
 
 
-def draw_spans(
-    rule: SpanRule,
-    settings: SpanSettings,
-    count: int,
-    bearings: Bearings,
-    draws: Draws,
-    fit: Callable[[float], float] = lambda span: span,
-) -> Spans:
-    """Draw spans on girders: inner ones alike, end spans shorter.
+@dataclass(frozen=True)
+class OwnDraws:
+    """What a family draws of its spans by itself.
+
+    Attributes:
+        count: Number of spans where they are drawn.
+        fit: Brings a drawn inner span [m] to what goes with the rest of the bridge.
+        continuous: Members run through over the piers; None: a setting `continuous` says so, or is drawn.
+    """
+
+    count: int
+    fit: Callable[[float], float] = lambda span: span
+    continuous: bool | None = None
+
+
+def draw_spans(rule: SpanRule, settings: SpanLengths, own: OwnDraws, bearings: Bearings, draws: Draws) -> Spans:
+    """Draw spans: inner ones alike, end spans shorter.
 
     Args:
         rule: What they may be.
-        settings: What the user fixed; has `end_share`, `overhang` and `gap`, too.
-        count: Number of spans where they are drawn.
+        settings: What the user fixed; has `overhang` and `gap`, too, and of girders `end_share` and `continuous`.
+        own: What the family draws of them by itself.
         bearings: Bearings and plinths under them.
         draws: Random stream and profile of the bridge.
-        fit: Brings a drawn inner span [m] to what goes with the rest of the bridge.
 
     Raises:
         InputError: A given span is out of range.
     """
     overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
-    low, high = rule.drawn
-    inner = fit(round(float(low * (high / low) ** draws.random()), 1))  # log-uniform
-    share, through = draw(settings, "end_share", draws), draw_option(settings, "continuous", draws)
-    paper = draws.profile == "paper"
-    lengths = settings.spans or _regular(rule, count, PAPER_SPAN if paper else inner, 1.0 if paper else share)
-    return lay_out(rule, lengths, (overhang, gap), bearings, continuous=through)
+    (low, high), at = rule.drawn, draws.random()
+    inner = own.fit(round(float(low + (high - low) * at if rule.end_shares else low * (high / low) ** at), 1))
+    if rule.end_shares:
+        low, high = rule.end_shares
+        share = low + (high - low) * draws.random()
+    else:
+        share = draw(settings, "end_share", draws)
+    through = draw_option(settings, "continuous", draws) if own.continuous is None else own.continuous
+    if draws.profile == "paper":
+        inner, share = PAPER_SPAN, None
+    elif rule.end_shares and not through:
+        share = None
+    lengths = settings.spans or _regular(rule, own.count, inner, share)
+    return _lay_out(rule, lengths, (overhang, gap), bearings, continuous=through)
 
 
-def lay_out(
+def _lay_out(
     rule: SpanRule, lengths: tuple[float, ...], ends: tuple[float, float], bearings: Bearings, *, continuous: bool
 ) -> Spans:
-    """Lay out spans one after the other from station 0 on.
-
-    Args:
-        rule: What they may be.
-        lengths: From bearing line to bearing line [m].
-        ends: From a bearing line to the member's end, at least, and the expansion gap [m].
-        bearings: Bearings and plinths under them.
-        continuous: Members run through over the piers, where there are any.
-
-    Raises:
-        InputError: A span is out of range.
-    """
+    """Lay out spans from station 0 on; `ends`: least overhang of a member, and expansion gap [m]."""
     for length in lengths:
         if not rule.shortest <= length <= rule.longest:
             nearest = min(max(length, rule.shortest), rule.longest)
@@ -109,9 +121,9 @@ def lay_out(
     return Spans(supports, overhang, ends[1], continuous=through, one_row=through and rule.one_row)
 
 
-def _regular(rule: SpanRule, count: int, inner: float, share: float) -> tuple[float, ...]:
-    """Lay out equal inner spans between two shorter end spans [m]; one or two spans are alike."""
-    if count < 3:
+def _regular(rule: SpanRule, count: int, inner: float, share: float | None) -> tuple[float, ...]:
+    """Lay out equal inner spans between two shorter end spans [m]; one or two are alike, all without a share."""
+    if count < 3 or share is None:
         return (inner,) * count
     end = max(round(inner * share, 1), min(rule.shortest_end, inner))
     return (end, *[inner] * (count - 2), end)

@@ -8,20 +8,23 @@ from pydantic import Field
 
 from authoring.parts.box_decks import DeckKind
 from authoring.parts.deck_top import DeckTop
-from authoring.parts.drawing import Draws, draw, drawn, weighted_choice
+from authoring.parts.drawing import Draws, chosen, chosen_by, draw, drawn, option_at
 from authoring.parts.pylons import PylonShape
 from authoring.parts.stays import Arrangement
+from authoring.streams import weighted_choice
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
 _SHAPES = {"a": 0.20, "h": 0.25, "portal": 0.20, "diamond": 0.20, "mast": 0.15}
+_LEANING_STAYS = {"fan": 0.45, "semi_fan": 0.55}
 _ARRANGEMENTS = {
-    "a": {"fan": 0.45, "semi_fan": 0.55},
+    "a": _LEANING_STAYS,
     "h": {"fan": 0.25, "semi_fan": 0.50, "harp": 0.25},
     "portal": {"fan": 0.15, "semi_fan": 0.35, "harp": 0.50},
-    "diamond": {"fan": 0.45, "semi_fan": 0.55},
+    "diamond": _LEANING_STAYS,
     "mast": {"fan": 0.30, "semi_fan": 0.40, "harp": 0.30},
 }
+_PLANES = {"mast": {1: 1.0}, "diamond": {1: 0.3, 2: 0.7}, "h": {2: 1.0}}
 _DECKS = {
     1: {"concrete_box": 0.60, "steel_box": 0.40},
     2: {"edge_beam": 0.45, "plate_girder": 0.30, "steel_box": 0.25},
@@ -33,6 +36,7 @@ _PITCHES = {
     ("realistic", False): (10.0, 16.0),
 }
 _LEANING = ("a", "diamond")
+_UPRIGHT = ("h", "portal", "mast")
 _DIAMETERS = {"compact": (0.06, 0.12), "realistic": (0.10, 0.25)}
 # [m] whole bridge; girders carry a road over less: stays are not worth their pylons there
 _TOTAL = {"compact": {1: (100.0, 230.0), 2: (130.0, 250.0)}, "realistic": {1: (144.0, 480.0), 2: (144.0, 480.0)}}
@@ -43,30 +47,27 @@ _PAPER_HEIGHT = 36.0  # [m] of the paper's pylons
 class CableStayedSettings(Settings):
     """A cable-stayed bridge; what is left out is drawn."""
 
-    size: Literal["compact", "realistic"] | None = Field(
-        default=None,
-        description="Scale: compact 100 to 250 m long, realistic 144 to 480 m long (main spans to 400 m may be asked "
-        "for); drawn 70 : 30, in profile paper compact",
+    size: Literal["compact", "realistic"] | None = chosen(
+        {"compact": 0.7, "realistic": 0.3},
+        "Scale: compact 100 to 250 m long, realistic 144 to 480 m long (main spans to 400 m may be asked for)",
+        paper={"compact": 1},
     )
-    pylons: Literal[1, 2] | None = Field(default=None, description="Pylons; drawn 40 : 60")
-    shape: PylonShape | None = Field(
-        default=None,
-        description="Pylons; drawn a 20, h 25, portal 20, diamond 20, mast 15; a mast wants a road with an even number "
-        "of lanes, a and diamond want height: h takes their place where that is missing",
+    pylons: Literal[1, 2] | None = chosen({1: 0.4, 2: 0.6}, "Number of pylons")
+    shape: PylonShape | None = chosen(
+        _SHAPES,
+        "Pylons",
+        among="; a mast wants a road with an even number of lanes, a and diamond want height: h takes their place "
+        "where that is missing",
     )
-    arrangement: Arrangement | None = Field(
-        default=None,
-        description="Stays in elevation; drawn fan, semi_fan, harp: a and diamond 45 : 55 : 0, h 25 : 50 : 25, portal "
-        "15 : 35 : 50, mast 30 : 40 : 30",
+    arrangement: Arrangement | None = chosen_by(
+        {"on a and diamond": _LEANING_STAYS, **{f"on {shape}": _ARRANGEMENTS[shape] for shape in _UPRIGHT}},
+        "Stays in elevation",
     )
-    planes: Literal[1, 2] | None = Field(
-        default=None, description="Planes of stays; a mast has 1, a diamond 1 or 2 (drawn 30 : 70), other shapes 2"
+    planes: Literal[1, 2] | None = chosen_by(
+        {"on a mast": _PLANES["mast"], "on a diamond": _PLANES["diamond"], "on other shapes": _PLANES["h"]},
+        "Planes of stays",
     )
-    deck: DeckKind | None = Field(
-        default=None,
-        description="Deck; drawn under two planes edge_beam 45, plate_girder 30, steel_box 25; under one plane "
-        "concrete_box 60, steel_box 40",
-    )
+    deck: DeckKind | None = chosen_by({"under two planes": _DECKS[2], "under one plane": _DECKS[1]}, "Deck")
     main: float | None = Field(default=None, ge=30.0, le=400.0, description="Main span [m]; drawn by the size")
     side_ratio: float | None = drawn(
         0.35, 0.45, "Side span over main span, two pylons [1]", ge=0.30, le=0.50, paper=(0.40, 0.50)
@@ -88,9 +89,8 @@ class CableStayedSettings(Settings):
         le=0.15,
         paper=(0.0, 0.0),
     )
-    anchor_piers: bool | None = Field(
-        default=None,
-        description="Piers under side spans of 40 m or more, 36 m apart at most; drawn 60 : 40, never in profile paper",
+    anchor_piers: bool | None = chosen(
+        {True: 0.6, False: 0.4}, "Piers under side spans of 40 m or more, 36 m apart at most", paper={False: 1}
     )
     zone: float | None = drawn(0.55, 0.68, "Lowest head of a semi-fan over the pylon's height [1]", ge=0.40, le=0.85)
     pitch: float | None = Field(
@@ -226,11 +226,11 @@ def choose(settings: CableStayedSettings, top: DeckTop, randoms: RandomDraws, fi
 def _choice(settings: CableStayedSettings, shape: str, randoms: RandomDraws, divided: bool) -> Choice:
     """Put a bridge together that has one shape."""
     paper = randoms.profile == "paper"
-    size = settings.size or ("compact" if randoms.size < (2.0 if paper else 0.7) else "realistic")
-    pylons = settings.pylons or (1 if randoms.pylons < 0.4 else 2)
+    size = option_at(settings, "size", randoms.size, randoms.profile)
+    pylons = option_at(settings, "pylons", randoms.pylons, randoms.profile)
     arrangement = settings.arrangement or weighted_choice(_ARRANGEMENTS[shape], randoms.arrangement)
-    single = randoms.planes < 0.3 and shape == "diamond" and divided and settings.deck in (None, *_DECKS[1])
-    planes = settings.planes or (1 if shape == "mast" or single else 2)
+    single = shape == "mast" or (divided and settings.deck in (None, *_DECKS[1]))
+    planes = settings.planes or weighted_choice(_PLANES.get(shape if single else "h", _PLANES["h"]), randoms.planes)
     _refuse(settings, shape, arrangement, planes, divided)
     deck = settings.deck or weighted_choice(_DECKS[planes], randoms.deck)
     if deck not in _DECKS[planes]:

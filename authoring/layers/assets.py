@@ -56,14 +56,10 @@ def bake_surfaces(
     # One number a surface, the same for site and background: their grass is one grass, and goes on over the border.
     names = sorted({surface_of(role)[0] for role in roles_of(pieces)})
     numbers = {name: int(stream(seed, f"surface/{name}").integers(SHEETS)) for name in names}
-    bake_sheets(SheetName(name, number, texels, worn_in(name, season)) for name, number in numbers.items())
-    patches = patches_of(seed)
-    return {
-        name: bake_surface(
-            name, folder, texels, prefix=f"{folder.name}_", number=number, patches=patches, season=season
-        )
-        for name, number in numbers.items()
-    }
+    sheets = {name: SheetName(name, number, texels, worn_in(name, season)) for name, number in numbers.items()}
+    bake_sheets(sheets.values())
+    prefix, patches = f"{folder.name}_", patches_of(seed)
+    return {name: bake_surface(sheet, folder, prefix=prefix, patches=patches) for name, sheet in sheets.items()}
 
 
 def bake_site(site: Site, folder: Path, texels: int, seed: int, season: Season = SUMMER) -> dict[str, MaterialRecipe]:

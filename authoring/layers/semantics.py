@@ -25,14 +25,14 @@ def semantics_layer(asset: Asset, pieces: tuple[Component | Scatter, ...]) -> Sd
     layer = new_layer(asset.root)
     with Sdf.ChangeBlock():
         for piece in pieces:
-            for path, number in _labelled(asset, piece):
+            for path, number in _labeled(asset, piece):
                 prim = prim_spec(layer, path)
                 apply_schemas(prim, LABEL_APIS)
                 author(prim, label_opinions(piece.kind, number))
     return layer
 
 
-def _labelled(asset: Asset, piece: Component | Scatter) -> Iterator[tuple[str, int]]:
+def _labeled(asset: Asset, piece: Component | Scatter) -> Iterator[tuple[str, int]]:
     """List the prims that carry the label of a piece, each with its id; 0 for a PointInstancer of many."""
     path = asset.prim(piece)
     if isinstance(piece, Component):

@@ -1,5 +1,7 @@
 """Clouds: heaps with flat bases and lit tops on one level, thin ice clouds far above them."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,7 +39,7 @@ def clouded(sky: F64, directions: F64, sun: F64, cover: float, rng: np.random.Ge
     heaps, wisps, drift = _heaps(rng), _wisps(rng), rng.random(4)
     rows = np.flatnonzero(directions[:, 0, 2] > 0)
     result, above, behind = sky.copy(), directions[rows], sky[rows]
-    shine = _shine(sky, directions, sun)
+    shine = _shine(sky, sun)
     angle = np.arccos(np.clip(above @ sun, -1, 1))
     seen, glow = _ice(wisps, above, angle, drift[:2], cover)
     behind = behind * (1 - seen[..., None]) + seen[..., None] * (0.55 * behind + 0.45 * shine * glow[..., None])
@@ -70,7 +72,7 @@ def _means(opacity: F64, lit: F64, away: F64) -> tuple[F64, F64, F64]:
     return covered, mean(opacity * lit) / known, mean(opacity * away) / known
 
 
-def _shine(sky: F64, directions: F64, sun: F64) -> F64:
+def _shine(sky: F64, sun: F64) -> F64:
     """Colour of a cloud in the sun, as bright as it is beside that sky, shape (3,)."""
     height = max(float(sun[2]), 0.0)
     level = float(np.median((sky @ LUMINANCE)[: len(sky) // 2]))
@@ -94,21 +96,21 @@ def _march(heaps: tuple[F32, F32], directions: F64, sun: F64, cover: float, drif
     sideways = sun[:2] / max(float(np.hypot(sun[0], sun[1])), 1e-9) * min(1 / max(float(sun[2]), 0.15), 4.0)
     opacity, light, away, left = (np.zeros(up.shape) for _ in range(4))
     left += 1.0
-    closed = np.clip((cover - 0.75) / 0.25, 0, 1)
+    field = _Heaps(broad, fine, edge, spread, float(np.clip((cover - 0.75) / 0.25, 0, 1)))
     for step in range(_STEPS):
         height = _HIGHEST * (step + 0.5) / _STEPS
         reach = _distance(up, _BASE + height)
         length = np.minimum(_HIGHEST / _STEPS / up, 260.0)
         place = (directions[..., :2] * reach[..., None]) / _TILE + drift
         blur = np.clip(reach / 6.0e4, 0, 1)
-        top = _tops(broad, fine, place, edge, spread, closed=closed, blur=blur)
+        top = _tops(field, place, blur)
         inside = np.clip((top - height) / (170.0 + 0.014 * reach), 0, 1) * np.clip((height + 25.0) / 80.0, 0, 1)
         if not inside.any():
             continue
         shadow = np.zeros(up.shape)
         for lift in (90.0, 260.0, 560.0):
             ahead = place + lift * sideways / _TILE
-            over = _tops(broad, fine, ahead, edge, spread, closed=closed, blur=blur)
+            over = _tops(field, ahead, blur)
             shadow += np.clip((over - height - lift) / 160.0, 0, 1) * (0.5, 0.8, 1.1)[(90.0, 260.0, 560.0).index(lift)]
         lit = np.exp(-1.1 * shadow) * (0.55 + 0.45 * height / np.maximum(top, 1.0).clip(height, None))
         gone = left * (1 - np.exp(-_EXTINCTION * inside * length))
@@ -117,12 +119,26 @@ def _march(heaps: tuple[F32, F32], directions: F64, sun: F64, cover: float, drif
     return opacity * np.clip(directions[..., 2] / 0.02, 0, 1), light / known, away / known
 
 
-def _tops(broad: F32, fine: F32, place: F64, edge: float, spread: float, *, closed: float, blur: F64) -> F64:
+@dataclass(frozen=True, eq=False)
+class _Heaps:
+    """A field of heaps: where they stand and the buds on them, each 0 to 1, (side, side).
+
+    They begin at `edge` of `broad`, are `spread` of it higher where they are thick, and `closed` of the gaps are.
+    """
+
+    broad: F32
+    fine: F32
+    edge: float
+    spread: float
+    closed: float
+
+
+def _tops(heaps: _Heaps, place: F64, blur: F64) -> F64:
     """Height of the heaps over their base [m], shape (H, W); 0 and below where there are none."""
-    body = (_lookup(broad, place) - edge) / spread
+    body = (_lookup(heaps.broad, place) - heaps.edge) / heaps.spread
     swell = np.clip(body, 0, 1) ** 0.6
-    grain = _lookup(fine, 5.0 * place) * (1 - blur)
-    return _HIGHEST * (swell * (0.62 + 0.25 * closed) + (0.34 * grain - 0.13) * np.clip(6 * body + 0.4, 0, 1))
+    grain = _lookup(heaps.fine, 5.0 * place) * (1 - blur)
+    return _HIGHEST * (swell * (0.62 + 0.25 * heaps.closed) + (0.34 * grain - 0.13) * np.clip(6 * body + 0.4, 0, 1))
 
 
 def _ice(wisps: F32, directions: F64, angle: F64, drift: F64, cover: float) -> tuple[F64, F64]:

@@ -14,8 +14,6 @@ from authoring.looks.noise import Floats
 from authoring.looks.recipe import DETAIL_PERIODS, SMOOTH
 from authoring.looks.recipes import RECIPES
 from authoring.looks.roles import LOOKS, fill_roles, sheet_numbers
-from authoring.looks.scenery import worn_in
-from authoring.looks.seasons import SUMMER, Season
 from authoring.looks.user_maps import MapSet
 from authoring.looks.user_sets import place_set, read_sets
 from authoring.looks.weathering import ground_patches, weather
@@ -111,38 +109,27 @@ def bake_look(
 
 
 def bake_surface(
-    name: str,
-    folder: Path,
-    texels: int = 2048,
-    *,
-    prefix: str = "",
-    number: int = 0,
-    library: Path | None = None,
-    patches: int = 0,
-    season: Season = SUMMER,
+    sheet: SheetName, folder: Path, *, prefix: str = "", library: Path | None = None, patches: int = 0
 ) -> MaterialRecipe:
     """Bake one surface of a site or background.
 
     Args:
-        name: A row of `authoring.looks.recipes.RECIPES`.
+        sheet: Which sheet of which surface.
         folder: Folder of the layer that will use it; receives `textures/`.
-        texels: Texels along a side of a bridge's sheets [px]; scenery has half of them.
         prefix: Put before the names of its files: a DCC gathers those of all assets in one folder.
-        number: Which of its sheets.
         library: Where sheets are kept; the user's cache folder when not given.
         patches: Which patches lie on open ground: those of a site and of its background are the same.
-        season: Season of what grows.
 
     Raises:
         InputError: There is no such surface.
     """
-    sheet = SheetName(name, number, texels, worn_in(name, season))
+    name = sheet.surface
     files = copy_sheet(bake_sheets([sheet], library)[sheet], folder / "textures", f"{prefix}{name}")
     macro = ""
     if RECIPES[name].patchy:
         file = folder / "textures" / f"{prefix}patches.png"
         if not file.exists():
-            write_texture(folder, f"{prefix}patches", encode_raw(open_ground(texels, patches) / 2))
+            write_texture(folder, f"{prefix}patches", encode_raw(open_ground(sheet.texels, patches) / 2))
         macro = f"./textures/{file.name}"
     recipe = RECIPES[name]
     detail = (

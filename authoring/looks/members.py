@@ -10,7 +10,7 @@ from authoring.looks.noise import I32, Floats, Tile, draw, fractal, standard
 from authoring.looks.runoff import direction
 from authoring.shapes.component import Component
 
-_FIELD_METRES = 32.0
+_FIELD_METERS = 32.0
 _FIELD_PIXELS = 1024
 _STANDING = ("column", "wall_pier", "abutment_wall", "wing_wall", "pier_footing", "abutment_footing", "pylon", "tower")
 
@@ -140,7 +140,7 @@ def draw_fields(rng: np.random.Generator) -> Fields:
     Args:
         rng: Random stream.
     """
-    tile = Tile(_FIELD_PIXELS, _FIELD_METRES, rng)
+    tile = Tile(_FIELD_PIXELS, _FIELD_METERS, rng)
     ragged = fractal(tile, 1.0, 0.18, slope=0.6, stretch=(1.0, 1.8))
     return Fields(
         clouds=fractal(tile, 12.0, 0.9, slope=1.2),
@@ -178,7 +178,7 @@ def _look_up(fields: Fields, members: Members, owner: I32, normal: Floats, place
     upright = np.abs(normal[:, 2]) < np.float32(0.6)
     axis = members.along[owner]
     aside = (normal[:, 0] * place[:, 1] - normal[:, 1] * place[:, 0]) / side
-    texels = np.float32(_FIELD_PIXELS / _FIELD_METRES)
+    texels = np.float32(_FIELD_PIXELS / _FIELD_METERS)
     u = np.where(upright, aside, axis[:, 0] * place[:, 1] - axis[:, 1] * place[:, 0]) * texels
     v = np.where(upright, place[:, 2], axis[:, 0] * place[:, 0] + axis[:, 1] * place[:, 1]) * texels
     cell_u = (np.floor(u).astype(np.int32) + members.shift[owner, 0]) & (_FIELD_PIXELS - 1)

@@ -8,7 +8,7 @@ from authoring.axis.alignment import Alignment
 from authoring.parts.cables import STAY_SIDES, Plane, tubes
 from authoring.shapes.component import F64
 from authoring.shapes.sections import cut_corners
-from authoring.solids.extrusion import prism
+from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, joined
 
 SUNK = 0.010  # [m] sleeves and saddles into what they stand on
@@ -117,7 +117,7 @@ def saddle(station: float, left: float, top: float, size: tuple[float, float, fl
     """
     length, width, depth = size
     outline = saddle_outline(station, top, length, depth)
-    return prism(outline, left - 0.5 * width, left + 0.5 * width, "left", place, 0.02)
+    return Prism(outline, left - 0.5 * width, left + 0.5 * width, "left", place, 0.02).surface
 
 
 def anchor_block(
@@ -143,7 +143,7 @@ def anchor_block(
             [(back, low), (front, low), (front, high), (front + 0.35 * (back - front), high), (back, high - fall)]
         )
     outline = cut_corners(outline, np.where(outline[:, 1] > low, 0.03, 0.0))
-    return prism(outline, *lefts, "left", place, 0.03)
+    return Prism(outline, *lefts, "left", place, 0.03).surface
 
 
 def _pipes(begin: F64, end: F64, inner: float, outer: float, sides: int) -> list[Surface]:

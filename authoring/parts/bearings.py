@@ -5,10 +5,9 @@ from functools import lru_cache
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from authoring.axis.alignment import Alignment
-from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans, level_at
 from authoring.parts.wedges import Slope, road_slope, seat_slope, wedge
@@ -34,8 +33,8 @@ _POT_EMBEDDED = 0.002  # [m] of the pot's pieces into each other
 class BearingSettings(Settings):
     """Bearings and plinths; what is left out is drawn."""
 
-    kind: Literal["pad", "pot"] | None = Field(
-        default=None, description="Laminated rubber pad or steel pot; drawn 70 : 30, in profile paper always pot"
+    kind: Literal["pad", "pot"] | None = chosen(
+        {"pad": 0.7, "pot": 0.3}, "Laminated rubber pad or steel pot", paper={"pot": 1}
     )
     pad_width: float | None = drawn(0.36, 0.44, "Pad across the bridge [m]", ge=0.20, le=0.90)
     pad_length: float | None = drawn(0.28, 0.38, "Pad along the bridge [m]", ge=0.15, le=0.50)
@@ -88,16 +87,11 @@ def draw_bearings(settings: BearingSettings, draws: Draws) -> Bearings:
     """
     width, length, height = (draw(settings, key, draws) for key in ("pad_width", "pad_length", "pad_height"))
     margin, plinth = draw(settings, "plinth_margin", draws), draw(settings, "plinth_height", draws)
-    share, pot_width, pot_height = (
-        draws.random(),
-        draw(settings, "pot_width", draws),
-        draw(settings, "pot_height", draws),
-    )
-    paper = draws.profile == "paper"
-    kind = settings.kind or ("pot" if share >= 0.70 or paper else "pad")
+    kind = draw_option(settings, "kind", draws)
+    pot_width, pot_height = draw(settings, "pot_width", draws), draw(settings, "pot_height", draws)
     if kind == "pot":
         width, length, height = pot_width, pot_width, pot_height
-    return Bearings(width, length, height, margin, plinth, kind, sole_plate=not paper)
+    return Bearings(width, length, height, margin, plinth, kind, sole_plate=draws.profile != "paper")
 
 
 @dataclass(frozen=True)
@@ -107,13 +101,11 @@ class _Row:
     Attributes:
         plinth_top: Height of the plinths [m].
         soffit: Height of the girders' soffit [m].
-        below: Slope of the seat.
         above: Slope of the soffit.
     """
 
     plinth_top: float
     soffit: float
-    below: Slope
     above: Slope
 
 
@@ -143,7 +135,7 @@ def bearing_parts(
         at = np.full(len(lines), station), np.array(lines), np.zeros(len(lines))
         seats = levels.seat + level.point(*at)[:, 2] - place.point(*at)[:, 2]
         below, above = seat_slope(place, support), road_slope(place, station)
-        row = _Row(levels.plinth_top, levels.girder_soffit, below, above)
+        row = _Row(levels.plinth_top, levels.girder_soffit, above)
         template = _bearing(bearings, row)
         for number, line in enumerate(lines):
             where, name = place.frame_at(station, line, turn=-place.skew), f"{span:03d}_{end}_{number:02d}"

@@ -12,7 +12,7 @@ from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels
 from authoring.shapes.component import F64
 from authoring.shapes.sections import cut_corners, mirrored, rectangle
-from authoring.solids.extrusion import Prism, prism
+from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import turned
 
 DeckKind = Literal["edge_beam", "concrete_box", "steel_box", "plate_girder"]
@@ -272,7 +272,7 @@ def bracket_parts(
     for number, station in enumerate(stations):
         for side, sign in (("L", 1.0), ("R", -1.0)):
             outline = right if sign > 0.0 else (right * (-1.0, 1.0))[::-1]
-            surface = turned(prism(outline, station - 0.12, station + 0.12, "station", place))
+            surface = turned(Prism(outline, station - 0.12, station + 0.12, "station", place).surface)
             size: dict[str, object] = {"length": tip - root, "depth": top - low, "thickness": 0.24}
             name = f"Bracket_{number:03d}_{side}"
             role = "Role_GirderConcrete" if deck.concrete else "Role_GirderSteel"

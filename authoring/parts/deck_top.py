@@ -7,7 +7,7 @@ from authoring.axis.alignment import Alignment
 from authoring.axis.road_section import RoadSection
 from authoring.parts.abutments import Abutments, approach_range
 from authoring.parts.drawing import Draws, chosen, draw_option
-from authoring.parts.fittings import Fittings, FittingSettings, draw_fittings
+from authoring.parts.fittings import FittedDeck, Fittings, FittingSettings, draw_fittings
 from authoring.parts.medians import median_parts
 from authoring.parts.parapets import EMBEDDED, LEDGE, DeckEdge, Parapets, ParapetSettings, draw_parapets, parapet_parts
 from authoring.parts.part import Part
@@ -69,6 +69,11 @@ class DeckTop:
     def width(self) -> float:
         """Overall deck width [m]."""
         return 2.0 * (self.half_width + self.parapets.thickness + LEDGE)
+
+    @property
+    def fitted(self) -> FittedDeck:
+        """The deck with its fittings."""
+        return FittedDeck(self.fittings, self.roadway, self.width)
 
     @property
     def half_width(self) -> float:

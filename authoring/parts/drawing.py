@@ -2,15 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from pydantic import Field
 
+from authoring.streams import Option, told_shares, weighted_choice
 from groundwork.errors import InputError
 from groundwork.settings import Settings
-
-Name = TypeVar("Name")
 
 
 @dataclass(frozen=True)
@@ -29,24 +28,13 @@ class Draws:
         """Draw a number from 0 up to 1 [1]."""
         return float(self.rng.random())
 
-    def choose(self, weights: Mapping[str, float]) -> str:
-        """Draw one name.
+    def choose(self, weights: Mapping[Option, float]) -> Option:
+        """Draw one option.
 
         Args:
-            weights: How often each name is drawn, any scale [1]; their order counts.
+            weights: How often each option is drawn, any scale [1]; their order counts.
         """
         return weighted_choice(weights, self.random())
-
-
-def weighted_choice(weights: Mapping[Name, float], share: float) -> Name:
-    """Find the name that lies at a share of all weights.
-
-    Args:
-        weights: How often each name is drawn, any scale [1]; their order counts.
-        share: From 0 up to 1 [1].
-    """
-    edges = np.cumsum(list(weights.values()))
-    return list(weights)[int(np.searchsorted(edges[:-1], share * edges[-1], side="right"))]
 
 
 def drawn(
@@ -116,7 +104,13 @@ def draw_whole(settings: Settings, key: str, draws: Draws) -> int:
 
 
 def chosen(
-    weights: Mapping[Any, float], description: str, *, among: str = "", paper: Mapping[Any, float] | None = None
+    weights: Mapping[Any, float],
+    description: str,
+    *,
+    among: str = "",
+    paper: Mapping[Any, float] | None = None,
+    ge: int | None = None,
+    le: int | None = None,
 ) -> Any:
     """Declare an optional choice that is drawn when the user leaves it out.
 
@@ -125,43 +119,69 @@ def chosen(
         description: What it is.
         among: Which bridges the shares speak of, such as " of those with several spans"; default: all.
         paper: How often the profile `paper` draws each option [1]; default: the same.
+        ge: Least number that a user may fix [any unit].
+        le: Largest number that a user may fix [any unit].
 
     Returns:
         The pydantic field, default None; its description ends with the shares.
     """
-    told = "" if paper is None else f"; in profile paper {_shares(paper)}"
+    told = "" if paper is None else f"; in profile paper {told_shares(paper)}"
     extra: dict[str, Any] = {"chosen": [*map(list, weights.items())]}
     extra["paper"] = extra["chosen"] if paper is None else [*map(list, paper.items())]
-    return Field(None, description=f"{description}; drawn {_shares(weights)}{among}{told}", json_schema_extra=extra)
+    description = f"{description}; drawn {told_shares(weights)}{among}{told}"
+    return Field(None, ge=ge, le=le, description=description, json_schema_extra=extra)
 
 
-def draw_option(settings: Settings, key: str, draws: Draws) -> Any:
+def chosen_by(
+    tables: Mapping[str, Mapping[Any, float]], description: str, *, paper: Mapping[Any, float] | None = None
+) -> Any:
+    """Declare an optional choice whose shares depend on the bridge.
+
+    Args:
+        tables: How often each option is drawn, any scale [1], by where: "on roads", "under one plane of stays".
+        description: What it is.
+        paper: How often the profile `paper` draws each option [1]; default: as `tables` says.
+
+    Returns:
+        The pydantic field, default None; its description ends with the shares.
+    """
+    told = "" if paper is None else f"; in profile paper {told_shares(paper)}"
+    cases = "; ".join(f"{where}: {told_shares(weights)}" for where, weights in tables.items())
+    extra: dict[str, Any] | None = None if paper is None else {"paper": [*map(list, paper.items())]}
+    return Field(None, description=f"{description}; drawn {cases}{told}", json_schema_extra=extra)
+
+
+def option_at(
+    settings: Settings, key: str, share: float, profile: str, weights: Mapping[Any, float] | None = None
+) -> Any:
+    """Take the option that the user fixed, or the one that lies at a share of all weights.
+
+    Args:
+        settings: Model whose field `key` was declared with `chosen` or `chosen_by`.
+        key: Name of the field.
+        share: From 0 up to 1 [1].
+        profile: `default` or `paper`.
+        weights: Weights of the options that this bridge may have [1]; default: those of the field.
+    """
+    fixed = getattr(settings, key)
+    if fixed is not None:
+        return fixed
+    extra: Any = type(settings).model_fields[key].json_schema_extra or {}
+    if profile == "paper" and "paper" in extra:
+        return weighted_choice(dict(extra["paper"]), share)
+    return weighted_choice(dict(extra["chosen"]) if weights is None else weights, share)
+
+
+def draw_option(settings: Settings, key: str, draws: Draws, weights: Mapping[Any, float] | None = None) -> Any:
     """Take the option that the user fixed, or draw one; the generator advances by the same amount either way.
 
     Args:
-        settings: Model whose field `key` was declared with `chosen`.
+        settings: Model whose field `key` was declared with `chosen` or `chosen_by`.
         key: Name of the field.
         draws: Random stream and profile.
+        weights: Weights of the options that this bridge may have [1]; default: those of the field.
     """
-    extra: Any = type(settings).model_fields[key].json_schema_extra
-    option = weighted_choice(dict(extra["paper" if draws.profile == "paper" else "chosen"]), draws.random())
-    fixed = getattr(settings, key)
-    return option if fixed is None else fixed
-
-
-def _shares(weights: Mapping[Any, float]) -> str:
-    """Say how often each option is drawn: "ballast 65 %, slab 35 %", "true 40 %", "never", "always pot"."""
-    total = sum(weights.values())
-    parts = {option: f"{100.0 * weight / total:.3g} %" for option, weight in weights.items() if weight}
-    if set(parts) <= {True, False}:
-        true = parts.get(True)
-        return "never" if true is None else "always" if len(parts) == 1 else f"true {true}"
-    if len(parts) == 1:
-        return f"always {next(iter(parts))}"
-    if len(set(parts.values())) == 1:
-        *most, last = parts
-        return f"{', '.join(most)} and {last} alike"
-    return ", ".join(f"{option} {share}" for option, share in parts.items())
+    return option_at(settings, key, draws.random(), draws.profile, weights)
 
 
 def drawn_range(model: type[Settings], key: str, profile: str = "default") -> tuple[float, float]:

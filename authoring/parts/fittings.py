@@ -12,7 +12,7 @@ from authoring.parts.spans import Spans
 from authoring.shapes.component import F64
 from authoring.shapes.sections import circle, rectangle
 from authoring.solids.copies import LOCAL, copied, frames_along
-from authoring.solids.extrusion import Prism, prism
+from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, joined, sweep
 from groundwork.settings import Settings
 
@@ -91,28 +91,35 @@ def draw_fittings(settings: FittingSettings, draws: Draws) -> Fittings:
     )
 
 
+@dataclass(frozen=True)
+class FittedDeck:
+    """A deck with fittings.
+
+    Attributes:
+        fittings: What there is.
+        roadway: Cross-section of the road, None on a railway.
+        width: Overall deck width [m].
+    """
+
+    fittings: Fittings
+    roadway: Roadway | None
+    width: float
+
+
 def fitting_parts(
-    fittings: Fittings,
-    roadway: Roadway | None,
-    width: float,
-    spans: Spans,
-    soffit: float | None,
-    place: Alignment,
-    *,
-    clear: float = CLEAR,
+    deck: FittedDeck, spans: Spans, soffit: float | None, place: Alignment, *, clear: float = CLEAR
 ) -> list[Part]:
     """Build the fittings of a road bridge; a railway has none.
 
     Args:
-        fittings: What there is.
-        roadway: Cross-section of the road, None on a railway.
-        width: Overall deck width [m].
+        deck: The deck.
         spans: Stations of the deck's pieces and joints.
         soffit: Lowest underside of the superstructure, above the finished surface [m]; None where the deck's edges are
             not free, and nothing may hang there.
         place: Axis of the bridge.
         clear: Least distance between a lamp post and a support [m]: the legs of pylons reach over the deck.
     """
+    fittings, roadway, width = deck.fittings, deck.roadway, deck.width
     if roadway is None:
         return []
     parts = _lamp_parts(fittings, roadway, spans, place, clear) if fittings.lamps else []
@@ -192,7 +199,7 @@ def _copies(
 def _lamp(height: float, arm: float) -> Surface:
     """A tapered column on a base plate with an arm over the road and a flat luminaire, round its foot."""
     half = 0.5 * _LAMP_BASE
-    plate = prism(rectangle((-half, -half), (half, half)), -0.02, 0.02, "above", LOCAL, 0.004)
+    plate = Prism(rectangle((-half, -half), (half, half)), -0.02, 0.02, "above", LOCAL, 0.004).surface
     column = sweep(
         np.stack([circle(0.17, 12), circle(0.17, 12), circle(0.15, 12), circle(0.08, 12)]),
         np.array([0.015, 0.9, 0.92, height]),
@@ -207,7 +214,9 @@ def _lamp(height: float, arm: float) -> Surface:
         LOCAL,
     )
     top = height - 0.06 + rise
-    head = prism(rectangle((-0.14, top - 0.05), (0.14, top + 0.05)), -arm - 0.62, -arm + 0.04, "left", LOCAL, 0.02)
+    head = Prism(
+        rectangle((-0.14, top - 0.05), (0.14, top + 0.05)), -arm - 0.62, -arm + 0.04, "left", LOCAL, 0.02
+    ).surface
     return joined([plate, column, tube, head])
 
 
@@ -215,12 +224,12 @@ def _scupper_parts(fittings: Fittings, roadway: Roadway, spans: Spans, place: Al
     length, width = _GRATE
     low, high = -0.004, 0.010
     rails = [
-        prism(rectangle((-0.5 * length, y - 0.015), (0.5 * length, y + 0.015)), low, high, "above", LOCAL)
+        Prism(rectangle((-0.5 * length, y - 0.015), (0.5 * length, y + 0.015)), low, high, "above", LOCAL).surface
         for y in (-0.5 * width + 0.015, 0.5 * width - 0.015)
     ]
     half = 0.5 * width - 0.028
     bars = [
-        prism(rectangle((x - 0.013, -half), (x + 0.013, half)), low, high - 0.002, "above", LOCAL)
+        Prism(rectangle((x - 0.013, -half), (x + 0.013, half)), low, high - 0.002, "above", LOCAL).surface
         for x in np.linspace(-0.5 * length + 0.016, 0.5 * length - 0.016, 8)
     ]
     template = joined(rails + bars)
@@ -250,8 +259,8 @@ def _pipe_parts(
     outlet = -roadway.surfacing - _OUTLET
     length = outlet - soffit + _PIPE_BELOW
     d = fittings.pipe_diameter
-    stub = prism(circle(0.8 * d, 12), -2.0 * _EMBEDDED, _PIPE_OUT, "left", LOCAL)
-    down = prism(circle(d, 12) + np.array([0.0, _PIPE_OUT]), -length, 0.6 * d, "above", LOCAL, 0.008)
+    stub = Prism(circle(0.8 * d, 12), -2.0 * _EMBEDDED, _PIPE_OUT, "left", LOCAL).surface
+    down = Prism(circle(d, 12) + np.array([0.0, _PIPE_OUT]), -length, 0.6 * d, "above", LOCAL, 0.008).surface
     template = joined([stub, down])
     size: dict[str, object] = {"diameter": d, "length": length}
     stations = fitting_stations(fittings.scupper_pitch, spans)

@@ -8,7 +8,7 @@ import numpy as np
 from authoring.axis.alignment import Alignment
 from authoring.shapes.component import F64
 from authoring.shapes.sections import cut_corners, rectangle
-from authoring.solids.extrusion import prism
+from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface
 
 Ground = Callable[[F64], F64]
@@ -104,4 +104,4 @@ def footing_surface(half: F64, station: float, low: float, high: float, level: A
         chamfer: Leg of chamfers [m].
     """
     outline = rectangle((station - half[0], -half[1]), (station + half[0], half[1]))
-    return prism(cut_corners(outline, chamfer), low, high, "above", level, chamfer)
+    return Prism(cut_corners(outline, chamfer), low, high, "above", level, chamfer).surface

@@ -14,7 +14,7 @@ from authoring.parts.girder_sections import Girders as Girders
 from authoring.parts.girder_sections import diaphragm_heights, diaphragm_outline, girder_outline, u_top_width
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans
-from authoring.solids.extrusion import Prism, prism
+from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, sweep
 from groundwork.errors import InputError
 from groundwork.settings import Settings
@@ -38,11 +38,12 @@ _PAPER_LINES = 5
 class GirderSettings(Settings):
     """Concrete girders; what is left out is drawn."""
 
-    shape: Shape | None = Field(
-        default=None,
-        description="Section; drawn i 30, bulb_t 20, t 18, u 12, box 10, rectangle 10; t and rectangle for spans up to "
-        "24 m, u and box for decks from 7.5 m on; in profile paper i 50, rectangle 50. A box has no void: nothing sees "
-        "it",
+    shape: Shape | None = chosen(
+        _SHAPES,
+        "Section (a box has no void: nothing sees it)",
+        among=f" among those that suit: t and rectangle for spans up to {_SHORT_SPAN:g} m, u and box for decks from "
+        f"{_NARROW_DECK:g} m on",
+        paper={"i": 50.0, "rectangle": 50.0},
     )
     slenderness: float | None = drawn(
         16.0, 22.0, "Longest span over girder depth [1]", ge=SPAN_TO_DEPTH[0], le=SPAN_TO_DEPTH[1]
@@ -81,10 +82,10 @@ class GirderSettings(Settings):
     depth: float | None = Field(
         default=None, ge=0.3, le=4.0, description="Depth without slab and haunch [m]; in profile paper 0.6"
     )
-    omitted: bool | None = Field(
-        default=None,
-        description="No girders under the slab; never drawn, but half of the time in profile paper: half of the Random "
-        "Bridge Generator's beam bridges have girders of zero size, which are no solids",
+    omitted: bool | None = chosen(
+        {False: 1.0},
+        "No girders under the slab: the Random Bridge Generator has beam bridges with girders of zero size, no solids",
+        paper={True: 0.5, False: 0.5},
     )
 
 
@@ -104,8 +105,7 @@ def draw_girders(settings: GirderSettings, width: float, longest_span: float, dr
         InputError: The fixed number of lines cannot carry this width, or the fixed depth does not go with the span.
     """
     paper = draws.profile == "paper"
-    usual = draws.choose(shape_weights(longest_span, width, paper=paper))
-    shape = settings.shape or usual
+    shape = draw_option(settings, "shape", draws, shape_weights(longest_span, width))
     depth = round(longest_span / draw(settings, "slenderness", draws), 2)
     depth = settings.depth or (0.6 if paper else depth)
     if settings.depth and not paper:
@@ -114,9 +114,8 @@ def draw_girders(settings: GirderSettings, width: float, longest_span: float, dr
     top, bottom, bulb = (draw(settings, key, draws) for key in ("top_width", "bottom_width", "bulb_width"))
     web, stem, soffit = (draw(settings, key, draws) for key in ("web", "stem", "wide_bottom"))
     chamfer, diaphragm = draw(settings, "chamfer", draws), draw(settings, "diaphragm", draws)
-    haunch, empty = draw(settings, "haunch", draws), draws.random() < 0.5
-    blocks = draw_option(settings, "end_blocks", draws)
-    omitted = settings.omitted if settings.omitted is not None else empty and paper
+    haunch = draw(settings, "haunch", draws)
+    omitted, blocks = (draw_option(settings, key, draws) for key in ("omitted", "end_blocks"))
     top_thickness = round(float(np.clip(0.11 * depth, 0.07, 0.15)), 3)
     bottom_thickness = round(float(np.clip(0.15 * depth, 0.09, 0.22)), 3)
     ends = chamfer, diaphragm, haunch, blocks
@@ -138,19 +137,16 @@ def draw_girders(settings: GirderSettings, width: float, longest_span: float, dr
     return replace(girders, depth=0.0, haunch=0.0) if omitted else girders
 
 
-def shape_weights(longest_span: float, width: float, *, paper: bool = False) -> dict[str, float]:
+def shape_weights(longest_span: float, width: float) -> dict[str, float]:
     """List the sections that suit a span, with their weights.
 
     Args:
         longest_span: Longest span [m].
         width: Deck width [m].
-        paper: Profile `paper`.
 
     Returns:
         Weight of each section that suits [1].
     """
-    if paper:
-        return {"i": 50.0, "rectangle": 50.0}
     excluded = (() if longest_span <= _SHORT_SPAN else ("t", "rectangle")) + (
         () if width >= _NARROW_DECK else _WIDE_SHAPES
     )
@@ -202,7 +198,7 @@ def girder_surface(girders: Girders, line: float, low: float, high: float, level
     """
     shift = np.array([line, levels.girder_soffit])
     if girders.shape not in ("i", "bulb_t") or not girders.end_blocks:
-        return prism(girder_outline(girders) + shift, low, high, "station", place)
+        return Prism(girder_outline(girders) + shift, low, high, "station", place).surface
     block, taper = girders.depth, 0.6 * girders.depth
     stations = np.array([low, low + block, low + block + taper, high - block - taper, high - block, high])
     sections = np.stack([girder_outline(girders, t) + shift for t in (1.0, 1.0, 0.0, 0.0, 1.0, 1.0)])

@@ -9,7 +9,7 @@ from authoring.parts.arch_axis import Rib
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.shapes.component import F64
 from authoring.shapes.sections import circle
-from authoring.solids.extrusion import Prism, prism
+from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface
 
 GRIP = 0.020  # [m] rod into socket and anchorage
@@ -110,4 +110,4 @@ def bracket_surface(above: RibAbove, line: float, size: tuple[float, float], bot
     ends = np.array([above.station - 0.5 * size[0], above.station + 0.5 * size[0]])
     top = above.soffit(ends) + EMBEDDED
     outline = np.array([(ends[0], bottom), (ends[1], bottom), (ends[1], top[1]), (ends[0], top[0])])
-    return prism(outline, line - 0.5 * size[1], line + 0.5 * size[1], "left", above.level)
+    return Prism(outline, line - 0.5 * size[1], line + 0.5 * size[1], "left", above.level).surface

@@ -12,7 +12,7 @@ from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
 from authoring.shapes.component import F64
 from authoring.shapes.sections import rectangle
 from authoring.shapes.topology import corner_normals
-from authoring.solids.extrusion import Prism, prism
+from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, sweep
 
 ROLE = "Role_Masonry"
@@ -224,12 +224,12 @@ def _pier_parts(viaduct: Viaduct, number: int, founding: Founding) -> list[Part]
     under = float(min(left_low[1], right_low[1])) - _SPRINGER
     outline = np.array([(left_low[0], under), (right_low[0], under), right_low, right_up, left_up, left_low])
     reach = half + 0.5 * _OFFSET
-    springer = prism(outline, -reach, reach, "left", place)
+    springer = Prism(outline, -reach, reach, "left", place).surface
     thick, middle = 0.5 * v.pier + _OFFSET, 0.5 * float(left_low[0] + right_low[0])
     nose = half + _OFFSET + v.cutwater * thick
     cutwater = _Cutwater(middle, thick, half + _OFFSET, nose)
     bottom = founding.bottom((middle - thick, middle + thick), (-nose, nose), under - 0.5)
-    shaft = prism(cutwater.plan(), bottom, under + 0.010, "above", place)
+    shaft = Prism(cutwater.plan(), bottom, under + 0.010, "above", place).surface
     support = number + 1
     facts: dict[str, object] = {"support": support, "filled_spandrel": True}
     cap: dict[str, object] = {"length": 2.0 * reach, "width": v.pier, "depth": float(left_up[1]) - under, **facts}

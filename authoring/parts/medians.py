@@ -8,7 +8,7 @@ from authoring.axis.alignment import Alignment
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.roadway import EMBEDDED, Roadway
 from authoring.shapes.sections import cut_corners, rectangle
-from authoring.solids.extrusion import Prism, prism
+from authoring.solids.extrusion import Prism
 
 _BESIDE = 0.20  # [m] from its kerb to the inner edge lines
 _APART = 0.02  # [m] from a mast
@@ -74,6 +74,6 @@ def _nose_part(roadway: Roadway, half: float, station: float, ahead: float, name
     # As straight as a frame is, and along the end of the strip, which lies askew where the joints do.
     level, grade = place.straight_at(station), float(place.grade_at(np.array([station]))[0])
     frame = replace(level, grade=grade, level=level.level - grade * station)
-    surface = prism(np.add(corners, (station, 0.0)), bottom, top, "above", frame)
+    surface = Prism(np.add(corners, (station, 0.0)), bottom, top, "above", frame).surface
     size: dict[str, object] = {"width": 2.0 * width, "height": roadway.kerb_height, "embedded_in": "surfacing"}
     return Part(name, "kerb", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size)

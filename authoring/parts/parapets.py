@@ -4,10 +4,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from authoring.axis.alignment import Alignment
-from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.drawing import Draws, chosen_by, draw, draw_option, drawn
 from authoring.parts.part import FURNITURE, Part
 from authoring.parts.railings import RailingRun, Railings, RailingSettings, draw_railings, railing_parts
 from authoring.shapes.component import F64
@@ -26,12 +25,10 @@ Shape = Literal["wall", "barrier", "railing", "wall_rail"]
 class ParapetSettings(RailingSettings):
     """Parapets and railings along both edges; what is left out is drawn."""
 
-    shape: Shape | None = Field(
-        default=None,
-        description=(
-            "Solid wall with a coping, New Jersey barrier, steel railing on a plinth, or low wall with a rail on top; "
-            "drawn 40 : 15 : 30 : 15 on roads, 20 : 0 : 65 : 15 on railways, in profile paper always a wall"
-        ),
+    shape: Shape | None = chosen_by(
+        {"on roads": _ROAD_WEIGHTS, "on railways": _RAIL_WEIGHTS},
+        "Solid wall with a coping, New Jersey barrier, steel railing on a plinth, or low wall with a rail on top",
+        paper={"wall": 1},
     )
     thickness: float | None = drawn(0.25, 0.40, "Thickness at the foot [m]", ge=0.20, le=0.60, paper=(0.2, 0.2))
     height: float | None = drawn(
@@ -90,8 +87,7 @@ def draw_parapets(settings: ParapetSettings, service: str, draws: Draws) -> Para
         service: `road` or `rail`.
         draws: Random stream and profile of the bridge.
     """
-    chance = draws.choose(_ROAD_WEIGHTS if service == "road" else _RAIL_WEIGHTS)
-    shape = settings.shape or ("wall" if draws.profile == "paper" else chance)
+    shape = draw_option(settings, "shape", draws, _ROAD_WEIGHTS if service == "road" else _RAIL_WEIGHTS)
     own = [key for key in ParapetSettings.model_fields if key not in ("shape", *RailingSettings.model_fields)]
     value = {key: draw(settings, key, draws) for key in own}
     railings = draw_railings(settings, draws)

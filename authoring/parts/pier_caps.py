@@ -7,7 +7,7 @@ import numpy as np
 from authoring.axis.alignment import Alignment
 from authoring.shapes.component import F64
 from authoring.shapes.sections import cut_corners, mirrored
-from authoring.solids.extrusion import prism
+from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, turned
 
 _KNEE = 0.35  # haunch between leg and beam of a frame, over the beam's depth
@@ -94,9 +94,11 @@ def cap_surface(cap: CapShape, station: float, top: float, rise: float, level: A
     """
     half = 0.5 * cap.width
     if cap.upstand == 0.0:
-        return turned(prism(cap_outline(cap, top), station - half, station + half, "station", level, cap.chamfer))
+        return turned(
+            Prism(cap_outline(cap, top), station - half, station + half, "station", level, cap.chamfer).surface
+        )
     outline = inverted_t_outline(cap, top, rise) + np.array([station, 0.0])
-    return prism(outline, -0.5 * cap.length, 0.5 * cap.length, "left", level, cap.chamfer)
+    return Prism(outline, -0.5 * cap.length, 0.5 * cap.length, "left", level, cap.chamfer).surface
 
 
 def inverted_t_outline(cap: CapShape, top: float, rise: float) -> F64:

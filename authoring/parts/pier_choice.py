@@ -2,7 +2,8 @@
 
 from typing import Literal
 
-from authoring.parts.drawing import Draws, weighted_choice
+from authoring.parts.drawing import Draws
+from authoring.streams import weighted_choice
 from groundwork.errors import InputError
 
 PierKind = Literal["wall", "single", "multi", "hammerhead", "pi_frame", "y", "v"]
@@ -22,16 +23,33 @@ _NARROW: dict[str, float] = {
     "v": 7.0,
 }
 _WIDE: dict[str, float] = {"wall": 18.0, "multi": 67.0, "pi_frame": 15.0}
+_COLUMN_CAPS = {"drop": 30.0, "tapered": 45.0, "inverted_t": 25.0}
 _CAPS: dict[str, dict[str, float]] = {
     "wall": {"drop": 80.0, "inverted_t": 20.0},
-    "single": {"drop": 30.0, "tapered": 45.0, "inverted_t": 25.0},
-    "multi": {"drop": 30.0, "tapered": 45.0, "inverted_t": 25.0},
+    "single": _COLUMN_CAPS,
+    "multi": _COLUMN_CAPS,
     "hammerhead": {"cantilevered": 1.0},
     "pi_frame": {"integral": 1.0},
     "y": {"drop": 1.0},
     "v": {"drop": 1.0},
 }
 _PAPER_CAPS = {"drop": 50.0, "tapered": 50.0}
+PAPER_KINDS: tuple[PierKind, ...] = ("pi_frame",)
+PAPER_KINDS_UNDER_CONCRETE: tuple[PierKind, ...] = ("single", "multi")
+KINDS = {  # by where they are drawn
+    f"for decks up to {WIDEST_STEM:g} m between the cap's ends": _NARROW,
+    f"for wider decks (no pi_frame over {WIDEST_FRAME:g} m)": _WIDE,
+    "in profile paper": dict.fromkeys(PAPER_KINDS, 1.0),
+    "in profile paper under concrete girders": dict.fromkeys(PAPER_KINDS_UNDER_CONCRETE, 1.0),
+}
+CAPS = {  # by where they are drawn
+    "on wall": _CAPS["wall"],
+    "on single and multi": _COLUMN_CAPS,
+    "on hammerhead": _CAPS["hammerhead"],
+    "on pi_frame": _CAPS["pi_frame"],
+    "on y and v": _CAPS["y"],
+    "in profile paper on single and multi": _PAPER_CAPS,
+}
 
 
 def choose_kind(

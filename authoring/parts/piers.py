@@ -8,12 +8,12 @@ from pydantic import Field
 
 from authoring.axis.alignment import Alignment
 from authoring.parts.bearings import Bearings
-from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.drawing import Draws, chosen, chosen_by, draw, draw_option, drawn
 from authoring.parts.footings import Ground as Ground
 from authoring.parts.footings import footing_heights, footing_surface
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.pier_caps import CapShape, cap_surface
-from authoring.parts.pier_choice import CapKind, PierKind, choose_kind
+from authoring.parts.pier_choice import CAPS, KINDS, PAPER_KINDS, CapKind, PierKind, choose_kind
 from authoring.parts.shafts import EMBEDDED, Shafts, limit_slenderness, shaft_base, shaft_surfaces
 from authoring.parts.spans import Levels, Spans, level_at
 from authoring.shapes.component import F64
@@ -31,23 +31,13 @@ _LEAST_ASKEW = 0.10  # [m] a narrower stem of an inverted T is left out on a ske
 class PierSettings(Settings):
     """Caps, columns and footings; what is left out is drawn."""
 
-    kind: PierKind | None = Field(
-        default=None,
-        description="Kind of pier; drawn for decks up to 13 m between the cap's ends wall 14, single 20, multi 22, "
-        "hammerhead 18, pi_frame 10, y 9, v 7; for wider decks wall 18, multi 67, pi_frame 15 (no pi_frame over 17 m); "
-        "in profile paper pi_frame, and under concrete girders single 50, multi 50",
-    )
-    cap: CapKind | None = Field(
-        default=None,
-        description="Kind of cap; drawn on wall: drop 80, inverted_t 20; single and multi: drop 30, tapered 45, "
-        "inverted_t 25; y and v: drop; hammerhead: cantilevered; pi_frame: integral; no inverted_t where the rows of "
-        "bearings leave no room; in profile paper single and multi: drop 50, tapered 50",
-    )
+    kind: PierKind | None = chosen_by(KINDS, "Kind of pier")
+    cap: CapKind | None = chosen_by(CAPS, "Kind of cap, no inverted_t where the rows of bearings leave no room")
     columns: int | None = Field(default=None, ge=1, le=5, description="Columns of a pier; drawn by the deck's width")
-    column_shape: Literal["round", "octagonal", "rectangular"] | None = Field(
-        default=None,
-        description="Section of columns, noses of walls and hammerheads; drawn 50 : 15 : 35, in profile paper 50 : 0 : "
-        "50",
+    column_shape: Literal["round", "octagonal", "rectangular"] | None = chosen(
+        {"round": 0.50, "octagonal": 0.15, "rectangular": 0.35},
+        "Section of columns, noses of walls and hammerheads",
+        paper={"round": 0.5, "rectangular": 0.5},
     )
     diameter: float | None = drawn(
         0.9, 1.3, "Diameter of each of several columns [m]", ge=0.6, le=2.4, paper=(1.5, 1.5)
@@ -75,9 +65,7 @@ class PierSettings(Settings):
     )
     wall_thickness: float | None = drawn(0.8, 1.2, "Wall pier along the bridge [m]", ge=0.6, le=2.5)
     wall_share: float | None = drawn(0.70, 0.96, "Wall pier over cap length [1]", ge=0.5, le=0.97)
-    battered: bool | None = Field(
-        default=None, description="Shafts grow towards their base; drawn 35 : 65, never in profile paper"
-    )
+    battered: bool | None = chosen({True: 0.35, False: 0.65}, "Shafts grow towards their base", paper={False: 1})
     batter: float | None = drawn(0.010, 0.030, "Growth of each side of a battered shaft [1]", ge=0.0, le=0.08)
     slenderness: float | None = drawn(
         10.0,
@@ -148,45 +136,51 @@ class Piers:
         return CapShape(self.cap, *size, flat, face, self.upstand, self.chamfer)
 
 
+@dataclass(frozen=True)
+class PierNeeds:
+    """What a bridge asks of its piers.
+
+    Attributes:
+        width: Deck width [m].
+        outer_line: From the axis to the outermost line of bearings [m].
+        bearings: What stands on the caps.
+        spans: Stations of the bearings' rows.
+    """
+
+    width: float
+    outer_line: float
+    bearings: Bearings
+    spans: Spans
+
+
 def draw_piers(
-    settings: PierSettings,
-    width: float,
-    outer_line: float,
-    bearings: Bearings,
-    spans: Spans,
-    draws: Draws,
-    *,
-    paper_kinds: tuple[PierKind, ...] = ("pi_frame",),
+    settings: PierSettings, needs: PierNeeds, draws: Draws, *, paper_kinds: tuple[PierKind, ...] = PAPER_KINDS
 ) -> Piers:
     """Draw the piers under a deck.
 
     Args:
         settings: What the user fixed.
-        width: Deck width [m].
-        outer_line: From the axis to the outermost line of bearings [m].
-        bearings: What stands on the caps.
-        spans: Stations of the bearings' rows.
+        needs: What the bridge asks of them.
         draws: Random stream and profile of the bridge.
         paper_kinds: Kinds that profile `paper` knows for this family, equally likely.
     """
+    bearings, spans = needs.bearings, needs.spans
     paper = draws.profile == "paper"
-    share, round_share = draws.random(), draws.random()
+    share, shape = draws.random(), draw_option(settings, "column_shape", draws)
     single, several = draw(settings, "hammerhead_diameter", draws), draw(settings, "diameter", draws)
     depth, taper = draw(settings, "cap_depth", draws), draw(settings, "taper", draws)
-    cap_length = round(2.0 * (outer_line + 0.5 * bearings.plinth_width + draw(settings, "cap_margin", draws)), 3)
+    cap_length = round(2.0 * (needs.outer_line + 0.5 * bearings.plinth_width + draw(settings, "cap_margin", draws)), 3)
     chamfer, margin = draw(settings, "chamfer", draws), draw(settings, "footing_margin", draws)
     footing_top, footing_depth = draw(settings, "footing_top", draws), draw(settings, "footing_depth", draws)
     thickness, wall_share = draw(settings, "wall_thickness", draws), draw(settings, "wall_share", draws)
-    batter_share, batter = draws.random(), draw(settings, "batter", draws)
+    battered, batter = draw_option(settings, "battered", draws), draw(settings, "batter", draws)
     rows = spans.pier_setback - 0.5 * bearings.plinth_length  # half the room between the rows of plinths
     upstand = round(max(2.0 * rows - 0.06, 0.0), 3)
     kind, cap = choose_kind(
         (settings.kind, settings.cap, settings.columns), cap_length, upstand, draws, paper_kinds if paper else ()
     )
     room = max(2, int(cap_length / (_CLEAR_PITCH * several)))  # a short cap under a narrow box holds few
-    number = settings.columns or _column_count(width, share, room) if kind == "multi" else _COLUMNS.get(kind, 1)
-    shape = settings.column_shape or _shape(round_share, paper)
-    battered = settings.battered if settings.battered is not None else batter_share < 0.35 and not paper
+    number = settings.columns or _column_count(needs.width, share, room) if kind == "multi" else _COLUMNS.get(kind, 1)
     piers = Piers(
         kind,
         cap,
@@ -214,12 +208,6 @@ def _column_count(width: float, share: float, room: int) -> int:
     """Take as many columns as the deck's width [m] needs, or one more, and no more than the cap has room for."""
     least = max(2, int(np.ceil(0.8 * width / _COLUMN_PITCH)))
     return min(least + int(2.0 * share), 5, room)
-
-
-def _shape(share: float, paper: bool) -> str:
-    if paper:
-        return "round" if share < 0.5 else "rectangular"
-    return "round" if share < 0.50 else "octagonal" if share < 0.65 else "rectangular"
 
 
 def _with_shafts(

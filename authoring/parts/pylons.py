@@ -11,7 +11,7 @@ from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.spans import level_at
 from authoring.shapes.component import F64
 from authoring.shapes.sections import cut_corners, mirrored, rectangle
-from authoring.solids.extrusion import prism
+from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, sweep, turned
 
 PylonShape = Literal["a", "h", "portal", "diamond", "mast"]
@@ -217,7 +217,7 @@ def _beam(
 ) -> Surface:
     along = pylon.face(heights[-1]) - behind
     right = [corner for k, corner in enumerate(zip(halves, heights, strict=True)) if not _on_line(halves, heights, k)]
-    return prism(mirrored(right), station - along, station + along, "station", level)
+    return Prism(mirrored(right), station - along, station + along, "station", level).surface
 
 
 def _on_line(halves: list[float], heights: list[float], k: int) -> bool:

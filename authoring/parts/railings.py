@@ -12,7 +12,7 @@ from authoring.parts.part import FURNITURE, Part
 from authoring.shapes.component import F64
 from authoring.shapes.sections import circle, rectangle
 from authoring.solids.copies import LOCAL, copied_together, frames_along
-from authoring.solids.extrusion import Prism, extruded, prism
+from authoring.solids.extrusion import Prism, extruded
 from authoring.solids.sweep import Surface, joined
 from groundwork.settings import Settings
 
@@ -149,7 +149,7 @@ def _post_solid(across: float, height: float) -> Surface:
 @lru_cache(maxsize=64)
 def _bar_solid(height: float) -> Surface:
     outline = rectangle((-0.5 * _BAR, -0.4 * _BAR), (0.5 * _BAR, 0.4 * _BAR))
-    return prism(outline, 0.04 - _HELD, height, "above", LOCAL)
+    return Prism(outline, 0.04 - _HELD, height, "above", LOCAL).surface
 
 
 def _rail_solids(railings: Railings, run: RailingRun, place: Alignment) -> list[Surface]:

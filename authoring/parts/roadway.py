@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import Field
 
 from authoring.axis.alignment import Alignment
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
@@ -18,9 +17,8 @@ from groundwork.settings import Settings
 
 EMBEDDED = 0.005  # [m] how far asphalt, kerbs and joints reach into what they lie on
 MARKING_HEIGHT = 0.006  # [m] above the asphalt
-_LANE_WEIGHTS = (0.05, 0.50, 0.10, 0.25, 0.05, 0.05)  # 1 to 6 lanes
 _DEEPER = 0.0015  # [m] kerbs than asphalt
-_DIVIDED, _DIVIDED_LANES = 0.40, 4  # share of the roads of so many lanes and more
+_DIVIDED_LANES = 4  # of the roads that may have a raised strip, and more
 _SHORTEST_DASH = 0.4  # [m]
 _SHORTER = 0.003  # [m] footway and joints against kerb and asphalt, so that no two faces lie in one plane
 _CROWN = 0.001  # [m]
@@ -30,7 +28,7 @@ _MARKING_CLEAR = 0.03  # [m] from the asphalt's ends
 class RoadwaySettings(Settings):
     """Cross-section of a road deck, the same on both sides; what is left out is drawn."""
 
-    lanes: int | None = Field(default=None, ge=1, le=6, description="Traffic lanes; drawn, mostly 2 or 4")
+    lanes: int | None = chosen({1: 0.05, 2: 0.50, 3: 0.10, 4: 0.25, 5: 0.05, 6: 0.05}, "Traffic lanes", ge=1, le=6)
     lane_width: float | None = drawn(3.0, 3.75, "Width of a lane [m]", ge=2.5, le=4.5)
     shoulder: float | None = drawn(0.3, 1.5, "From the edge line to the kerb [m]", ge=0.0, le=3.0)
     footway: bool | None = chosen({True: 50, False: 50}, "Footways on both sides")
@@ -39,8 +37,8 @@ class RoadwaySettings(Settings):
     verge_width: float | None = drawn(0.35, 0.60, "Raised verge where there is no footway [m]", ge=0.20, le=1.0)
     kerb_height: float | None = drawn(0.10, 0.15, "Kerb above the asphalt [m]", ge=0.05, le=0.25)
     surfacing: float | None = drawn(0.07, 0.10, "Asphalt [m]", ge=0.04, le=0.15)
-    divided: bool | None = Field(
-        default=None, description="A raised strip between the two directions of 4 or 6 lanes; drawn, 40 % of them"
+    divided: bool | None = chosen(
+        {True: 0.4, False: 0.6}, "A raised strip between the two directions of 4 or 6 lanes", paper={False: 1}
     )
     median: float | None = drawn(1.2, 2.4, "That strip, from inner edge line to inner edge line [m]", ge=0.8, le=5.0)
     marking_width: float | None = drawn(0.12, 0.15, "Width of lines [m]", ge=0.08, le=0.40)
@@ -106,14 +104,12 @@ def draw_roadway(settings: RoadwaySettings, draws: Draws) -> Roadway:
         settings: What the user fixed.
         draws: Random stream and profile of the bridge.
     """
-    lanes = 1 + int(np.searchsorted(np.cumsum(_LANE_WEIGHTS)[:-1], draws.random(), side="right"))
-    footway = draw_option(settings, "footway", draws)
+    lanes, footway = (draw_option(settings, key, draws) for key in ("lanes", "footway"))
     footway_width, kerb, verge = (draw(settings, key, draws) for key in ("footway_width", "kerb_width", "verge_width"))
-    count = settings.lanes or lanes
-    strip, median = draws.random() < _DIVIDED, draw(settings, "median", draws)
-    divided = _divided(settings, count, strip and draws.profile == "default")
+    divided = _divided(settings, lanes, draw_option(settings, "divided", draws))
+    median = draw(settings, "median", draws)
     return Roadway(
-        lanes=count,
+        lanes=lanes,
         lane_width=draw(settings, "lane_width", draws),
         shoulder=draw(settings, "shoulder", draws),
         kerb_width=kerb if footway else verge,
@@ -129,7 +125,7 @@ def draw_roadway(settings: RoadwaySettings, draws: Draws) -> Roadway:
     )
 
 
-def _divided(settings: RoadwaySettings, lanes: int, chance: bool) -> bool:
+def _divided(settings: RoadwaySettings, lanes: int, wanted: bool) -> bool:
     possible = lanes >= _DIVIDED_LANES and lanes % 2 == 0
     if settings.divided and not possible:
         raise InputError(
@@ -139,7 +135,7 @@ def _divided(settings: RoadwaySettings, lanes: int, chance: bool) -> bool:
             allowed="4 or 6 lanes",
             hint=f"The nearest is lanes = {max(4, lanes + lanes % 2)}",
         )
-    return possible and (chance if settings.divided is None else settings.divided)
+    return possible and wanted
 
 
 def asphalt_ranges(roadway: Roadway, spans: Spans) -> list[tuple[float, float]]:

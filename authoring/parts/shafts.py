@@ -8,7 +8,7 @@ from authoring.axis.alignment import Alignment
 from authoring.parts.wedges import seat_slope, wedge
 from authoring.shapes.component import F64
 from authoring.shapes.sections import circle, cut_corners, mirrored, rectangle
-from authoring.solids.extrusion import prism
+from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, sweep, turned
 
 EMBEDDED = 0.010  # [m] into cap and footing
@@ -99,7 +99,7 @@ def shaft_surfaces(shafts: Shafts, station: float, low: float, high: float, plac
         frame = wedge(level, (station, line), (foot, high), high=slope)
         if shafts.arm > 0.0:
             half, outline = 0.5 * shafts.length, fork_outline(shafts, foot, high)
-            surfaces.append(turned(prism(outline, -half, half, "station", frame, shafts.chamfer)))
+            surfaces.append(turned(Prism(outline, -half, half, "station", frame, shafts.chamfer).surface))
         else:
             surfaces.append(_upright(shafts, foot, high, frame))
     return surfaces
@@ -141,7 +141,7 @@ def shaft_outline(shafts: Shafts, growth: float = 0.0) -> F64:
 
 def _upright(shafts: Shafts, low: float, high: float, level: Alignment) -> Surface:
     if shafts.batter == 0.0:
-        return prism(shaft_outline(shafts), low, high, "above", level)
+        return Prism(shaft_outline(shafts), low, high, "above", level).surface
     rings = np.stack([shaft_outline(shafts, shafts.batter * (high - low)), shaft_outline(shafts)])
     return sweep(rings, np.array([low, high]), "above", level)
 

@@ -12,7 +12,7 @@ from authoring.parts.spans import level_at
 from authoring.shapes.component import F64
 from authoring.shapes.sections import circle, cut_corners, rectangle
 from authoring.shapes.topology import corner_normals
-from authoring.solids.extrusion import Prism, prism
+from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, turned
 
 EMBEDDED = 0.010  # [m] column into cross-head, arch and footing
@@ -89,7 +89,9 @@ def cap_part(bents: Bents, name: str, kind: str, cap: CapPlace, level: Alignment
     outline = np.array(right + [(-x, y) for x, y in right[::-1]])
     if bents.cap_depth - bents.cap_end_depth < 1e-6:
         outline = rectangle((-half, top - bents.cap_depth), (half, top))
-    surface = turned(prism(outline, station - 0.5 * width, station + 0.5 * width, "station", level, bents.chamfer))
+    surface = turned(
+        Prism(outline, station - 0.5 * width, station + 0.5 * width, "station", level, bents.chamfer).surface
+    )
     size: dict[str, object] = {
         "length": bents.cap_length,
         "width": width,
@@ -123,7 +125,7 @@ def column_surface(
         half = 0.5 * np.array([bents.length, bents.width])
         outline = rectangle((station - half[0], line - half[1]), (station + half[0], line + half[1]))
         outline = cut_corners(outline, 2.0 * bents.chamfer) if bents.chamfer > 0.0 else outline
-    surface = prism(outline, foot[0], head[0], "above", level)
+    surface = Prism(outline, foot[0], head[0], "above", level).surface
     size = len(outline)
     lift = np.zeros(len(surface.points))
     lift[:size], lift[-size:] = foot[1] * (outline[:, 0] - station), head[1] * (outline[:, 0] - station)

@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.plate_girders import PlateGirders
 from authoring.parts.spans import Spans
 from groundwork.errors import InputError
@@ -13,7 +13,6 @@ from groundwork.settings import Settings
 
 LEAST_SPACING, MOST_SPACING = 2.2, 3.6  # [m] of the lines of a multi-girder deck
 _ARRANGEMENTS = {"multi": 60.0, "ladder": 22.0, "box": 18.0}
-_HAUNCHES = {"none": 55.0, "parabolic": 28.0, "straight": 17.0}
 _WIDTHS = {"multi": (0.0, 40.0), "ladder": (7.0, 18.0), "box": (6.5, 27.0)}  # [m] of deck
 _BOX_SPAN = 30.0  # [m] from which boxes pay (Khan, table 1.2)
 _ONE_BOX = 13.5  # [m] widest deck on a single box
@@ -24,11 +23,11 @@ _LEAST_DEPTH = 0.70  # [m]
 class PlateGirderSettings(Settings):
     """Steel girders; what is left out is drawn."""
 
-    arrangement: Literal["multi", "ladder", "box"] | None = Field(
-        default=None,
-        description="Many plate girders, two with floor beams between them, or one or two boxes; drawn 60 : 22 : 18 "
-        "among those that suit: ladder for decks 7 to 18 m wide, box 6.5 to 27 m and spans of 30 m or more; in profile "
-        "paper multi",
+    arrangement: Literal["multi", "ladder", "box"] | None = chosen(
+        _ARRANGEMENTS,
+        "Many plate girders, two with floor beams between them, or one or two boxes",
+        among=" among those that suit: ladder for decks 7 to 18 m wide, box 6.5 to 27 m and spans of 30 m or more",
+        paper={"multi": 1},
     )
     slenderness: float | None = drawn(
         20.0,
@@ -53,10 +52,11 @@ class PlateGirderSettings(Settings):
     )
     flange: float | None = drawn(0.025, 0.060, "Thickness of the flanges [m]", ge=0.012, le=0.12, paper=(0.1, 0.1))
     web: float | None = drawn(0.012, 0.020, "Thickness of the webs [m]", ge=0.008, le=0.12, paper=(0.1, 0.1))
-    haunch: Literal["none", "parabolic", "straight"] | None = Field(
-        default=None,
-        description="How girders grow deeper towards the piers; drawn 55 : 28 : 17 where they are continuous over "
-        "piers, else none; in profile paper none",
+    haunch: Literal["none", "parabolic", "straight"] | None = chosen(
+        {"none": 55.0, "parabolic": 28.0, "straight": 17.0},
+        "How girders grow deeper towards the piers",
+        among=" where they are continuous over piers, else none",
+        paper={"none": 1},
     )
     haunch_ratio: float | None = drawn(1.5, 2.0, "Depth over a pier over depth at mid-span [1]", ge=1.05, le=2.5)
     haunch_reach: float | None = drawn(0.22, 0.38, "Haunch on either side of a pier, over the span [1]", ge=0.1, le=0.5)
@@ -83,8 +83,8 @@ def draw_plate_girders(settings: PlateGirderSettings, width: float, spans: Spans
     """
     paper = draws.profile == "paper"
     longest = float(np.max(np.diff(spans.supports)))
-    arrangement = _arrangement(settings, width, longest, paper, draws)
-    haunch = _haunch(settings, spans, paper, draws)
+    arrangement = _arrangement(settings, width, longest, draws)
+    haunch = _haunch(settings, spans, draws)
     slenderness = draw(settings, "slenderness", draws) * (1.0 if haunch == "none" else _HAUNCHED_SLIMMER)
     ratio, reach = draw(settings, "haunch_ratio", draws), draw(settings, "haunch_reach", draws)
     depth = max(round(longest / slenderness, 2), _LEAST_DEPTH)
@@ -111,10 +111,10 @@ def draw_plate_girders(settings: PlateGirderSettings, width: float, spans: Spans
     )
 
 
-def _arrangement(settings: PlateGirderSettings, width: float, longest: float, paper: bool, draws: Draws) -> str:
+def _arrangement(settings: PlateGirderSettings, width: float, longest: float, draws: Draws) -> str:
     suited = {name: weight for name, weight in _ARRANGEMENTS.items() if _WIDTHS[name][0] <= width <= _WIDTHS[name][1]}
-    share = draws.choose({name: w for name, w in suited.items() if name != "box" or longest >= _BOX_SPAN})
-    choice = settings.arrangement or ("multi" if paper else share)
+    suited = {name: weight for name, weight in suited.items() if name != "box" or longest >= _BOX_SPAN}
+    choice = draw_option(settings, "arrangement", draws, suited)
     low, high = _WIDTHS[choice]
     if not low <= width <= high:
         nearest = low if width < low else high
@@ -128,8 +128,8 @@ def _arrangement(settings: PlateGirderSettings, width: float, longest: float, pa
     return choice
 
 
-def _haunch(settings: PlateGirderSettings, spans: Spans, paper: bool, draws: Draws) -> str:
-    chance = draws.choose(_HAUNCHES)
+def _haunch(settings: PlateGirderSettings, spans: Spans, draws: Draws) -> str:
+    haunch = draw_option(settings, "haunch", draws)
     possible = spans.one_row and spans.count > 1
     if settings.haunch not in (None, "none") and not possible:
         raise InputError(
@@ -139,7 +139,7 @@ def _haunch(settings: PlateGirderSettings, spans: Spans, paper: bool, draws: Dra
             allowed="none",
             hint="Give the bridge two spans or more and continuous = true, or leave the haunch out",
         )
-    return settings.haunch or (chance if possible and not paper else "none")
+    return haunch if possible else "none"
 
 
 def _lines(

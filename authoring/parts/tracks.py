@@ -18,7 +18,7 @@ from authoring.parts.spans import ABUTMENT_BACK, Spans
 from authoring.shapes.component import F64
 from authoring.shapes.sections import cut_corners, rectangle
 from authoring.solids.copies import LOCAL, copied, frames_along
-from authoring.solids.extrusion import Prism, prism
+from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, joined, sweep
 from groundwork.settings import Settings
 
@@ -269,16 +269,16 @@ def sleeper_solid(section: TrackSection) -> Surface:
     """
     half, width, height = 0.5 * section.sleeper_length, section.sleeper_width, section.sleeper_height
     if section.plain:
-        return prism(rectangle((-0.5 * width, -height), (0.5 * width, 0.0)), -half, half, "left", LOCAL)
+        return Prism(rectangle((-0.5 * width, -height), (0.5 * width, 0.0)), -half, half, "left", LOCAL).surface
     if section.sleeper == "timber":
-        body = prism(
+        body = Prism(
             cut_corners(rectangle((-0.5 * width, -height), (0.5 * width, 0.0)), 0.008),
             -half,
             half,
             "left",
             LOCAL,
             0.008,
-        )
+        ).surface
     else:
         seat = 0.5 * (section.gauge + section.rail_head)
         along = np.array([0.0, 0.06, seat - 0.32, seat - 0.18, seat + 0.18])
@@ -302,7 +302,9 @@ def _fastenings(section: TrackSection) -> list[Surface]:
         for side in (-1.0, 1.0):
             near = 0.5 * section.rail_foot + 0.002
             left = sorted((middle + side * near, middle + side * (near + 0.07)))
-            clips.append(prism(rectangle((-0.055, -0.004), (0.055, 0.030)), left[0], left[1], "left", LOCAL, 0.006))
+            clips.append(
+                Prism(rectangle((-0.055, -0.004), (0.055, 0.030)), left[0], left[1], "left", LOCAL, 0.006).surface
+            )
     return clips
 
 

@@ -153,8 +153,8 @@ def _distance(before: Usd.Prim, after: Usd.Prim) -> float | None:
         return float("nan") if len(poses[0]) == len(poses[1]) else 0.0
     if np.abs(poses[0] - poses[1]).max() <= TOLERANCE:
         return None
-    metres = UsdGeom.GetStageMetersPerUnit(after.GetStage())
-    return float(np.linalg.norm(poses[0][:, 3, :3] - poses[1][:, 3, :3], axis=1).max()) * metres
+    meters = UsdGeom.GetStageMetersPerUnit(after.GetStage())
+    return float(np.linalg.norm(poses[0][:, 3, :3] - poses[1][:, 3, :3], axis=1).max()) * meters
 
 
 def _differ(before: Usd.Prim, after: Usd.Prim, name: str) -> bool:

@@ -92,10 +92,10 @@ def inset(outline: F64, distance: float) -> F64:
     Returns:
         Outline [m], shape (P, 2), float64.
     """
-    return outline + distance * mitres(outline)
+    return outline + distance * miters(outline)
 
 
-def mitres(outlines: F64) -> F64:
+def miters(outlines: F64) -> F64:
     """Find how corners move when all sides move inward by one metre.
 
     Args:

@@ -9,6 +9,7 @@ import numpy as np
 from authoring.axis.alignment import Layout
 from authoring.site.shape import Crossing
 from authoring.site.valley import Valley, draw_valley, floor_room
+from authoring.streams import weighted_choice
 from groundwork.errors import InputError
 
 CrossingKind = Literal["river", "road", "rail", "valley", "harbour"]
@@ -62,8 +63,15 @@ def choose_crossing(layout: Layout, rng: np.random.Generator) -> CrossingKind:
         kind for kind, rule in _RULES.items() if rule.spans[0] <= span <= rule.spans[1] and room >= rule.headroom
     ]
     fits = fits or [SPARED]
-    edges = np.cumsum([_RULES[kind].weight for kind in fits])
-    return fits[int(np.searchsorted(edges[:-1], rng.random() * edges[-1], side="right"))]
+    return weighted_choice({kind: _RULES[kind].weight for kind in fits}, rng.random())
+
+
+def told_crossings() -> str:
+    """Say how often each crossing is drawn among those that suit a bridge, and which bridges suit it."""
+    return ", ".join(
+        f"{kind} {rule.weight:g} (spans of {rule.spans[0]:g} to {rule.spans[1]:g} m, seats {rule.headroom:g} m high)"
+        for kind, rule in _RULES.items()
+    )
 
 
 def draw_crossing(

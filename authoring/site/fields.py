@@ -7,10 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.axis.alignment import Layout
+from authoring.streams import weighted_choice
 
 F64 = NDArray[np.float64]
 
 LandUse = Literal["fields", "common", "town"]
+DRAWN_LAND = {"fields": 0.7, "common": 0.3}
 # Covers to draw from, an empty one being grass.
 USES: dict[str, tuple[str, ...]] = {
     "fields": ("ploughed", "crop", "ripe", "ripe", "crop", "hay", ""),
@@ -105,7 +107,7 @@ def draw_plots(
     Returns:
         The plots.
     """
-    drawn: LandUse = "town" if kind == "harbour" else "fields" if rng.random() < 0.7 else "common"
+    drawn = "town" if kind == "harbour" else weighted_choice(DRAWN_LAND, rng.random())
     use = land or drawn
     names = tuple(str(name) for name in rng.choice(USES[use], 8))
     half = layout.width / 2

@@ -10,9 +10,9 @@ from authoring.axis.alignment import Layout
 from authoring.axis.clearance import refuse_hill
 from authoring.shapes.component import FIRST_SITE_ID, Component, Mesh, Scatter
 from authoring.site.covers import Soup, chunked, covered, drape, strip_atlas
-from authoring.site.crossing import CrossingKind
+from authoring.site.crossing import CrossingKind, told_crossings
 from authoring.site.extent import Box, keep_out, strip_corners, strip_edge
-from authoring.site.fields import LandUse, draw_plots
+from authoring.site.fields import DRAWN_LAND, LandUse, draw_plots
 from authoring.site.grid import HeightField
 from authoring.site.guardrails import guardrail_pieces
 from authoring.site.land import draw_land, strip_ground, strip_lines
@@ -20,6 +20,7 @@ from authoring.site.photo import PhotoSquare, by_square, photo_role, photo_squar
 from authoring.site.roads import way_pieces
 from authoring.site.scatter import ScatterSettings, scatter_plants
 from authoring.site.shape import Land
+from authoring.streams import told_shares
 from groundwork.settings import Settings
 
 F64 = NDArray[np.float64]
@@ -33,14 +34,13 @@ class SiteSettings(Settings):
 
     crossing: CrossingKind | None = Field(
         default=None,
-        description="what the bridge leads over; drawn among what suits its longest span and height: river 35, "
-        "road 25, rail 20 (seats 6 m high), valley 30 (seats 8 m high), harbour 40 (spans of 60 m and more). Under "
-        "decks over 9 m the land rises towards the abutments",
+        description="what the bridge leads over; drawn among what suits its longest span and height: "
+        f"{told_crossings()}. Under decks over 9 m the land rises towards the abutments",
     )
     land: LandUse | None = Field(
         default=None,
         description="what the land beside the bridge is used for: fields with hedges, a common of long and short "
-        "grass, or the yards of a town; drawn: fields 70, common 30, always a town beside a harbour; "
+        f"grass, or the yards of a town; drawn {told_shares(DRAWN_LAND)}, always a town beside a harbour; "
         "say `town` where the background is a city",
     )
     half_width: float = Field(default=80.0, ge=40.0, le=200.0, description="reach to either side of the axis [m]")

@@ -8,7 +8,7 @@ import numpy as np
 from authoring.axis.alignment import Alignment
 from authoring.shapes.component import F64, I32
 from authoring.shapes.nets import twisted_quads
-from authoring.shapes.sections import mitres
+from authoring.shapes.sections import miters
 from authoring.solids.sweep import Axis, Surface, closed, missing_rings, placed
 
 GROOVE_DEPTH = 0.010  # [m], of a false joint
@@ -36,6 +36,11 @@ class Prism:
     chamfer: float = 0.0
     grooves: tuple[float, ...] = ()
 
+    @property
+    def surface(self) -> Surface:
+        """Its closed surface, normals outward; for many prisms, `extruded` is faster."""
+        return extruded([self])[0]
+
     def rings(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Find where its outlines lie along the axis, rising, and how far each is inset [m]."""
         c, g = self.chamfer, GROOVE_DEPTH
@@ -48,33 +53,6 @@ class Prism:
             both = sorted([*zip(along, depth, strict=True), *((ring, 0.0) for ring in rings)])
             along, depth = zip(*both, strict=True)
         return along, depth
-
-
-def prism(
-    outline: F64,
-    low: float,
-    high: float,
-    axis: Axis,
-    place: Alignment,
-    chamfer: float = 0.0,
-    *,
-    grooves: tuple[float, ...] = (),
-) -> Surface:
-    """Build one prism at once, for what goes on working with its surface.
-
-    Args:
-        outline: Section, counter-clockwise [m], shape (P, 2), float64; its plane as in `sweep`.
-        low: Where the solid begins along the axis [m].
-        high: Where it ends [m].
-        axis: Which way the member runs.
-        place: Takes bridge coordinates to the world.
-        chamfer: Leg of the chamfers [m]; 0 for none.
-        grooves: Where along the axis a groove lies [m].
-
-    Returns:
-        Closed surface, normals outward.
-    """
-    return extruded([Prism(outline, low, high, axis, place, chamfer, grooves)])[0]
 
 
 def extruded(prisms: list[Prism]) -> list[Surface]:
@@ -109,7 +87,7 @@ def _of_one_make(prisms: list[Prism], along: F64, depth: F64) -> list[Surface]:
     outlines = np.stack([solid.outline for solid in prisms])[:, None]
     sections = np.repeat(outlines, depth.shape[1], axis=1)
     if depth.any():
-        sections += depth[..., None, None] * mitres(outlines)
+        sections += depth[..., None, None] * miters(outlines)
     axis, affine = prisms[0].axis, prisms[0].place.affine
     points = np.empty((*sections.shape[:3], 3))
     shares: dict[Alignment, list[int]] = defaultdict(list)

@@ -16,7 +16,7 @@ I64 = NDArray[np.int64]
 Cells = NDArray[np.bool_]
 
 # One of each pair of opposite neighbours among the 26 of a cell.
-NEIGHBOURS = tuple((i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0))
+NEIGHBORS = tuple((i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,11 +112,9 @@ class Ways:
     """The graph of the free cells.
 
     Attributes:
-        cells: Numbers of each free cell along the box's axes, shape (N, 3), int64.
         costs: What a step from one free cell to a neighbour costs [m].
     """
 
-    cells: I64
     costs: sparse.csr_matrix
 
     def between(self, start: int, end: int) -> I64:
@@ -144,10 +142,10 @@ def link_cells(space: FreeSpace, weight: F64) -> Ways:
         weight: What a metre in each cell costs [1], shape (X, Y, Z), float64.
     """
     number = np.full(space.free.shape, -1, np.int64)
-    cells = np.argwhere(space.free)
-    number[space.free] = np.arange(len(cells))
+    count = int(space.free.sum())
+    number[space.free] = np.arange(count)
     rows, columns, costs = [], [], []
-    for step in NEIGHBOURS:
+    for step in NEIGHBORS:
         here = tuple(slice(max(0, -s), n - max(0, s)) for s, n in zip(step, space.free.shape, strict=True))
         there = tuple(slice(max(0, s), n - max(0, -s)) for s, n in zip(step, space.free.shape, strict=True))
         both = space.free[here] & space.free[there]
@@ -155,7 +153,7 @@ def link_cells(space: FreeSpace, weight: F64) -> Ways:
         columns.append(number[there][both])
         costs.append(np.linalg.norm(step) * space.edge * 0.5 * (weight[here][both] + weight[there][both]))
     pairs = (np.concatenate(costs), (np.concatenate(rows), np.concatenate(columns)))
-    return Ways(cells, sparse.csr_matrix(pairs, shape=(len(cells), len(cells))))
+    return Ways(sparse.csr_matrix(pairs, shape=(count, count)))
 
 
 def smooth_field(shape: tuple[int, ...], cells: float, rng: np.random.Generator) -> F64:

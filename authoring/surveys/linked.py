@@ -12,7 +12,7 @@ from usd_schemas.raycast import RayScene
 F64 = NDArray[np.float64]
 
 COLUMNS, ROWS = 24, 18  # rays of an image
-NEIGHBOURS = 12  # nearest images that each is compared with, besides the next ones in the order of flight
+NEIGHBORS = 12  # nearest images that each is compared with, besides the next ones in the order of flight
 AHEAD = 4
 TURNED = 30.0  # [deg], largest angle at which features of a surface are still recognised
 # Shares of an image's surfaces that a partner must see alike [1]. How much a mapper needs depends on the texture, which
@@ -60,7 +60,7 @@ def _hanging_together(links: NDArray[np.int64], count: int) -> float:
 
 def _pairs(centers: F64) -> list[tuple[int, int]]:
     count = len(centers)
-    _, near = KDTree(centers).query(centers, k=min(NEIGHBOURS + 1, count))
+    _, near = KDTree(centers).query(centers, k=min(NEIGHBORS + 1, count))
     rows = np.asarray(near).reshape(count, -1)
     pairs = {(min(i, int(j)), max(i, int(j))) for i in range(count) for j in rows[i] if i != j}
     pairs |= {(i, i + k) for k in range(1, AHEAD + 1) for i in range(count - k)}

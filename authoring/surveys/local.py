@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.parts.drawing import option_at
 from authoring.surveys.freespace import FreeSpace, Ways, cut_free_space, gap_between, link_cells, smooth_field
 from authoring.surveys.local_box import draw_local_box
 from authoring.surveys.local_gaze import gaze
@@ -48,7 +49,7 @@ def fly_local(settings: LocalSettings, subject: Subject, rng: np.random.Generato
     Raises:
         InputError: No free space, or no way of the length asked for.
     """
-    limited = rng.random() < 0.5 if settings.pitch is None else settings.pitch == "limited"
+    limited = (settings.pitch or option_at(settings, "pitch", rng.random(), "default")) == "limited"
     box = draw_local_box(settings, subject, rng)
     space = cut_free_space(box, subject, settings.cell, settings.safety, settings.over_ground)
     if not space.free.any():

@@ -4,6 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
+from authoring.parts.drawing import chosen
 from authoring.surveys.camera_models import DEFAULT, camera_models
 from groundwork.settings import Settings
 
@@ -105,7 +106,8 @@ class LocalSettings(SurveySettings):
     safety: float = Field(default=1.0, ge=0.3, le=5.0, description="Least distance to bridge and site [m]")
     speed: float = Field(default=1.0, ge=0.2, le=15.0, description="Flight speed [m/s]")
     station: float | None = Field(
-        default=None, description="Middle of the box along the bridge, from its middle [m]; drawn, often at a support"
+        default=None,
+        description="Middle of the box along the bridge, from its middle [m]; drawn, at a support by `at_support`",
     )
     target: int | None = Field(
         default=None,
@@ -123,8 +125,8 @@ class LocalSettings(SurveySettings):
     over_ground: float = Field(default=1.0, ge=0.3, le=10.0, description="Least height over ground or water [m]")
     spacing: float = Field(default=0.5, ge=0.1, le=5.0, description="Greatest distance between neighbouring images [m]")
     images: tuple[int, int] = Field(default=(40, 120), description="Least and most images; the paper's mean is 74")
-    pitch: Literal["free", "limited"] | None = Field(
-        default=None, description="The gimbal looks up freely, or no higher than `pitch_limit`; drawn 50 : 50"
+    pitch: Literal["free", "limited"] | None = chosen(
+        {"limited": 0.5, "free": 0.5}, "The gimbal looks up freely, or no higher than `pitch_limit`"
     )
     pitch_limit: float = Field(default=24.0, ge=-90.0, le=90.0, description="Highest pitch of the limited gimbal [deg]")
 

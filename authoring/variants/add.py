@@ -3,7 +3,7 @@
 import difflib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -232,7 +232,7 @@ def _wear(scene: Path, surfaces: Path) -> str:
     look = drawn.recipe.settings.look.model_copy(update={"folders": (surfaces.name,)})
     settings = drawn.recipe.settings.model_copy(update={"look": look})
     given, bridge = {surfaces.name: surfaces}, scene.parent / "bridge"
-    file = write_look(settings, drawn.recipe.seed, name, drawn.bridge, bridge, given=given, base=look.name)
+    file = write_look(replace(drawn.recipe, settings=settings), name, drawn.bridge, bridge, given=given, base=look.name)
     add_look(bridge / "bridge.usda", name, file)
     return name
 
@@ -257,9 +257,8 @@ def _author(scene: Path, axis: str, value: str, date: datetime | None) -> str:
     drawn = _draw(read_recipe(folder))
     settings, seed = drawn.recipe.settings, drawn.recipe.seed
     if axis == "look":
-        add_look(
-            folder / "bridge/bridge.usda", value, write_look(settings, seed, value, drawn.bridge, folder / "bridge")
-        )
+        file = write_look(drawn.recipe, value, drawn.bridge, folder / "bridge")
+        add_look(folder / "bridge/bridge.usda", value, file)
     else:
         add_background(scene, value, write_background(settings, seed, value, drawn.site, folder))
     return value

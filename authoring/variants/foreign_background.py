@@ -128,10 +128,10 @@ def _convert(world: Sdf.PrimSpec, stage: Usd.Stage, origin: Point) -> None:
     if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
         order.append("xformOp:rotateX:unitsResolve")
         Sdf.AttributeSpec(world, order[-1], Sdf.ValueTypeNames.Double).default = 90.0
-    metres = UsdGeom.GetStageMetersPerUnit(stage)
-    if metres != 1.0:
+    meters = UsdGeom.GetStageMetersPerUnit(stage)
+    if meters != 1.0:
         order.append("xformOp:scale:unitsResolve")
-        Sdf.AttributeSpec(world, order[-1], Sdf.ValueTypeNames.Double3).default = Gf.Vec3d(metres)
+        Sdf.AttributeSpec(world, order[-1], Sdf.ValueTypeNames.Double3).default = Gf.Vec3d(meters)
     if order:
         listing = Sdf.AttributeSpec(world, "xformOpOrder", Sdf.ValueTypeNames.TokenArray, Sdf.VariabilityUniform)
         listing.default = order

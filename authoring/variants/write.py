@@ -18,6 +18,7 @@ from authoring.layers.repeats import with_own_ids
 from authoring.light.daylight import LightSettings, bake_light
 from authoring.looks.bake import NO_FOLDERS, bake_look
 from authoring.looks.seasons import SUMMER
+from authoring.scenes.manifest import SceneRecipe
 from authoring.settings import AuthoringSettings
 from authoring.shapes.component import FIRST_EDIT_ID, Component
 from authoring.site.site import Site
@@ -43,8 +44,7 @@ def made_from(settings: AuthoringSettings, seed: int, asset: str) -> dict[str, s
 
 
 def write_look(
-    settings: AuthoringSettings,
-    seed: int,
+    recipe: SceneRecipe,
     name: str,
     bridge: Pieces,
     folder: Path,
@@ -55,8 +55,7 @@ def write_look(
     """Bake a look for a bridge.
 
     Args:
-        settings: What the scenario says.
-        seed: Seed of the scene.
+        recipe: What the scene is authored from.
         name: Name of the look.
         bridge: Pieces of the bridge.
         folder: Folder of the bridge.
@@ -69,7 +68,9 @@ def write_look(
     file = f"./looks/{name}/look.usda"
     place = (folder / file).parent
     place.mkdir(parents=True, exist_ok=True)
-    recipes = bake_look(settings.look, base or name, place, bridge, stream(seed, f"look/{name}"), given=given)
+    recipes = bake_look(
+        recipe.settings.look, base or name, place, bridge, stream(recipe.seed, f"look/{name}"), given=given
+    )
     export(look_layer(recipes), folder / file)
     return file
 

@@ -196,7 +196,7 @@ def annotation_speed(points: DensePoints, model: SparseModel, truth: Truth) -> s
 
 
 @dataclass(frozen=True)
-class _Labelled:
+class _Labeled:
     """Labels of some points, several times over.
 
     Attributes:
@@ -224,7 +224,7 @@ class _Labelled:
         )
 
 
-def _label(points: DensePoints, count: int, model: SparseModel, truth: Truth) -> _Labelled:
+def _label(points: DensePoints, count: int, model: SparseModel, truth: Truth) -> _Labeled:
     """Label some of the points, spread over all images."""
     every, cores = len(points.counts), len(os.sched_getaffinity(0))
     rows = np.linspace(0, every - 1, min(count, every)).astype(np.int64)
@@ -239,10 +239,10 @@ def _label(points: DensePoints, count: int, model: SparseModel, truth: Truth) ->
         waited.append(time.perf_counter() - begin)
         spent.append(time.process_time() - used)
         if len(waited) > ROUNDS:  # the first one loads compiled code
-            return _Labelled(places, seen, observed, error, tuple(waited[1:]), tuple(spent[1:]))
+            return _Labeled(places, seen, observed, error, tuple(waited[1:]), tuple(spent[1:]))
 
 
-def _vote_speed(many: _Labelled) -> float:
+def _vote_speed(many: _Labeled) -> float:
     """Give the time of a plain loop over the time of the vote, per observation."""
     seen, observed, error = many.seen, many.observed, many.error
     begin = time.process_time()

@@ -23,21 +23,17 @@ class Flight:
 
     Attributes:
         kind: One of `KINDS`.
-        likeness: Correlation of a fix's error with that of the one before it [1].
         known: From the model into the world, as it truly is.
         source: Centres in model units, shape (N, 3), float64.
         rotations: Camera-to-world rotations in the model's frame [1], shape (N, 3, 3), float64.
         gps: Measured positions [m], shape (N, 3), float64.
-        strayed: Whether a fix is wrong by far more than its noise, shape (N,), bool.
     """
 
     kind: str
-    likeness: float
     known: Similarity
     source: F64
     rotations: F64
     gps: F64
-    strayed: NDArray[np.bool_]
 
 
 def draw_flight(rng: np.random.Generator) -> Flight:
@@ -57,15 +53,15 @@ def draw_flight(rng: np.random.Generator) -> Flight:
     errors = rng.normal(size=(count, 3))
     for row in range(1, count):
         errors[row] = likeness * errors[row - 1] + np.sqrt(1.0 - likeness**2) * errors[row]
-    gps, strayed = centers + errors * noise + rng.normal(0.0, STATED), np.zeros(count, bool)
+    gps = centers + errors * noise + rng.normal(0.0, STATED)
     if rng.random() < 0.3 and count >= 10:
-        strayed[rng.choice(count, count // 8, replace=False)] = True
-        gps[strayed] += rng.normal(0.0, 15.0 * noise.max(), (int(strayed.sum()), 3))
+        strayed = np.sort(rng.choice(count, count // 8, replace=False))
+        gps[strayed] += rng.normal(0.0, 15.0 * noise.max(), (len(strayed), 3))
     rolls = np.radians(rng.normal(0.0, rng.uniform(0.3, 2.0), count) + rng.normal())
     world = _held(headings, pitches, rolls)
     known = Similarity(rng.uniform(0.2, 20.0), _any_rotation(rng), rng.normal(0.0, 50.0, 3))
     source = (centers - known.translation) @ known.rotation / known.scale
-    return Flight(kind, likeness, known, source, known.rotation.T @ world, gps, strayed)
+    return Flight(kind, known, source, known.rotation.T @ world, gps)
 
 
 def place_flight(flight: Flight, rng: np.random.Generator) -> tuple[Fit, PlaceErrors] | None:

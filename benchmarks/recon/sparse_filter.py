@@ -65,6 +65,26 @@ class Judged:
     uncertainty: F64
 
 
+def only_part(scene: Path, part: str) -> Path:
+    """Find the one capture, or model, of a scene.
+
+    Args:
+        scene: Scene of a finished run.
+        part: Name of the folder, which is part of `keep` too.
+
+    Raises:
+        InputError: There is none, or several.
+    """
+    found = sorted(scene.glob(f"{part}/*"))
+    if len(found) != 1:
+        raise InputError(
+            f"has {len(found)} of what is needed once",
+            where=scene / part,
+            hint=f'Run its scenario again with one flight and "{part}" in keep',
+        )
+    return found[0]
+
+
 def main() -> None:
     """Write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -73,7 +93,7 @@ def main() -> None:
     told = parser.parse_args()
     parts = former_parts(words_of(PAGE)) if told.keep else {}
     for name, scene in told.scenes:
-        (capture,), (model,) = sorted(scene.glob("capture/*")), sorted(scene.glob("model/*"))
+        capture, model = (only_part(scene, part) for part in ("capture", "model"))
         opened = read_capture(capture)
         truth = read_truth(opened)
         if truth is None:

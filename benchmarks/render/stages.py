@@ -26,7 +26,7 @@ from groundwork.settings import read_toml
 from render.detail.surveyed_scene import product_camera
 from render.gpu.context import open_context
 from render.light.illumination import BRIGHTEST
-from render.sensor.sensor import Sensor, meter
+from render.sensor.sensor import Metering, Sensor, meter
 from render.settings import RenderSettings, SensorSettings
 from render.views.prepare import prepare
 from usd_schemas.flat_scene import FlatScene
@@ -175,7 +175,7 @@ def photograph(scene: FlatScene) -> tuple[Image, float]:
         ((one.code.astype(np.float32)[..., 1][one.draw > 0] / 65535) ** 2 * BRIGHTEST).astype(np.float32)
         for one in (view, cards)
     )
-    sensor = Sensor(SETTINGS.sensor, meter(light, card), BRIGHTEST, view.depth.shape, 1)
+    sensor = Sensor(SETTINGS.sensor, Metering(meter(light, card)), BRIGHTEST, view.depth.shape, 1)
     image = sensor.develop(view.code, sensor.expose(0, view.code))
     return np.ascontiguousarray(image[..., ::-1]), float((view.draw > 0).mean())
 

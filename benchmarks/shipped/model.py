@@ -20,6 +20,7 @@ from typing import Any
 import torch
 
 from benchmarks.shipped.card import card_text
+from benchmarks.shipped.training import SAMPLES, USUAL, seen_by, train_shipped, varied_data
 from falsework.commands.console import ConsoleProgress
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
@@ -27,22 +28,9 @@ from groundwork.files import read_json, write_text
 from groundwork.output_folder import fresh_output
 from learn.datasets.build import Source, build_dataset
 from learn.datasets.settings import DatasetSettings, dataset_settings
-from learn.datasets.stored import StoredSplit
-from learn.datasets.varied import SomeSamples, Variation, VariedSplit
 from learn.trained import FACTS, FOREST, WEIGHTS, read_facts, read_weights, write_model
-from learn.training.forest import train_forest
 from learn.training.settings import TrainSettings
-from learn.training.train import TrainingData, train_network
 
-CHANNELS = ("z",)
-VARIED = {  # shares of the samples, and how much leaves are shaken
-    "alone": 0.15,  # nothing but a bridge, as scans that were cut out
-    "empty": 0.1,  # nothing of a bridge
-    "clutter": 0.2,  # made up land without a bridge
-    "rustle": 0.4,  # [m]
-}
-SAMPLES, HELD_SAMPLES = 800, 128  # of an epoch, and of its validation
-USUAL = {"model": "pointnext-s", "epochs": 10, "precision": "bf16-mixed", "accelerator": "cpu"}
 STRIDE = 10.0  # [m] of the tiles in a prediction: every point is in four
 SHIPPED = Path(__file__).resolve().parents[2] / "learn" / "shipped"
 TILE = {"size": 20.0, "stride": 20.0, "scale": 10.0, "voxel": 0.15, "ground_reach": 40.0}
@@ -114,18 +102,6 @@ def _built(sources: Sequence[Source], folder: Path, settings: DatasetSettings, p
     build_dataset(sources, folder, settings, progress)
 
 
-def seen_by(model: Path) -> list[str]:
-    """Name the bridges that a model, or one that it began with, was trained or picked on.
-
-    Args:
-        model: Its folder.
-    """
-    facts = read_facts(model)
-    training = facts.training or {}
-    own = [*training.get("training_bridges", []), *training.get("validation_bridges", [])]
-    return sorted({*own, *facts.data.get("earlier", [])})
-
-
 def check_unseen(init: Path, names: Sequence[str]) -> None:
     """Refuse to test on what the model to begin with has seen.
 
@@ -161,35 +137,16 @@ def train_on(
     """
     if (folder / FACTS).is_file():
         return
-    source = VariedSplit(
-        StoredSplit(dataset, "train", CHANNELS), Variation.model_validate({"samples": samples, **VARIED})
-    )
-    whole = StoredSplit(dataset, "test", CHANNELS)
-    rows = [row for row in range(len(whole)) if whole.bridge(row).startswith(tuple(validation))]
-    held = SomeSamples(whole, rows[:: max(1, len(rows) // HELD_SAMPLES)])
     chosen = TrainSettings.model_validate({**USUAL, **settings})
-    data = {
-        "settings": whole.facts.settings.model_dump(mode="json"),
-        "scaling": vars(whole.facts.scaling),
-        "table": whole.facts.settings.table,
-        "variation": source.settings.model_dump(mode="json"),
-        **({} if init is None else {"earlier": seen_by(init)}),
-    }
-
-    def fill(inner: Path) -> None:
-        if chosen.model == FOREST:
-            train_forest(source, chosen, inner, progress, data)
-        else:
-            train_network(TrainingData(source, held, data), chosen, inner, progress, init=init)
-
+    data = varied_data(dataset, validation, samples, init)
     begun = [] if init is None else [file_digest(init / WEIGHTS)]
     with ConsoleProgress() as progress:
         fresh_output(
             folder,
             "model",
-            fill,
+            lambda inner: train_shipped(data, chosen, inner, progress, init),
             inputs=[dataset],
-            asked=[data, chosen.model_dump(mode="json"), *begun],
+            asked=[data.facts, chosen.model_dump(mode="json"), *begun],
             resume=chosen.model != FOREST,
         )
 

@@ -17,7 +17,7 @@ import torch
 from numpy.typing import NDArray
 
 from benchmarks.page import write_page
-from benchmarks.shipped.scan_scores import Labelled, label_scan
+from benchmarks.shipped.scan_scores import Labeled, label_scan
 from benchmarks.shipped.scan_scores import Scan as LabeledScan
 from docs.sampling_picture import GAP, PANEL, draw
 from groundwork.files import write_bytes
@@ -113,7 +113,7 @@ class Figures:
     most: Mapping[str, float]
 
 
-def label_real_scan(path: Path, code: int | None, model: PointModel) -> Labelled:
+def label_real_scan(path: Path, code: int | None, model: PointModel) -> Labeled:
     """Label a scan; what its owner knows stands in the place of the truth: 1 on a bridge, 0 elsewhere.
 
     Args:
@@ -131,7 +131,7 @@ def label_real_scan(path: Path, code: int | None, model: PointModel) -> Labelled
     return label_scan(LabeledScan(scan.coord, scan.coord, labels, PredictSettings(unit="m")), model)
 
 
-def figures_of(found: Labelled, plausible: tuple[str, ...]) -> Figures:
+def figures_of(found: Labeled, plausible: tuple[str, ...]) -> Figures:
     """Count.
 
     Args:
@@ -154,7 +154,7 @@ def figures_of(found: Labelled, plausible: tuple[str, ...]) -> Figures:
     )
 
 
-def panel(found: Labelled, title: str) -> U8:
+def panel(found: Labeled, title: str) -> U8:
     """Draw a scan by the classes that it was given.
 
     Args:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from benchmarks.page import write_page
 from benchmarks.shipped.model import bridge_of
-from benchmarks.shipped.scan_scores import TABLES, Labelled, Scan, label_scan, read_labeled_scan
+from benchmarks.shipped.scan_scores import TABLES, Labeled, Scan, label_scan, read_labeled_scan
 from learn.datasets.varied import tilt_about
 from learn.metrics import scores
 from learn.predict.model import PointModel, named_model
@@ -134,7 +134,7 @@ def rows_of(scan: Scan, model: PointModel) -> tuple[dict[str, dict[str, float]],
     return lost, mean, float((empty.found["falsework"] != 0).mean())
 
 
-def _lost(plain: Labelled, other: Labelled, inside: Inside | None) -> dict[str, float]:
+def _lost(plain: Labeled, other: Labeled, inside: Inside | None) -> dict[str, float]:
     return {
         table: scores(plain.matrix(table, inside)).mean_iou - scores(other.matrix(table, inside)).mean_iou
         for table in TABLES

@@ -51,7 +51,7 @@ class Scan:
 
 
 @dataclass(frozen=True, eq=False)
-class Labelled:
+class Labeled:
     """What a model says of the thinned points of a scan.
 
     Attributes:
@@ -90,7 +90,7 @@ def read_labeled_scan(folder: Path) -> Scan:
     return Scan(coord, coord, labels, PredictSettings(unit="m"))
 
 
-def label_scan(scan: Scan, model: PointModel) -> Labelled:
+def label_scan(scan: Scan, model: PointModel) -> Labeled:
     """Label a scan as `falsework predict` does.
 
     Args:
@@ -110,4 +110,4 @@ def label_scan(scan: Scan, model: PointModel) -> Labelled:
         order = np.array([summing.names.index(name) for name in names])
         found[table] = (told @ summing.matrix[:, order]).argmax(axis=1)
     truth = {table: thinned.columns[table].astype(np.int64) for table in TABLES}
-    return Labelled(thinned.columns["place"], truth, found)
+    return Labeled(thinned.columns["place"], truth, found)

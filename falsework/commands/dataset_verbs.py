@@ -1,5 +1,6 @@
 """The verbs of `falsework dataset`: clouds become training sets, and these become files of other programs."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -46,7 +47,7 @@ def local(
         as_json: Print one JSON object instead of lines.
     """
     values = {"mode": mode, "table": table, "split": split, "seed": seed}
-    return _build("local", sources, output, values, class_map=class_map, bridges=bridge, given=set, as_json=as_json)
+    return _build("local", _Clouds(sources, class_map, bridge), output, values, set, as_json)
 
 
 def whole(
@@ -79,7 +80,7 @@ def whole(
         as_json: Print one JSON object instead of lines.
     """
     values = {"mode": mode, "table": table, "split": split, "seed": seed, "stratified": stratified}
-    return _build("global", sources, output, values, class_map=class_map, bridges=bridge, given=set, as_json=as_json)
+    return _build("global", _Clouds(sources, class_map, bridge), output, values, set, as_json)
 
 
 def export(
@@ -130,28 +131,30 @@ def demo(output: Output, *, as_json: AsJson = False) -> int:
     return tell(facts, [line], as_json)
 
 
+@dataclass(frozen=True)
+class _Clouds:
+    """The clouds and scans of a data set: files and folders, class map of the scans, and names of their bridges."""
+
+    sources: tuple[Path, ...]
+    class_map: str
+    bridges: tuple[str, ...]
+
+
 def _build(
-    kind: str,
-    sources: tuple[Path, ...],
-    output: Path,
-    values: dict[str, Any],
-    *,
-    class_map: str,
-    bridges: tuple[str, ...],
-    given: tuple[str, ...],
-    as_json: bool,
+    kind: str, clouds: _Clouds, output: Path, values: dict[str, Any], given: tuple[str, ...], as_json: bool
 ) -> int:
     from learn.datasets.build import Source, build_dataset
     from learn.datasets.class_map import read_class_map
     from learn.datasets.settings import dataset_settings
 
     settings = dataset_settings(kind, values | nested(given_settings(given)), "--set")
-    paths = [path for source in sources for path in clouds_in(source)]
+    bridges = clouds.bridges
+    paths = [path for source in clouds.sources for path in clouds_in(source)]
     if bridges and len(bridges) != len(paths):
         raise InputError(
             "one name is needed for each source", field="--bridge", value=len(bridges), allowed=str(len(paths))
         )
-    known = read_class_map(class_map) if class_map else None
+    known = read_class_map(clouds.class_map) if clouds.class_map else None
     named = [
         Source(path, None if path.is_dir() else known, name)
         for path, name in zip(paths, bridges or [""] * len(paths), strict=True)

@@ -21,7 +21,6 @@ CONFIG: tuple[Any, ...] = (
     tyro.conf.DisallowNone,
     tyro.conf.PositionalMetavarFromFieldName,
 )
-_WRONG_COUNT = r".*input length (\d+) did not match expected argument count (\d+).*"
 _NUMBERS = {"int()": "not a whole number", "to float": "not a number"}  # Python's words → ours
 
 Verb = Callable[..., int]

@@ -102,7 +102,7 @@ def diff(first: File, second: File, *, allow_root: Roots = (), as_json: AsJson =
     if as_json:
         return answer(found)
     lines = [f"selection   {axis}: {before} -> {after}" for axis, (before, after) in found["selections"].items()]
-    lines += [f"moved       {path}  {metres:.6g} m" for path, metres in found["moved"].items()]
+    lines += [f"moved       {path}  {meters:.6g} m" for path, meters in found["moved"].items()]
     lines += [f"reshaped    {path}" for path in found["reshaped"]]
     lines += [f"look        {line}" for line in _looks(found["look"])]
     for path, (before, after) in found["relabelled"].items():

@@ -110,10 +110,10 @@ def cut_pieces(sources: Sequence[CloudSource], folder: Path, settings: CutSettin
     places, found = _windows(clouds, settings, (low, high), sources[0].path)
     base, counts = np.floor(low), {}
     for name, (cloud, rows, origins) in found.items():
-        labelled = cloud.labels != 255
-        quiet = labelled & ~(cloud.uncertainty > settings.noisy)
+        labeled = cloud.labels != 255
+        quiet = labeled & ~(cloud.uncertainty > settings.noisy)
         counts[name] = {
-            "all": [int(labelled[part].sum()) for part in rows],
+            "all": [int(labeled[part].sum()) for part in rows],
             "quiet": [int(quiet[part].sum()) for part in rows],
         }
         arrays = {

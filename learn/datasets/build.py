@@ -74,7 +74,7 @@ def build_dataset(
     """
     settings = _with_own_classes(settings, sources)
     own = settings.table == OWN
-    table = own_table(settings.own) if own else class_table(settings.table, settings.noisy_class)
+    table = own_table(list(settings.own)) if own else class_table(settings.table, settings.noisy_class)
     known = [identify(source.path, source.class_map, source.bridge) for source in sources]
     _check_sources(sources, known)
     splits = split_bridges(known, settings)
@@ -86,10 +86,14 @@ def build_dataset(
         cloud = read_labeled(source.path, source.class_map, table, progress, settings.moving)
         cloud = _with_noise(cloud, table, settings)
         present &= set(cloud.inputs)
-        for row, patch in _rows(cloud, number, facts, settings, splits):
-            write_piece(folder / row.split / row.name, patch)
-            pieces.append(row)
-            counts[row.split] += np.bincount(patch.labels, minlength=256)
+        try:
+            for row, patch in _rows(cloud, number, facts, settings, splits):
+                write_piece(folder / row.split / row.name, patch)
+                pieces.append(row)
+                counts[row.split] += np.bincount(patch.labels, minlength=256)
+        except InputError as error:
+            error.found_in(source.path)
+            raise
         progress.advance(number + 1)
     _note_empty(pieces, splits, settings, progress)
     if not any(row.split == TRAIN for row in pieces) and not all(facts.evaluate_only for facts in known):

@@ -1,6 +1,6 @@
 """The classes that a data set has, and how the labels of a cloud of ours become their numbers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,13 +26,11 @@ class ClassTable:
     Attributes:
         name: Name of the table.
         names: Class names in the order of the table.
-        ids: Id of each class in the table, as label images and files have it.
         colors: sRGB colour of each, for people.
     """
 
     name: str
     names: tuple[str, ...]
-    ids: tuple[int, ...]
     colors: tuple[tuple[int, int, int], ...]
 
     def index(self, name: str) -> int:
@@ -73,26 +71,24 @@ def class_table(name: str, noisy: bool = False) -> ClassTable:
         raise InputError("unknown table", field="--table", value=name, allowed=", ".join((*TAXONOMIES, COMPONENTS)))
     left_out = set(RESERVED) - ({NOISY_POINT} if noisy else set())
     rows = [row for row in taxonomy(name).rows if row.id not in left_out]
-    return ClassTable(
-        name, tuple(row.name for row in rows), tuple(row.id for row in rows), tuple(row.color for row in rows)
-    )
+    return ClassTable(name, tuple(row.name for row in rows), tuple(row.color for row in rows))
 
 
-def own_table(ids: Mapping[str, int]) -> ClassTable:
+def own_table(names: Sequence[str]) -> ClassTable:
     """List classes that are no table of the project's: those of a user's class map.
 
     Args:
-        ids: Each class with its number in the user's files, in the order of the labels.
+        names: Name of each class, in the order of the labels.
     """
-    hues = ((int(255 * (0.5 + 0.5 * np.cos(k + 2.1 * channel))) for channel in range(3)) for k in range(len(ids)))
+    hues = ((int(255 * (0.5 + 0.5 * np.cos(k + 2.1 * channel))) for channel in range(3)) for k in range(len(names)))
     colors = tuple((r, g, b) for r, g, b in hues)
-    return ClassTable(OWN, tuple(ids), tuple(ids.values()), colors)
+    return ClassTable(OWN, tuple(names), colors)
 
 
 def _table_of_components(noisy: bool) -> ClassTable:
     kinds, colors = component_classes(), {row.name: row.color for row in class_rows()}
     names = (*kinds, NOISY_CLASS) if noisy else tuple(kinds)
-    return ClassTable(COMPONENTS, names, tuple(range(len(names))), tuple(colors[kinds.get(n, n)] for n in names))
+    return ClassTable(COMPONENTS, names, tuple(colors[kinds.get(n, n)] for n in names))
 
 
 def labels_of_cloud(cloud: Cloud, table: ClassTable) -> U8:

@@ -191,11 +191,11 @@ def relative_place(coord: Tensor, near: Tensor) -> Tensor:
     Returns:
         Distance, centre minus neighbour, centre, neighbour [m or 1], shape (B, N, K, 10).
     """
-    neighbour = gather(coord, near)
-    center = coord[:, :, None].expand_as(neighbour)
-    offset = center - neighbour
+    neighbor = gather(coord, near)
+    center = coord[:, :, None].expand_as(neighbor)
+    offset = center - neighbor
     squared = offset.square().sum(-1, keepdim=True)
-    return cat([squared.sqrt(), offset, center, neighbour], dim=-1)
+    return cat([squared.sqrt(), offset, center, neighbor], dim=-1)
 
 
 def _shared(inputs: int, outputs: int, *, active: bool = True) -> Shared:

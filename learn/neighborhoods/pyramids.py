@@ -38,8 +38,8 @@ def farthest_pyramid(coord: F32, counts: Sequence[int], balls: Sequence[Sequence
         kept = farthest_points(above, count)
         below = above[kept]
         arrays[f"kept{level}"] = kept.astype(np.int32)
-        for ring, (radius, neighbours) in enumerate(rings):
-            arrays[f"ball{level}_{ring}"] = ball_query(above, below, radius, neighbours).astype(np.int32)
+        for ring, (radius, neighbors) in enumerate(rings):
+            arrays[f"ball{level}_{ring}"] = ball_query(above, below, radius, neighbors).astype(np.int32)
         arrays[f"up{level}"] = nearest(below, above, INTERPOLATED).astype(np.int32)
         above = below
     return arrays
@@ -65,13 +65,13 @@ def add_own_balls(arrays: Indices, coord: F32, levels: int, balls: Sequence[tupl
     return more
 
 
-def random_pyramid(coord: F32, ratios: Sequence[int], neighbours: int, seed: int) -> Indices:
+def random_pyramid(coord: F32, ratios: Sequence[int], neighbors: int, seed: int) -> Indices:
     """Build the pyramid of RandLA-Net: random points, k nearest neighbours, and the nearest kept point.
 
     Args:
         coord: Positions [m or 1], shape (N, 3), float32.
         ratios: By how much each step thins the cloud.
-        neighbours: Nearest neighbours k.
+        neighbors: Nearest neighbors k.
         seed: Seed of the choice; the paper takes the first points of a cloud that was shuffled beforehand.
 
     Returns:
@@ -81,7 +81,7 @@ def random_pyramid(coord: F32, ratios: Sequence[int], neighbours: int, seed: int
     Raises:
         InputError: Too few points for the last level.
     """
-    least = neighbours * int(np.prod(ratios[:-1]))
+    least = neighbors * int(np.prod(ratios[:-1]))
     if len(coord) < least:
         raise InputError(
             "too few points for this network",
@@ -94,7 +94,7 @@ def random_pyramid(coord: F32, ratios: Sequence[int], neighbours: int, seed: int
     kept = np.random.default_rng([seed, len(coord)]).permutation(len(coord))
     for level, ratio in enumerate(ratios):
         kept = kept[: len(coord) // ratio]
-        arrays[f"near{level}"] = nearest(coord, coord, neighbours).astype(np.int32)
+        arrays[f"near{level}"] = nearest(coord, coord, neighbors).astype(np.int32)
         arrays[f"kept{level}"] = kept.astype(np.int32)
         arrays[f"up{level}"] = nearest(coord[kept], coord, 1).astype(np.int32)
         coord = coord[kept]

@@ -203,7 +203,11 @@ def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int,
     for scan in stream.chunks(chunk):
         coord = frame.apply(scan.coord)
         low, high = np.minimum(low, coord.min(axis=0)), np.maximum(high, coord.max(axis=0))
-    cloud = empty_cloud(lay_grid(low, high, model.tile.voxel))
+    try:
+        cloud = empty_cloud(lay_grid(low, high, model.tile.voxel))
+    except InputError as error:
+        error.found_in(where)
+        raise
     for scan in stream.chunks(chunk):
         columns = _inputs(scan, frame)
         check_channels(model.channels, (*columns, HEIGHT), where)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from learn.instances import connected_parts
 from learn.metrics import calibration_error, confusion_by_threshold, mean_iou, reliability, risk_coverage, scores
 from learn.panoptic import PanopticCounts, count_instances, panoptic_quality
-from learn.scoring.votes import ScoredCloud, labelled
+from learn.scoring.votes import ScoredCloud, labeled
 
 F32 = NDArray[np.float32]
 I64 = NDArray[np.int64]
@@ -29,7 +29,7 @@ class Tally:
         matrices: Confusion up to each threshold, then of all points, shape (T + 1, C, C), int64.
         confidence: Highest class probabilities of the labelled points [1], one array a cloud, shape (P,), float32.
         right: Whether the class of each is right, one array a cloud, shape (P,), bool.
-        modelled: Instances compared with the true ones.
+        modeled: Instances compared with the true ones.
         parts: Instances compared with the connected parts of the true classes.
         points: Points that were scored.
         votes: Draws that held them, together.
@@ -38,7 +38,7 @@ class Tally:
     matrices: I64
     confidence: list[F32] = field(default_factory=list)
     right: list[NDArray[np.bool_]] = field(default_factory=list)
-    modelled: PanopticCounts | None = None
+    modeled: PanopticCounts | None = None
     parts: PanopticCounts | None = None
     points: int = 0
     votes: int = 0
@@ -49,7 +49,7 @@ class Tally:
             self.matrices + other.matrices,
             self.confidence + other.confidence,
             self.right + other.right,
-            _both(self.modelled, other.modelled),
+            _both(self.modeled, other.modeled),
             _both(self.parts, other.parts),
             self.points + other.points,
             self.votes + other.votes,
@@ -66,7 +66,7 @@ def tally_cloud(cloud: ScoredCloud, classes: int, without: Sequence[int], link: 
         link: Points of a class in touching cubes of this side are one instance [m].
         fewest: Points without which a connected part is no instance.
     """
-    known = labelled(cloud)
+    known = labeled(cloud)
     truth, found = cloud.truth[known], cloud.probabilities[known].argmax(axis=1)
     matrices = confusion_by_threshold(truth, found, cloud.uncertainty[known], THRESHOLDS, classes)
     whole = confusion_by_threshold(truth, found, np.zeros(len(truth), np.float32), (0.0,), classes)
@@ -80,7 +80,7 @@ def tally_cloud(cloud: ScoredCloud, classes: int, without: Sequence[int], link: 
         tally.parts = count_instances(truth, theirs, found, mine, classes)
         instance = np.where(np.isin(truth, without), 0, cloud.instance[known])
         if instance.any():
-            tally.modelled = count_instances(truth, instance, found, mine, classes)
+            tally.modeled = count_instances(truth, instance, found, mine, classes)
     return tally
 
 
@@ -121,7 +121,7 @@ def whole_record(tallies: dict[str, Tally], names: Sequence[str], link: float) -
             "points": total.matrices[:_ALL].sum(axis=(1, 2)).tolist(),
             "mean_iou": [_plain(value) for value in mean_iou(total.matrices[:_ALL])],
         },
-        "panoptic": {"link": link, "modelled": _quality(total.modelled, names), "parts": _quality(total.parts, names)},
+        "panoptic": {"link": link, "modelled": _quality(total.modeled, names), "parts": _quality(total.parts, names)},
         "bridges": {name: _bridge(tally, names) for name, tally in sorted(tallies.items())},
     }
 
@@ -160,7 +160,7 @@ def _bridge(tally: Tally, names: Sequence[str]) -> dict[str, Any]:
         "confusion": tally.matrices[_ALL].tolist(),
         "calibration_error": _plain(calibration_error(confidence, right)),
         "panoptic": {
-            key: _mean_quality(counts) for key, counts in (("modelled", tally.modelled), ("parts", tally.parts))
+            key: _mean_quality(counts) for key, counts in (("modelled", tally.modeled), ("parts", tally.parts))
         },
     }
 

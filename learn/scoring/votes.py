@@ -123,7 +123,7 @@ def scored_clouds(model: Predicting, source: ScoredSource, progress: Progress) -
         yield ballot.close()
 
 
-def labelled(cloud: ScoredCloud) -> NDArray[np.bool_]:
+def labeled(cloud: ScoredCloud) -> NDArray[np.bool_]:
     """Tell which points of a cloud have a true class.
 
     Args:

@@ -96,9 +96,11 @@ def train_network(
         stop_after: Stop after so many epochs, to continue with another call; the learning rates are those of the whole.
 
     Raises:
-        InputError: No samples, one class alone, or a model to begin with that does not fit.
+        InputError: No samples, one class alone, no GPU where one was asked for, or a model to begin with that does not
+            fit.
     """
-    torch.use_deterministic_algorithms(True)
+    _check_gpu(settings)
+    torch.use_deterministic_algorithms(not trains_on_gpu(settings))
     task, classes = _set_task(data, settings, init), data.training.classes
     torch.manual_seed(settings.seed)
     network = build_network(settings.model, settings.network, len(task.channels), len(classes))
@@ -132,6 +134,26 @@ def train_network(
     write_model(folder, facts, best)
     for name in ("last.ckpt", "best.safetensors", _REQUEST):
         (folder / name).unlink(missing_ok=True)
+
+
+def trains_on_gpu(settings: TrainSettings) -> bool:
+    """Tell whether a GPU does the training; its sums have no fixed order, so that its results are not the same bytes.
+
+    Args:
+        settings: The training.
+    """
+    return settings.accelerator == "gpu" or (settings.accelerator == "auto" and torch.cuda.is_available())
+
+
+def _check_gpu(settings: TrainSettings) -> None:
+    if settings.accelerator == "gpu" and not (torch.cuda.is_available() or torch.backends.mps.is_available()):
+        raise InputError(
+            "no GPU that torch can use",
+            field="accelerator",
+            value="gpu",
+            allowed="auto, cpu",
+            hint="Install a torch that fits the driver, or train with --set accelerator=cpu",
+        )
 
 
 def _set_task(data: TrainingData, settings: TrainSettings, init: Path | None) -> _Task:
@@ -264,7 +286,7 @@ def _fit(
             accelerator=settings.accelerator,
             devices=settings.devices,
             strategy="auto" if settings.devices == 1 else "ddp_fork",
-            deterministic=True,
+            deterministic=not trains_on_gpu(settings),
             precision=settings.precision,
             logger=False,
             callbacks=[keeper(folder)],
@@ -291,7 +313,12 @@ def _fit(
 def _loaders(network: Any, task: _Task, settings: TrainSettings) -> tuple[DataLoader[Any], DataLoader[Any]]:
     """Load training samples drawn anew in each epoch, and validation samples that are always the same."""
     recipe = recipe_of(settings)
-    several: dict[str, Any] = {"collate_fn": collate, "num_workers": settings.workers}
+    several: dict[str, Any] = {
+        "collate_fn": collate,
+        "num_workers": settings.workers,
+        "persistent_workers": settings.workers > 0,  # what an epoch draws is said with each number
+        "pin_memory": trains_on_gpu(settings),
+    }
     drawn = Loaded(task.source, network, task.channels, settings.seed, doubt=recipe.doubt)
     order = EpochOrder(task.rows, settings.seed, task.counts, recipe.class_aware)
     same = Loaded(task.validation, network, task.channels, settings.seed, task.cache)

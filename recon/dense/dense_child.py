@@ -19,7 +19,7 @@ from recon.dense.depth_colmap import has_cuda, measure_with_colmap
 from recon.dense.depth_patchmatch import measure_slanted
 from recon.dense.depth_sgm import PosedImage, measure_depth
 from recon.dense.fuse import DepthView, fuse_view
-from recon.dense.neighbours import View, choose_sources, choose_views
+from recon.dense.neighbors import View, choose_sources, choose_views
 from recon.dense.pixel_fates import NO_DEPTH, TOO_FEW, write_fates
 from recon.dense.points import DensePoints, save_array, write_points
 from recon.dense.smooth import smooth

@@ -266,9 +266,9 @@ def _correlate(views: Views, source: int, window: _Window, plane: F64, scale: fl
 
 
 @njit(cache=True, nogil=True)
-def _carried(depth: F32, normal: F32, neighbour: tuple[int, int], pixel: tuple[int, int], lens: F64) -> float:
+def _carried(depth: F32, normal: F32, neighbor: tuple[int, int], pixel: tuple[int, int], lens: F64) -> float:
     """Carry a neighbour's plane to a pixel: its inverse depth there."""
-    (y, x), (i, j) = neighbour, pixel
+    (y, x), (i, j) = neighbor, pixel
     a, b, c = normal[y, x, 0], normal[y, x, 1], normal[y, x, 2]
     there = a * (x + 0.5 - lens[2]) / lens[0] + b * (y + 0.5 - lens[3]) / lens[1] + c
     here = a * (j + 0.5 - lens[2]) / lens[0] + b * (i + 0.5 - lens[3]) / lens[1] + c

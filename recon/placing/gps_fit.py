@@ -41,7 +41,6 @@ class Fit:
         agreeing: Fixes that it rests on, shape (N,), bool.
         sigmas: Standard deviation of a fix along the ground and in height, as the residuals have it; as a multiple of
             what was stated [1], shape (2,), float64.
-        serial_correlation: Correlation of a fix with the one before it [1].
         middle: Middle of the agreeing cameras in the world [m], shape (3,), float64.
         covariances: Of logarithm of the scale, rotation vector [rad] and place of the middle [m], from the errors along
             the ground, those in height, and those of gravity, shape (3, 7, 7), float64.
@@ -52,7 +51,6 @@ class Fit:
     similarity: Similarity
     agreeing: Mask
     sigmas: F64
-    serial_correlation: float
     middle: F64
     covariances: F64
     freedom: F64
@@ -202,7 +200,6 @@ def _adjust(start: Similarity, fixes: _Fixes, levels: GravityCues, agreeing: Mas
         similarity,
         agreeing,
         factors,
-        serial_correlation,
         middle,
         covariances,
         np.append(np.maximum(freedom * slow, 1.0), 1e6),

@@ -92,8 +92,8 @@ def bridge_triangles(scene: FlatScene, surface: SceneSurface) -> NDArray[np.bool
         Whether each is, shape (T,), bool.
     """
     own = [row.id for row in scene.instances if row.path.startswith(f"{tokens.BRIDGE}/")]
-    labelled = [row.id for row in scene.instances if row.base_class not in ("background", "")]
-    for ids in (own, labelled):
+    labeled = [row.id for row in scene.instances if row.base_class not in ("background", "")]
+    for ids in (own, labeled):
         chosen = np.isin(surface.instances, np.array(ids, np.uint32))
         if chosen.any():
             return chosen

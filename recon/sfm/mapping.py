@@ -17,6 +17,7 @@ from recon.settings import SparseSettings
 from recon.sfm.colmap_model import read_model
 from recon.sfm.database import DATABASE
 from recon.sfm.growth import MOST_MOVED, grow
+from recon.sfm.runaways import leave_out, runaways
 from recon.sfm.tie_points import write_tie_points
 from render.capture import Capture
 
@@ -75,6 +76,8 @@ def map_images(
             largest = _triangulate_all(capture, largest, matches / DATABASE, models, settings, seed)
             adjust_robustly(largest, _threads(settings))
             ranked[0] = largest
+        away = _bring_back(largest, settings, progress)
+        in_any -= away
         largest.write_binary(final)
         _check_whole(final)
         in_largest = {image.name for image in largest.images.values() if image.has_pose}
@@ -86,6 +89,17 @@ def map_images(
         "elsewhere": sorted(in_any - in_largest),
         **({"growth": growth} if growth else {}),
     }
+
+
+def _bring_back(model: pycolmap.Reconstruction, settings: SparseSettings, progress: Progress) -> set[str]:
+    """Leave out the cameras that ran away, adjust the others without them, and name them."""
+    away = runaways(model)
+    names = sorted(model.image(number).name for number in away)
+    if away:
+        leave_out(model, away)
+        adjust_robustly(model, _threads(settings))
+        progress.note(f"left out, for their cameras ran away from all others: {', '.join(names)}")
+    return set(names)
 
 
 def choose_mapper(capture: Capture, settings: SparseSettings) -> str:

@@ -2,6 +2,10 @@
 
 Source: Garland and Heckbert, Surface simplification using quadric error metrics, SIGGRAPH 1997; edges that do not touch
 collapse together, a round at a time.
+
+Ours, because Open3D's `simplify_quadric_decimation` drops texture coordinates (0.20 says so), which our levels carry
+from corner to corner. On a wavy sheet of 1152 triangles ours strayed less at each of the twelve levels from 805 to 14
+triangles, with 14 by 0.060 m instead of 0.133 m. The bytes of captures would depend on its releases as well.
 """
 
 from collections.abc import Iterator

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.gpu.welding import mixed, welded_places
-from usd_schemas.flat_scene import FlatScene, Geometry
+from usd_schemas.flat_scene import FlatScene
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -74,7 +74,7 @@ def find_bars(scene: FlatScene) -> Bars:
     across = length < _longest_across(body[edges[:, 0]], length, int(body.max(initial=-1)) + 1)[body[edges[:, 0]]]
     ring = _joined(edges[across], count)
     path = _paths(ring, body, edges[~across])
-    return _segments(geometry, place, part, positions, ring, path)
+    return _segments(place, part, positions, ring, path)
 
 
 def _edges(scene: FlatScene) -> tuple[I64, I64, I64]:
@@ -147,14 +147,14 @@ def _paths(ring: I64, body: I64, along: I64) -> I64:
     of_body = np.zeros(count, np.int64)
     of_body[ring] = body
     bodies = int(body.max(initial=-1)) + 1
-    neighbours = np.bincount(pairs.ravel(), minlength=count)
+    neighbors = np.bincount(pairs.ravel(), minlength=count)
     crowded = np.zeros(bodies, bool)
-    crowded[of_body[neighbours > 2]] = True
+    crowded[of_body[neighbors > 2]] = True
     open_path = np.bincount(of_body[pairs[:, 0]], minlength=bodies) == np.bincount(of_body, minlength=bodies) - 1
     return pairs[(open_path & ~crowded)[of_body[pairs[:, 0]]]]
 
 
-def _segments(geometry: Geometry, place: I64, part: I64, positions: F64, ring: I64, path: I64) -> Bars:
+def _segments(place: I64, part: I64, positions: F64, ring: I64, path: I64) -> Bars:
     """Keep the segments that are slender and thin."""
     count = int(ring.max(initial=-1)) + 1
     order = np.argsort(ring, kind="stable")

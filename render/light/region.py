@@ -23,7 +23,7 @@ def region_of_interest(scene: FlatScene, lower: F64, upper: F64) -> tuple[F64, F
     Returns:
         Lower and upper corner [m], each of shape (3,), float64.
     """
-    chosen = _labelled(scene)
+    chosen = _labeled(scene)
     eyes = np.concatenate([track.poses[:, :3, 3] for track in scene.cameras] or [np.zeros((0, 3))])
     if not chosen.any() and len(eyes):
         gap = np.maximum(np.maximum(lower - eyes.max(axis=0), eyes.min(axis=0) - upper), 0.0)
@@ -36,7 +36,7 @@ def region_of_interest(scene: FlatScene, lower: F64, upper: F64) -> tuple[F64, F
     return center - half, center + half
 
 
-def _labelled(scene: FlatScene) -> NDArray[np.bool_]:
+def _labeled(scene: FlatScene) -> NDArray[np.bool_]:
     """Mark the draws that are no background, shape (D,); by the base table, so that no other one moves the light."""
     background = class_rows()[BACKGROUND].name
     known = {row.id: row.base_class != background for row in scene.instances if row.base_class}

@@ -59,10 +59,10 @@ def spread_places(tracer: LightTracer, low: F64, high: F64, count: int) -> Place
     """
     corners = tracer.corners
     inside = np.all((corners.max(axis=1) > low) & (corners.min(axis=1) < high), axis=1)
-    labelled = (tracer.scene.draws.label != BACKGROUND)[tracer.draws]
+    labeled = (tracer.scene.draws.label != BACKGROUND)[tracer.draws]
     rng = np.random.default_rng(_SEED)
     found = [
-        _spread(tracer, np.flatnonzero(inside & (labelled == wanted)), low, high, round(count * share), rng)
+        _spread(tracer, np.flatnonzero(inside & (labeled == wanted)), low, high, round(count * share), rng)
         for wanted, share in ((True, _SHARE), (False, 1 - _SHARE))
     ]
     return Places(*(np.concatenate(part) for part in zip(*found, strict=True)))

@@ -47,33 +47,43 @@ class Exposure:
     noise_column: int
 
 
+@dataclass(frozen=True)
+class Metering:
+    """What was metered for a survey.
+
+    Attributes:
+        gain: Exposure [1].
+        follows: Whether the exposure of a frame follows its surfaces at all.
+        white: Gains of the red and blue channels that balance the survey's daylight [1].
+    """
+
+    gain: float
+    follows: bool = True
+    white: tuple[float, float] = (1.0, 1.0)
+
+
 class Sensor:
     """Develops the frames of one survey."""
 
     def __init__(
         self,
         settings: SensorSettings,
-        gain: float,
+        metering: Metering,
         brightest: float,
         shape: tuple[int, int],
         seed: int,
-        *,
-        follows: bool = True,
-        white: tuple[float, float] = (1.0, 1.0),
     ) -> None:
         """Draw the noise tile and the tone table.
 
         Args:
             settings: What the sensor is like.
-            gain: Exposure metered for the survey [1].
+            metering: What was metered for the survey.
             brightest: Radiance of the largest pixel code [1].
             shape: Height and width of a frame [px].
             seed: Seed of the survey's sensor.
-            follows: Whether the exposure of a frame follows its surfaces at all.
-            white: Gains of the red and blue channels that balance the survey's daylight [1].
         """
-        self._settings, self._gain, self._seed, self._white = settings, gain, seed, white
-        self._auto_exposure = settings.auto_exposure if follows else 0.0
+        self._settings, self._gain, self._seed, self._white = settings, metering.gain, seed, metering.white
+        self._auto_exposure = settings.auto_exposure if metering.follows else 0.0
         self._scale = brightest / 65535.0**2
         self._curve = _tone_table()
         self._tile: F32 | None = None

@@ -45,7 +45,7 @@ class Geometry(NamedTuple):  # numba reads these, and no data classes
         mirrored: Whether a draw is mirrored, shape (D,), bool.
         alike: Whether both sides of a draw take the same light, shape (D,), bool.
         cut_out: Whether a draw has holes that only its texture knows, shape (D,), bool.
-        neighbours: Triangles that share an edge, counted within the part, shape (T, 3), int32.
+        neighbors: Triangles that share an edge, counted within the part, shape (T, 3), int32.
     """
 
     positions: F32
@@ -57,7 +57,7 @@ class Geometry(NamedTuple):  # numba reads these, and no data classes
     mirrored: NDArray[np.bool_]
     alike: NDArray[np.bool_]
     cut_out: NDArray[np.bool_]
-    neighbours: NDArray[np.int32]
+    neighbors: NDArray[np.int32]
 
 
 def ray_geometry(scene: FlatScene, cut_out: NDArray[np.bool_]) -> Geometry:
@@ -243,7 +243,7 @@ def _candidates(known: NDArray[np.int64], wider: _Wider, seen: Geometry, left: i
         draw, part = known[number]
         if not cut_out[draw - 1]:
             for edge in range(3):
-                beside = np.int64(seen.neighbours[seen.first[draw - 1] + part, edge])
+                beside = np.int64(seen.neighbors[seen.first[draw - 1] + part, edge])
                 if beside >= 0:
                     count = _add(known, count, draw, beside)
     return count, sky

@@ -34,6 +34,23 @@ class _Seen:
     through: I64  # light shines through it
 
 
+@dataclass(frozen=True)
+class ViewOptions:
+    """How views are drawn.
+
+    Attributes:
+        quality: `fast`, `standard` or `fine`.
+        extra: `NORMALS` or `TRIANGLES` for one more exact image, or empty.
+        finer: How many times finer than the photograph the exact images are, along rows and columns.
+        cards: Everything is drawn as a grey card.
+    """
+
+    quality: str
+    extra: str = ""
+    finer: int = 1
+    cards: bool = False
+
+
 class Painter:
     """Draws views of one scene at one size."""
 
@@ -44,11 +61,7 @@ class Painter:
         gpu: GpuScene,
         lamps: Lamps,
         camera: Pinhole,
-        quality: str,
-        *,
-        extra: str = "",
-        finer: int = 1,
-        cards: bool = False,
+        options: ViewOptions,
     ) -> None:
         """Make the targets.
 
@@ -58,13 +71,11 @@ class Painter:
             gpu: Uploaded scene.
             lamps: What lights it.
             camera: Intrinsics of every view.
-            quality: `fast`, `standard` or `fine`.
-            extra: `NORMALS` or `TRIANGLES` for one more exact image, or empty.
-            finer: How many times finer than the photograph the exact images are, along rows and columns.
-            cards: Everything is drawn as a grey card.
+            options: How they are drawn.
         """
+        quality, finer, cards = options.quality, options.finer, options.cards
         self._gl, self._programs, self._camera = gl, programs, camera
-        self._targets = targets = Targets(gl, programs, camera, extra, finer, fine=quality == "fine")
+        self._targets = targets = Targets(gl, programs, camera, options.extra, finer, fine=quality == "fine")
         behind = targets.exact if quality == "fine" and finer == 1 else targets.shaded
         self._coverage_layer = CoverageLayer(gl, behind) if quality != "fast" else None
         self._calls = DrawCalls(gl, programs, gpu, lamps, (behind.width / 2, behind.height / 2))

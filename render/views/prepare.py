@@ -25,7 +25,7 @@ from render.light.region import region_of_interest
 from render.light.shadow_squares import ShadowSquares
 from render.light.shadows import Shadows
 from render.settings import RenderSettings
-from render.views.passes import Painter
+from render.views.passes import Painter, ViewOptions
 from usd_schemas.distortion import Distortion
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.pinhole import Pinhole
@@ -95,7 +95,8 @@ class Prepared:
         quality, extra = self.settings.quality, "NORMALS" if self.settings.normals else ""
         if not sharp:
             quality, extra = "standard" if quality == "fine" else quality, ""
-        return Painter(self.gl, self.programs, self.gpu, self.lamps, camera, quality, extra=extra, cards=cards)
+        options = ViewOptions(quality, extra, cards=cards)
+        return Painter(self.gl, self.programs, self.gpu, self.lamps, camera, options)
 
     def shadow_squares(self, poses: NDArray[np.float64], camera: Pinhole) -> ShadowSquares:
         """Choose which squares the cameras of a survey need sharp shadows in.
@@ -132,10 +133,8 @@ class Prepared:
         from render.views.lens import Lens
 
         lens = Lens(camera, distortion, self.ray_geometry(scene), normals=self.settings.normals)
-        lamps, quality = self.lamps, self.settings.quality
-        return lens, Painter(
-            self.gl, self.programs, self.gpu, lamps, lens.wide, quality, extra="TRIANGLES", finer=lens.finer
-        )
+        options = ViewOptions(self.settings.quality, "TRIANGLES", lens.finer)
+        return lens, Painter(self.gl, self.programs, self.gpu, self.lamps, lens.wide, options)
 
     def ray_geometry(self, scene: FlatScene) -> "Geometry":
         """Lay out what the rays of a distorting lens may meet.

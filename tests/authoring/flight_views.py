@@ -33,7 +33,7 @@ def visible_pixels(path: CameraPath, subject: Subject) -> tuple[I64, I64]:
     return ids, counts
 
 
-def neighbour_overlap(path: CameraPath, subject: Subject) -> F64:
+def neighbor_overlap(path: CameraPath, subject: Subject) -> F64:
     """Find the share of what each image sees that the next one sees as well, the last followed by the first.
 
     Args:

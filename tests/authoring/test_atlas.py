@@ -13,7 +13,7 @@ from authoring.families.registry import build_bridge
 from authoring.shapes.component import F64, I32, Component, triangles
 from authoring.shapes.sections import circle, rectangle
 from authoring.solids.atlas import MARGIN, pack_atlas
-from authoring.solids.extrusion import prism
+from authoring.solids.extrusion import Prism
 from authoring.streams import stream
 from tests.conftest import Count
 
@@ -66,7 +66,9 @@ def test_no_two_faces_of_a_bridge_overlap_in_the_atlas(proof_count: Count) -> No
 def test_charts_keep_their_distance(sizes: list[tuple[float, float]]) -> None:
     """The boxes of any two charts are two margins apart, and one margin from the border."""
     place = Alignment(0.0)
-    solids = [prism(rectangle((0.0, 0.0), (side, side)), 0.0, length, "station", place) for length, side in sizes]
+    solids = [
+        Prism(rectangle((0.0, 0.0), (side, side)), 0.0, length, "station", place).surface for length, side in sizes
+    ]
     boxes = []
     for surface, atlas in zip(solids, pack_atlas(solids), strict=True):
         chart = np.repeat(surface.chart, surface.face_counts)
@@ -81,7 +83,7 @@ def test_charts_keep_their_distance(sizes: list[tuple[float, float]]) -> None:
 
 def test_packing_is_deterministic() -> None:
     """The same solids give the same bytes, and what another processor's last digits do moves no chart."""
-    solids = [prism(circle(1.0 + k // 2, 12), 0.0, 5.0, "above", Alignment(0.0)) for k in range(6)]
+    solids = [Prism(circle(1.0 + k // 2, 12), 0.0, 5.0, "above", Alignment(0.0)).surface for k in range(6)]
     rng = np.random.default_rng(5)
     noisy = [replace(solid, st=solid.st + rng.uniform(-1e-12, 1e-12, solid.st.shape)) for solid in solids]
     for one, two, other in zip(pack_atlas(solids), pack_atlas(solids), pack_atlas(noisy), strict=True):

@@ -111,7 +111,7 @@ def test_a_turned_sun_comes_home(scene: Path, other: Usd.Stage) -> None:
 def test_new_cameras_and_lamps_come_home(scene: Path, tmp_path: Path) -> None:
     """From a file in centimetres with y up: each pose, the lens and the lamp in metres with z up; and gone with it."""
     file = tmp_path / "centimetres.usda"
-    _write_centimetres(scene, file, lamp=True)
+    _write_centimeters(scene, file, lamp=True)
     found = harvest_edits(file, scene, Labeling())
     assert (found.cameras, found.lights, found.moved) == ({"Drone": 3}, {"Lamp": "SphereLight"}, [])
     assert found.left_out == ["global_Camera: a Camera that the file lacks stays"]
@@ -136,7 +136,7 @@ def test_new_cameras_and_lamps_come_home(scene: Path, tmp_path: Path) -> None:
     before = (scene.parent / EDITS).read_bytes()
     harvest_edits(file, scene, Labeling())
     assert (scene.parent / EDITS).read_bytes() == before
-    _write_centimetres(scene, file, lamp=False)
+    _write_centimeters(scene, file, lamp=False)
     assert harvest_edits(file, scene, Labeling()).lights == {}
     assert not Usd.Stage.Open(str(scene)).GetPrimAtPath("/World/Environment/Lamp")
 
@@ -255,7 +255,7 @@ def test_a_disconnected_colour_is_an_edit_inside_the_look(scene: Path, other: Us
     assert text.count("diffuseColor") <= 2
 
 
-def _write_centimetres(scene: Path, file: Path, *, lamp: bool) -> None:
+def _write_centimeters(scene: Path, file: Path, *, lamp: bool) -> None:
     """Write the scene as one layer under a y-up root in centimetres, with a camera of three poses and a lamp."""
     flat = Usd.Stage.Open(str(scene)).Flatten(False)
     stage = Usd.Stage.CreateNew(str(file)) if not file.exists() else Usd.Stage.Open(str(file))

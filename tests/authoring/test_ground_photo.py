@@ -11,6 +11,7 @@ from authoring.axis.alignment import Alignment, Layout
 from authoring.layers.assets import bake_site
 from authoring.looks.bake import bake_surface, open_ground
 from authoring.looks.ground_photo import Enlarged, ground_photo
+from authoring.looks.library import SheetName
 from authoring.looks.noise import Bank, Floats
 from authoring.shapes.component import Component
 from authoring.site.photo import MARK, surface_of
@@ -150,7 +151,7 @@ def test_no_patch_of_ground_is_there_twice(tmp_path: Path, proof_count: Count, r
     size = round(30.0 / square.side * texels)
     peaks = {}
     for surface in ("grass", "meadow", "soil", "gravel") if full else ("grass",):
-        shown = orthophoto(tmp_path, bake_surface(surface, tmp_path))
+        shown = orthophoto(tmp_path, bake_surface(SheetName(surface, 0, 2048), tmp_path))
         factor = cv2.resize(picture[texels // 12 :][:size, texels // 12 :][:, :size], shown.shape[::-1])
         alone, peaks[surface] = peak(shown), peak(shown * factor)
         assert peaks[surface] <= 0.25

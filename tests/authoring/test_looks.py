@@ -22,7 +22,7 @@ from authoring.looks.charts import draw_charts, spread
 from authoring.looks.detail import detail_texture
 from authoring.looks.encode import U8
 from authoring.looks.grain import grain_texture
-from authoring.looks.library import _ensure
+from authoring.looks.library import SheetName, _ensure
 from authoring.looks.material import MaterialRecipe, author_material, author_sheets
 from authoring.looks.recipes import RECIPES
 from authoring.looks.roles import LOOKS, SUITS, fill_roles
@@ -86,7 +86,7 @@ def parts() -> tuple[Component, ...]:
 def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, MaterialRecipe]]:
     """Every surface at an eighth of its size, in a library of its own."""
     folder, library = tmp_path_factory.mktemp("small"), tmp_path_factory.mktemp("library")
-    return folder, {name: bake_surface(name, folder, 256, library=library) for name in RECIPES}
+    return folder, {name: bake_surface(SheetName(name, 0, 256), folder, library=library) for name in RECIPES}
 
 
 @pytest.mark.parametrize("name", sorted(set(RECIPES) - {"paint_colours", "leaves"}))  # these charts never repeat
@@ -214,16 +214,17 @@ def test_unknown_names_say_what_is_allowed(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="allowed: weathered, clean, aged, random"):
         bake_look(LookSettings(), "shiny", tmp_path, (), _rng())
     with pytest.raises(InputError, match="grass"):
-        bake_surface("lava", tmp_path)
+        bake_surface(SheetName("lava", 0, 2048), tmp_path)
 
 
 _BAKE = """
 import sys; from pathlib import Path; import numpy as np
 from authoring.looks.bake import bake_surface
+from authoring.looks.library import SheetName
 from authoring.light.daylight import LightSettings, bake_light
 folder = Path(sys.argv[1])
 for name in ("board_concrete", "grass", "gravel", "painted_steel", "foliage", "road_marking"):
-    bake_surface(name, folder, 256, library=folder / "library")
+    bake_surface(SheetName(name, 0, 256), folder, library=folder / "library")
 bake_light(LightSettings(sky_height=64), folder, np.random.default_rng(9))
 """
 
@@ -317,7 +318,7 @@ def test_materials_validate_and_resolve(tmp_path: Path, parts: tuple[Component, 
 
 def test_material_network_follows_the_preview_specification(tmp_path: Path) -> None:
     """Colour spaces, repeat, placement by sheet size, normal scale and bias, and the detail schema."""
-    recipe = bake_surface("brick", tmp_path, 256, library=tmp_path / "library")
+    recipe = bake_surface(SheetName("brick", 0, 256), tmp_path, library=tmp_path / "library")
     stage = Usd.Stage.CreateInMemory()
     material = author_material(stage, "/Brick", recipe)
     surface = material.ComputeSurfaceSource()[0]
@@ -339,7 +340,7 @@ def test_material_network_follows_the_preview_specification(tmp_path: Path) -> N
 
 def test_normals_point_out_and_tilt_the_right_way(tmp_path: Path) -> None:
     """Mean normal is +z; the left flank of each tile's roll tilts to -u and the right one to +u."""
-    recipe = bake_surface("roof_tile", tmp_path, 1024, library=tmp_path / "library")
+    recipe = bake_surface(SheetName("roof_tile", 0, 1024), tmp_path, library=tmp_path / "library")
     normal = _load(tmp_path, recipe.normal_file) / 127.5 - 1
     assert normal.mean(axis=(0, 1)) == pytest.approx([0, 0, 0.9], abs=0.12)
     across = normal[..., 0].mean(axis=0).reshape(20, -1) if normal.shape[1] % 20 == 0 else normal[..., 0].mean(axis=0)

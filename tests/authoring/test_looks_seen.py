@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from authoring.looks.bake import LookSettings, bake_look, bake_surface
 from authoring.looks.encode import encode_raw
+from authoring.looks.library import SheetName
 from authoring.looks.material import MaterialRecipe
 from authoring.looks.roles import fill_roles
 from authoring.looks.weathering import weather
@@ -39,7 +40,7 @@ def test_old_surfaces_feed_sift(tmp_path: Path, proof_count: Count, record_proof
     """Every role of `weathered` and `aged`, square and at 60 degrees, from near and far; new ones stay poor."""
     names = _surfaces(proof_count(0, 1) == 1)
     distances = _DISTANCES[:: proof_count(4, 1)]
-    recipes = [bake_surface(name, tmp_path) for name in (*names, *_POOR)]
+    recipes = [bake_surface(SheetName(name, 0, 2048), tmp_path) for name in (*names, *_POOR)]
     rows = []
     poor = []
     with plates([flat_material(tmp_path, recipe) for recipe in recipes]) as prepared:
@@ -138,7 +139,7 @@ def test_nothing_repeats_over_thirty_metres(
     peaks, broad = {}, {}
     for look, years in (("weathered", 1.0), ("aged", 1.6)):
         surface = fill_roles(look, np.random.default_rng(0))[0][role]
-        shown = orthophoto(tmp_path, bake_surface(surface, tmp_path))
+        shown = orthophoto(tmp_path, bake_surface(SheetName(surface, 0, 2048), tmp_path))
         alone = peak(shown)
         macro = encode_raw(weather((wall,), 1024, years, np.random.default_rng(2)) / 2)
         factor = cv2.resize(2 * macro.mean(axis=-1).astype(np.float32) / 255, (len(shown), len(shown)))

@@ -9,6 +9,7 @@ from pxr import Usd
 from authoring.axis.alignment import Alignment, Layout
 from authoring.looks.bake import bake_surface
 from authoring.looks.leaves import leaves
+from authoring.looks.library import SheetName
 from authoring.looks.material import author_material
 from authoring.looks.noise import Tile
 from authoring.shapes.component import Scatter
@@ -68,7 +69,7 @@ def test_coarser_pictures_leave_as_much_of_a_plant(record_proof: RecordProof) ->
 
 def test_the_material_of_leaves_is_cut_out(tmp_path: Path) -> None:
     """A reader finds one picture with its own opacity and a threshold; nothing blends, and no detail is laid on it."""
-    recipe = bake_surface("leaves", tmp_path, 256, library=tmp_path / "library")
+    recipe = bake_surface(SheetName("leaves", 0, 256), tmp_path, library=tmp_path / "library")
     stage = Usd.Stage.CreateNew(str(tmp_path / "look.usda"))
     material = author_material(stage, "/Leaves", recipe)
     read = read_material(material, pytest.fail).material

@@ -25,7 +25,7 @@ from authoring.surveys.whole import bearing_lines, clear_route, draw_route, plac
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
 from tests.authoring.boxes import box, box_bridge, flat_site
-from tests.authoring.flight_views import neighbour_overlap, views_per_instance, visible_pixels
+from tests.authoring.flight_views import neighbor_overlap, views_per_instance, visible_pixels
 from tests.conftest import Count, RecordProof
 from usd_schemas.components import class_of
 from usd_schemas.distortion import Distortion
@@ -284,7 +284,7 @@ def test_pixels_agree_with_the_pinhole() -> None:
     expected = (4 * path.calibration.fx / 10) * (2 * path.calibration.fx / 10)
     assert ids.tolist() == [5]
     np.testing.assert_allclose(counts[:, 0], expected, rtol=0.03)
-    np.testing.assert_allclose(neighbour_overlap(path, make_subject((plate,), (far,))), 1.0)
+    np.testing.assert_allclose(neighbor_overlap(path, make_subject((plate,), (far,))), 1.0)
 
 
 def test_every_class_is_well_seen(proof_count: Count, record_proof: RecordProof) -> None:
@@ -303,7 +303,7 @@ def test_every_class_is_well_seen(proof_count: Count, record_proof: RecordProof)
         often = views_per_instance(pixels, least=50) >= 3
         for name in np.unique(classes):
             seen.setdefault(str(name), []).append(float(often[classes == name].mean()))
-        overlaps.append(float(neighbour_overlap(path, subject).mean()))
+        overlaps.append(float(neighbor_overlap(path, subject).mean()))
         counts.append(len(path.poses))
     worst = {name: min(shares) for name, shares in sorted(seen.items())}
     assert set(worst) >= {"abutment", "bearing", "column", "deck", "girder", "parapet", "pier_cap"}

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from authoring.axis.alignment import Alignment
 from authoring.shapes.component import F64
 from authoring.shapes.sections import area, circle, cut_corners, inset, is_convex, mirrored, rectangle, triangulate
-from authoring.solids.extrusion import GROOVE_DEPTH, prism
+from authoring.solids.extrusion import GROOVE_DEPTH, Prism
 from authoring.solids.sweep import Axis, Surface, joined, sweep, turned
 
 LEVEL = Alignment(7.0, 0.0, 0.4)
@@ -62,7 +62,7 @@ def bevel_volume(outline: F64, depth: float) -> float:
 def test_prism_is_closed_and_has_the_volume_of_its_formula(name: str, axis: Axis, place: Alignment) -> None:
     """Grade and heading keep volume: one is a shear, the other a turn. Chamfers and grooves take what they should."""
     outline, chamfer = OUTLINES[name], 0.008
-    mesh = solid(prism(outline, -2.0, 9.0, axis, place, chamfer, grooves=(1.0, 4.0)))
+    mesh = solid(Prism(outline, -2.0, 9.0, axis, place, chamfer, grooves=(1.0, 4.0)).surface)
     layers = 2.0 * bevel_volume(outline, chamfer) + 4.0 * bevel_volume(outline, GROOVE_DEPTH)
     expected = area(outline) * (11.0 - 2.0 * chamfer - 4.0 * GROOVE_DEPTH) + layers
     assert mesh.is_watertight
@@ -80,7 +80,7 @@ def test_texture_is_an_isometry_of_every_face(name: str, axis: Axis, chamfer: fl
     is squeezed by about the groove's depth, so that neighbouring sides share none.
     """
     squeeze = 0.0 if is_convex(OUTLINES[name]) else 1.1 * GROOVE_DEPTH  # two such corners on a side
-    surface = prism(OUTLINES[name], -2.0, 9.0, axis, LEVEL, chamfer, grooves=(1.0, 4.0))
+    surface = Prism(OUTLINES[name], -2.0, 9.0, axis, LEVEL, chamfer, grooves=(1.0, 4.0)).surface
     for face in faces_of(surface) + faces_of(turned(surface)):
         points, texture, normals = face
         in_space = np.linalg.norm(points[:, None] - points[None], axis=2)
@@ -93,7 +93,7 @@ def test_texture_is_an_isometry_of_every_face(name: str, axis: Axis, chamfer: fl
 
 def test_texture_on_a_grade_follows_arc_length_and_girth() -> None:
     """On a grade u grows by the length of the inclined edge, v by the girth of the section."""
-    surface = prism(rectangle((-1.0, -0.3), (1.0, 0.0)), 0.0, 20.0, "station", GRADED)
+    surface = Prism(rectangle((-1.0, -0.3), (1.0, 0.0)), 0.0, 20.0, "station", GRADED).surface
     for points, texture, _ in faces_of(surface)[:4]:
         length = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
         run = np.abs(np.roll(texture, -1, axis=0) - texture)
@@ -105,7 +105,7 @@ def test_texture_on_a_grade_follows_arc_length_and_girth() -> None:
 
 def test_turned_texture_runs_across_on_the_sides_only() -> None:
     """A cap swept along the bridge gets its u across the bridge on all faces."""
-    surface = turned(prism(rectangle((-5.0, 0.0), (5.0, 1.0)), -0.7, 0.7, "station", LEVEL))
+    surface = turned(Prism(rectangle((-5.0, 0.0), (5.0, 1.0)), -0.7, 0.7, "station", LEVEL).surface)
     left = LEVEL.locate(surface.points[surface.corners])[1]
     top_and_bottom = [face for face in range(4) if face in (0, 2)]
     for face in [*top_and_bottom, 4, 5]:
@@ -115,7 +115,7 @@ def test_turned_texture_runs_across_on_the_sides_only() -> None:
 
 def test_round_sides_are_smooth_and_their_ends_flat() -> None:
     """Normals of a cylinder's side point away from its axis; those of its ends along it."""
-    surface = prism(circle(1.0, 48), 0.0, 3.0, "above", Alignment(0.0))
+    surface = Prism(circle(1.0, 48), 0.0, 3.0, "above", Alignment(0.0)).surface
     side = np.repeat(surface.chart == 0, surface.face_counts)
     radial = surface.points[surface.corners][side] * (2.0, 2.0, 0.0)
     radial /= np.linalg.norm(radial, axis=1, keepdims=True)
@@ -194,7 +194,7 @@ def test_inset_and_cut_corners_have_the_areas_of_their_formulas(size: float) -> 
 def test_joined_solids_keep_their_volumes_and_charts() -> None:
     """Two boxes in one surface: twice the volume, six charts, still closed."""
     box = rectangle((0.0, 0.0), (1.0, 1.0))
-    both = joined([prism(box, 0.0, 1.0, "station", LEVEL), prism(box, 3.0, 5.0, "station", LEVEL)])
+    both = joined([Prism(box, 0.0, 1.0, "station", LEVEL).surface, Prism(box, 3.0, 5.0, "station", LEVEL).surface])
     assert solid(both).is_watertight
     assert solid(both).volume == pytest.approx(3.0, rel=1e-9)
     assert sorted(set(both.chart.tolist())) == [0, 1, 2, 3, 4, 5]

@@ -50,7 +50,7 @@ def _wrong_class(stage: Usd.Stage) -> None:
     stage.GetPrimAtPath(DECK).GetAttribute("semantics:labels:class").Set(["girder"])
 
 
-def _unlabelled(stage: Usd.Stage) -> None:
+def _unlabeled(stage: Usd.Stage) -> None:
     UsdGeom.Cube.Define(stage, "/World/Bridge/BridgeGeom/Superstructure/Loose")
 
 
@@ -93,7 +93,7 @@ def _unknown_shader(stage: Usd.Stage) -> None:
     [
         (_unknown_class, f"{DECK}: class 'decking' is not in the class table"),
         (_wrong_class, f"{DECK}: component 'deck_slab' belongs to class 'deck', not 'girder'"),
-        (_unlabelled, "/World/Bridge/BridgeGeom/Superstructure/Loose: has no component label"),
+        (_unlabeled, "/World/Bridge/BridgeGeom/Superstructure/Loose: has no component label"),
         (_same_id, "instance id 2: used by 2 prims"),
         (_same_id_as_a_repeat, "instance id 23: used by 2 prims"),
         (_same_name, "prim name Deck_000: used 2 times"),

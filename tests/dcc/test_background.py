@@ -21,7 +21,7 @@ from usd_schemas.reading.stage_reader import read_stage
 
 pytestmark = pytest.mark.dcc
 
-CENTIMETRES_Y_UP = {
+CENTIMETERS_Y_UP = {
     "convert_orientation": True,
     "export_global_forward_selection": "NEGATIVE_Z",
     "export_global_up_selection": "Y",
@@ -30,8 +30,8 @@ CENTIMETRES_Y_UP = {
 EXPORTS: dict[str, dict[str, Any]] = {
     "as_it_comes": {},
     "without_a_root": {"root_prim_path": ""},
-    "centimetres": CENTIMETRES_Y_UP,
-    "centimetres_without_a_root": {**CENTIMETRES_Y_UP, "root_prim_path": ""},
+    "centimetres": CENTIMETERS_Y_UP,
+    "centimetres_without_a_root": {**CENTIMETERS_Y_UP, "root_prim_path": ""},
 }
 
 
@@ -94,7 +94,7 @@ def test_missing_texture_names_its_material(original: Path, tmp_path: Path) -> N
 def test_objects_of_a_foreign_world_are_no_new_objects(original: Path, tmp_path: Path) -> None:
     """A scene with such a world goes through Blender and comes back without a change."""
     scene = copy_scene(original, tmp_path / "scene")
-    set_choices(scene, {"background": str(export_world(tmp_path / "world", "town", CENTIMETRES_Y_UP))}, print)
+    set_choices(scene, {"background": str(export_world(tmp_path / "world", "town", CENTIMETERS_Y_UP))}, print)
     found = harvest(scene, trip(scene, tmp_path / "out", [])[0])
     assert not any(asdict(found).values())
 

@@ -14,7 +14,7 @@ from usd_schemas.reading.stage_reader import read_stage
 
 pytestmark = pytest.mark.dcc
 
-CENTIMETRES_Y_UP = {
+CENTIMETERS_Y_UP = {
     "convert_orientation": True,
     "export_global_forward_selection": "NEGATIVE_Z",
     "export_global_up_selection": "Y",
@@ -23,8 +23,8 @@ CENTIMETRES_Y_UP = {
 EXPORTS: dict[str, dict[str, Any]] = {
     "plain": {},
     "instanced": {"use_instancing": True},
-    "y_up_cm": CENTIMETRES_Y_UP,
-    "y_up_cm_instanced": {**CENTIMETRES_Y_UP, "use_instancing": True},
+    "y_up_cm": CENTIMETERS_Y_UP,
+    "y_up_cm_instanced": {**CENTIMETERS_Y_UP, "use_instancing": True},
     "moving": {"frames": 5},
     "triangulated": {"triangulate_meshes": True, "export_normals": False},
 }

@@ -31,7 +31,7 @@ FOUR_CHANGES: tuple[Edit, ...] = (
     ("paint", "Role_PierConcrete", [0.6, 0.1, 0.1]),
     ("add_cube", "Crate", [5.0, -9.0, 6.0], 1.6),
 )
-Y_UP_CENTIMETRES = {
+Y_UP_CENTIMETERS = {
     "convert_orientation": True,
     "export_global_forward_selection": "NEGATIVE_Z",
     "export_global_up_selection": "Y",
@@ -100,7 +100,7 @@ def test_sky_stands_where_its_sun_is(original: Path, edited: tuple[Path, dict[st
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"root_prim_path": ""}, {"use_instancing": True}, {"merge_parent_xform": True}, Y_UP_CENTIMETRES]
+    "options", [{}, {"root_prim_path": ""}, {"use_instancing": True}, {"merge_parent_xform": True}, Y_UP_CENTIMETERS]
 )
 def test_round_trip_without_edits_writes_an_empty_layer(
     options: dict[str, object], original: Path, tmp_path: Path, record_proof: RecordProof
@@ -208,7 +208,7 @@ def test_every_other_kind_of_edit(original: Path, tmp_path: Path) -> None:
         ("say", "Van", "component", "vehicle"),
         ("add_cube", "Rock 1", [0.0, 12.0, 1.0], 2.0),
     ]
-    out, _ = trip(original, tmp_path / "out", edits, **Y_UP_CENTIMETRES)
+    out, _ = trip(original, tmp_path / "out", edits, **Y_UP_CENTIMETERS)
     found = harvest(scene, out)
     assert found.moved == []
     assert found.reshaped == ["Pier_001_Cap", "Deck_001", "Kerb_000_L"]
@@ -230,7 +230,7 @@ def test_every_other_kind_of_edit(original: Path, tmp_path: Path) -> None:
     assert not Usd.Stage.Open(str(scene)).GetPrimAtPath("/World/Bridge/BridgeGeom/Furniture/Coping_000_L").IsActive()
 
 
-@pytest.mark.parametrize("options", [Y_UP_CENTIMETRES, {"use_instancing": True}], ids=["made_real", "as_instances"])
+@pytest.mark.parametrize("options", [Y_UP_CENTIMETERS, {"use_instancing": True}], ids=["made_real", "as_instances"])
 def test_native_instances_are_edited_one_by_one(
     options: dict[str, object], tmp_path: Path, record_proof: RecordProof
 ) -> None:
@@ -323,7 +323,7 @@ def test_a_sun_turned_in_blender_comes_home(original: Path, tmp_path: Path) -> N
     assert validate_scene(scene) == []
 
 
-@pytest.mark.parametrize("options", [{}, Y_UP_CENTIMETRES])
+@pytest.mark.parametrize("options", [{}, Y_UP_CENTIMETERS])
 def test_cameras_and_lamps_made_in_blender_come_home(
     options: dict[str, object], original: Path, tmp_path: Path, record_proof: RecordProof
 ) -> None:

@@ -292,6 +292,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "page._template",
         "page.figure_json",
         "child._resident",
+        "child._waited",
     },
     WORDS: {"child.answer_parent", "child._hear", "given_settings.given_settings", "cli.main"},
 }

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from groundwork import child
 from groundwork.canonical import canonical_json
 from groundwork.child import run_child
 from groundwork.errors import ChildError, InputError, OutOfSpaceError, RejectedSceneError, passing_code
@@ -89,6 +90,15 @@ def test_time_limit() -> None:
     with pytest.raises(ChildError, match="ran longer than 1 s"):
         run("sleep", 30, time_limit=1.0)
     assert time.monotonic() - begin < 10.0
+
+
+def test_waiting_for_a_core_is_no_fault_of_the_child(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the kernel says that a child waited is not counted; where it says nothing, all is."""
+    monkeypatch.setattr(child, "_waited", lambda pid: 1e6)
+    assert run("sleep", 2, time_limit=0.5) is None
+    monkeypatch.undo()
+    assert child._waited(os.getpid()) >= 0.0
+    assert child._waited(2**22 + 1) == 0.0  # no such process
 
 
 @pytest.mark.faults

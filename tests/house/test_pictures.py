@@ -79,7 +79,7 @@ def test_the_sheet_of_surfaces(tmp_path: Path) -> None:
 
 def test_a_prediction_stands_beside_the_truth() -> None:
     """Three panels of one cloud: the colors of the true classes, of the predicted ones, and red where they differ."""
-    from benchmarks.shipped.scan_scores import Labelled
+    from benchmarks.shipped.scan_scores import Labeled
     from docs.prediction_picture import RIGHT, WRONG, legend, panels
     from docs.sampling_picture import GAP, PANEL
     from learn.datasets.class_tables import class_table
@@ -89,7 +89,7 @@ def test_a_prediction_stands_beside_the_truth() -> None:
     x, y = (part.ravel() for part in np.meshgrid(np.linspace(0.0, 20.0, 200), np.linspace(0.0, 8.0, 80)))
     truth = np.full(len(x), deck, np.int64)
     said = np.where(x < 10.0, deck, girder).astype(np.int64)
-    found = Labelled(np.stack([x, y, np.zeros(len(x))], axis=1), {"falsework": truth}, {"falsework": said})
+    found = Labeled(np.stack([x, y, np.zeros(len(x))], axis=1), {"falsework": truth}, {"falsework": said})
     image = panels(found, "falsework", "mesh")
     width = PANEL[0] + GAP
     drawn = [

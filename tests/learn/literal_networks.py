@@ -117,8 +117,8 @@ def pointnet2(network: nn.Module, table: list, features: np.ndarray, coord: np.n
     for count, rings in zip((1024, 256, 64, 16), table, strict=True):
         centers = places[-1][farthest(places[-1], count)]
         pooled = []
-        for radius, neighbours, mlp in rings:
-            rows = ball(places[-1], centers, radius, neighbours)
+        for radius, neighbors, mlp in rings:
+            rows = ball(places[-1], centers, radius, neighbors)
             offset = around(as_map(places[-1]), rows) - as_map(centers)
             values = torch.cat([offset, around(levels[-1], rows)], dim=1)
             for width in mlp:

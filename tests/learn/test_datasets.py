@@ -335,3 +335,13 @@ def test_what_moves_is_left_out_unless_asked_for(tmp_path: Path) -> None:
     assert len(read_labeled(path, None, table, moving=True)) == len(distance)
     facts = [settings().moving, settings(moving=True).moving]
     assert facts == [False, True]
+
+
+def test_a_stray_point_is_told_with_its_source(tmp_path: Path) -> None:
+    """One point 5,000 km away: no cubes can be numbered over that, and the user must know in which cloud it lies."""
+    good = write_toy(tmp_path / "good", 0, 2_000)
+    coord = toy_cloud(1, 2_000).columns["coord"]
+    coord[7] += 5e6
+    stray = write_toy(tmp_path / "stray", 1, 2_000, "b1", coord=coord)
+    with pytest.raises(InputError, match=f"^{stray}: .*stray points"):
+        build_dataset([Source(good), Source(stray)], tmp_path / "set", settings("local", mode="metric"))

@@ -21,6 +21,7 @@ from learn.trained import FACTS, TrainedNetwork
 from recon.cloud import read_cloud, write_cloud
 from recon.formats.laz import write_laz
 from tests.learn.toy_bridge import toy_cloud, write_toy
+from usd_schemas.taxonomies import taxonomy
 
 COUNT = 3000
 HIDDEN = (
@@ -113,17 +114,18 @@ def test_a_scan_gets_what_the_scored_model_says(chain: Path, tmp_path: Path, nam
     """The labelled copy has the classes that the scored model gives the test split's points; most of them are right."""
     out = tmp_path / "labelled.laz"
     assert call("predict", chain / "scan.laz", "-o", out, "--model", chain / name, "--unit", "m") == 0
-    labelled = laspy.read(out)
-    predicted = np.asarray(labelled["predicted_class"])
+    labeled = laspy.read(out)
+    predicted = np.asarray(labeled["predicted_class"])
     model = read_trained_model(chain / name)
     said = votes(model, StoredSplit(chain / "set", "test", model.channels))
-    table = class_table("kim2023")
-    known = [(row, said[place]) for row, place in enumerate(grid(np.array(labelled.xyz))) if place in said]
+    ids = {row.name: row.id for row in taxonomy("kim2023").rows}
+    table = [ids[name] for name in class_table("kim2023").names]
+    known = [(row, said[place]) for row, place in enumerate(grid(np.array(labeled.xyz))) if place in said]
     assert len(known) == len(said) > 1000
     for row, likely in known:
         best = np.flatnonzero(likely > likely.max() - 1e-4 * likely.sum())  # sums in another order may differ there
-        assert predicted[row] in {table.ids[i] for i in best}
-    truth = np.array(table.ids)[labels_of(chain)]
+        assert predicted[row] in {table[i] for i in best}
+    truth = np.array(table)[labels_of(chain)]
     majority = np.bincount(truth).max() / len(truth)
     assert np.mean(predicted == truth) > majority + (0.3 if name == "forest" else 0.1)
     record = json.loads((chain / f"{name}.json").read_text())

@@ -126,8 +126,8 @@ def test_another_scan_is_labelled_with_the_users_numbers(office: Path, tmp_path:
     codes = write_patch(tmp_path / "scan.laz", 8)
     words = ("predict", tmp_path / "scan.laz", "-o", tmp_path / "out.laz", "--model", office / "mine", "--unit", "m")
     assert call(*words) == 0
-    labelled = laspy.read(tmp_path / "out.laz")
-    found = np.asarray(labelled["predicted_class"])
+    labeled = laspy.read(tmp_path / "out.laz")
+    found = np.asarray(labeled["predicted_class"])
     assert set(np.unique(found)) <= {70, 12, 41}
     known = codes != 5
     share = (found[known] == codes[known]).mean()
@@ -135,7 +135,7 @@ def test_another_scan_is_labelled_with_the_users_numbers(office: Path, tmp_path:
     assert share > np.bincount(codes[known]).max() / known.sum() + 0.3
     record = json.loads((tmp_path / "out.instances.json").read_text())
     assert record["classes"] == {"12": "leg", "41": "meadow", "70": "walkway"}
-    high = np.array(labelled.xyz)[:, 2] - 30.0 > DECK_HEIGHT - 0.3
+    high = np.array(labeled.xyz)[:, 2] - 30.0 > DECK_HEIGHT - 0.3
     assert (found[high] == 70).mean() > 0.8
     assert call(*words, "--classes", "leg") == 0
     assert set(np.unique(laspy.read(tmp_path / "out.laz")["predicted_class"])) == {12, 255}

@@ -9,7 +9,7 @@ import laspy
 import numpy as np
 import pytest
 
-from benchmarks.shipped.model import seen_by
+from benchmarks.shipped.training import seen_by
 from falsework.cli import main
 from groundwork.canonical import file_digest
 from learn.predict.model import named_model, shipped_folder

@@ -17,14 +17,15 @@ from benchmarks.shipped.model import (
     check_unseen,
     clouds_below,
     dataset_of,
-    seen_by,
     ship,
     train_on,
 )
+from benchmarks.shipped.pack import STEP, chosen_rows, pack, unpack, write_pack
 from benchmarks.shipped.robustness import page
 from benchmarks.shipped.scan_scores import label_scan, read_labeled_scan
 from benchmarks.shipped.selection import joined, judge_cloud, judge_kept, overlapping
 from benchmarks.shipped.selection import page as selection_page
+from benchmarks.shipped.training import seen_by
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from groundwork.files import read_json, write_json
@@ -62,6 +63,32 @@ def test_held_bridges_are_not_trained_on(made: Path) -> None:
     model = read_trained_model(made / "shipped")
     assert model.trained.facts.training is not None
     assert model.trained.facts.training["validation_bridges"] == ["pickbridge"]
+
+
+def test_a_packed_data_set_is_the_same_to_the_centimeter(made: Path, tmp_path: Path) -> None:
+    """Two packs make one data set: places, labels and bridges of every piece that was kept."""
+    facts = read_facts(made / "dataset")
+    rows = chosen_rows(made / "dataset", facts, ["pick"], land=1, every=1)
+    assert {row.bridge for row in rows} == {"trainbridge", "pickbridge"}
+    write_pack(tmp_path / "one.pack", facts, rows, pack(made / "dataset", rows))
+    unpack([tmp_path / "one.pack", tmp_path / "one.pack"], tmp_path / "whole")
+    again = read_facts(tmp_path / "whole")
+    assert [row.source for row in again.pieces] == [
+        row.source + turn * len(facts.sources) for turn in (0, 1) for row in rows
+    ]
+    for row, kept in zip(again.pieces, [*rows, *rows], strict=True):
+        found, truth = (
+            read_piece(root, which, ()) for root, which in ((tmp_path / "whole", row), (made / "dataset", kept))
+        )
+        assert row.bridge == kept.bridge
+        assert row.split == kept.split
+        nearest = [np.abs(truth.coord - point).max(axis=1) for point in found.coord[:: len(found) // 20]]
+        assert max(away.min() for away in nearest) <= 0.5 * STEP + 1e-4
+        assert np.array_equal(np.sort(found.labels), np.sort(truth.labels))
+        assert all(
+            found.labels[place * (len(found) // 20)] == truth.labels[away.argmin()]
+            for place, away in enumerate(nearest)
+        )
 
 
 def test_the_shipped_weights_are_the_trained_ones_and_tiles_overlap(made: Path) -> None:

@@ -174,6 +174,9 @@ def test_what_cannot_be_trained_is_refused(tmp_path: Path) -> None:
         train(tmp_path, source=one_class)
     with pytest.raises(InputError, match="shares bridges with the training"):
         train_network(TrainingData(ToyBridges(3), ToyBridges(1)), settings(), tmp_path, Silent())
+    if not torch.cuda.is_available():
+        with pytest.raises(InputError, match="no GPU that torch can use"):
+            train(tmp_path, settings(accelerator="gpu"))
 
 
 def _of_one_class(source: ToyBridges, index: int, seed: int) -> Any:

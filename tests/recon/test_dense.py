@@ -298,7 +298,7 @@ def test_patchmatch_compares_views_ahead_too(
         counts.append(len(others))
         return np.zeros(reference.gray.shape, np.float32)
 
-    monkeypatch.setattr("recon.dense.neighbours.rectify", lambda *_pair: None)
+    monkeypatch.setattr("recon.dense.neighbors.rectify", lambda *_pair: None)
     monkeypatch.setattr(dense_child, "measure_slanted", count)
     monkeypatch.setattr(dense_child, "measure_depth", count)
     for method, expected in (("patchmatch", 3), ("sgm", 0)):

@@ -15,6 +15,7 @@ from recon.sfm import growth, mapping
 from recon.sfm.colmap_model import read_model
 from recon.sfm.database import DATABASE
 from recon.sfm.growth import MOST_MOVED, grow, shift
+from recon.sfm.runaways import leave_out, runaways
 from render.capture import CalibrationPrior, Capture, CaptureImage
 from usd_schemas.pinhole import look_at
 
@@ -61,7 +62,7 @@ def wall(folder: Path, shared: int, bow: float) -> Capture:
     among = np.flatnonzero(held & (points[:, 0] > 0) & (points[:, 0] < 12) & seen[ROW:].all(axis=0))
     seen[ROW:] &= np.isin(np.arange(600), rng.choice(among, shared, replace=False))
     alone = np.flatnonzero(~seen.any(axis=0) & (abs(points[:, 0] - 6) < 7))[:ALONE]
-    seen[np.ix_([-2, -1], alone)] = True
+    seen[-2:, alone] = True
     pixels[ROW:, :, 1] += bow * ((points[:, 0] - 6) / 6) ** 2
     return write_matches(folder, pixels, seen)
 
@@ -190,3 +191,54 @@ def _bend(model: pycolmap.Reconstruction, share: float) -> None:
         frame.rig_from_world = pycolmap.Rigid3d(pose.rotation, -pose.rotation.matrix() @ push(centers[number]))
     for point in model.points3D.values():
         point.xyz = push(point.xyz)
+
+
+def test_a_camera_that_ran_away_leaves_the_model(tmp_path: Path) -> None:
+    """4,000 km away: it goes, with what it alone saw, and no other does; a camera ten times as far as most stays."""
+    capture = wall(tmp_path / "many", 40, 0.0)
+    map_into(capture, tmp_path / "model")
+    model = pycolmap.Reconstruction(tmp_path / "model" / mapping.MODEL)
+    last = max(model.reg_image_ids())
+    centers = np.array([model.image(number).projection_center() for number in sorted(model.reg_image_ids())])
+    spread = np.ptp(centers, axis=0).max()
+    for reach, found in ((10.0, []), (1e6, [last])):
+        _move(model, last, np.median(centers, axis=0) + reach * spread * np.eye(3)[0])
+        assert runaways(model) == found
+    points = model.num_points3D()
+    for number in range(2, last):  # a tripod, and one camera a step beside it
+        _move(model, number, centers[0] + 1e-9 * number)
+    _move(model, last, centers[0] + 0.1 * spread)
+    assert runaways(model) == []
+    leave_out(model, [last])
+    assert sorted(model.reg_image_ids()) == list(range(1, ROW + AWAY))
+    assert model.num_points3D() < points
+    assert min(point.track.length() for point in model.points3D.values()) >= 2
+    assert runaways(model) == []
+    assert runaways(pycolmap.Reconstruction()) == []
+
+
+def test_the_model_that_is_kept_has_no_runaways(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that an adjustment sends away is named, adjusted without, and not told as one of another model."""
+    capture, heard, calls = wall(tmp_path / "many", 40, 0.0), Heard(), [0]
+    adjust = mapping.adjust_robustly
+
+    def send_away(model: pycolmap.Reconstruction, threads: int) -> None:
+        calls[0] += 1
+        if calls[0] == 1:
+            _move(model, max(model.reg_image_ids()), np.array([4e6, 0.0, 0.0]))
+        else:
+            adjust(model, threads)
+
+    monkeypatch.setattr(mapping, "adjust_robustly", send_away)
+    found = map_into(capture, tmp_path / "model", heard)
+    assert found["models"][0]["images"] == ROW + AWAY - 1
+    assert found["elsewhere"] == []
+    assert calls == [2]
+    assert heard.notes == [f"left out, for their cameras ran away from all others: {capture.images[-1].name}"]
+
+
+def _move(model: pycolmap.Reconstruction, number: int, center: F64) -> None:
+    """Put the camera of an image elsewhere; it looks where it looked."""
+    pose = model.image(number).cam_from_world()
+    moved = pycolmap.Rigid3d(pose.rotation, -(pose.rotation.matrix() @ center))
+    model.frame(model.image(number).frame_id).set_cam_from_world(model.image(number).camera_id, moved)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from recon.dense.neighbours import View, angle_weight, choose_sources, choose_views, covisibility
+from recon.dense.neighbors import View, angle_weight, choose_sources, choose_views, covisibility
 from recon.settings import DenseSettings
 from recon.sfm.colmap_model import SparseModel
 from usd_schemas.pinhole import Pinhole, look_at

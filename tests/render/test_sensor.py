@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from render.images.exif import Shot, geodetic, insert_exif
 from render.images.image_files import encode_jpeg
 from render.light.illumination import BRIGHTEST
-from render.sensor.sensor import Sensor, balance, meter
+from render.sensor.sensor import Metering, Sensor, balance, meter
 from render.settings import SensorSettings
 from tests.conftest import RecordProof
 
@@ -39,7 +39,7 @@ def linear(pixels: np.ndarray, ideal: Sensor) -> np.ndarray:
 def test_noise_has_the_variance_of_photons_and_amplifier(level: float) -> None:
     """Without blur, variance is signal / full well + (read noise / full well)^2, and the mean is unharmed."""
     settings = STEADY.model_copy(update={"blur_sigma": 0.0, "full_well": 600.0})
-    sensor, ideal = (Sensor(s, 1.0, BRIGHTEST, SHAPE, 5) for s in (settings, SensorSettings(noise=False)))
+    sensor, ideal = (Sensor(s, Metering(1.0), BRIGHTEST, SHAPE, 5) for s in (settings, SensorSettings(noise=False)))
     values = linear(sensor.develop(coded(level), sensor.expose(3, coded(level))), ideal)
     assert values.mean() == pytest.approx(level, rel=0.01)
     assert values.var() == pytest.approx(level / 600 + (4 / 600) ** 2, rel=0.06)
@@ -50,7 +50,7 @@ def test_frames_have_noise_of_their_own_and_repeat_exactly() -> None:
     frame = coded(GRAY)
 
     def shot(seed: int, row: int) -> np.ndarray:
-        sensor = Sensor(SensorSettings(vignetting=0), 1.0, BRIGHTEST, SHAPE, seed)
+        sensor = Sensor(SensorSettings(vignetting=0), Metering(1.0), BRIGHTEST, SHAPE, seed)
         return sensor.develop(frame, sensor.expose(row, frame)).astype(float)
 
     np.testing.assert_array_equal(shot(5, 1), shot(5, 1))
@@ -62,7 +62,7 @@ def test_frames_have_noise_of_their_own_and_repeat_exactly() -> None:
 def test_the_point_spread_is_the_gaussian_asked_for() -> None:
     """The second moment of a blurred line is sigma squared."""
     settings = STEADY.model_copy(update={"full_well": 1e6, "read_noise": 0.0})
-    sensor, ideal = (Sensor(s, 1.0, BRIGHTEST, SHAPE, 5) for s in (settings, SensorSettings(noise=False)))
+    sensor, ideal = (Sensor(s, Metering(1.0), BRIGHTEST, SHAPE, 5) for s in (settings, SensorSettings(noise=False)))
     frame = coded(0.02)
     frame[:, 160] = coded(0.5)[:, 160]
     profile = linear(sensor.develop(frame, sensor.expose(0, frame)), ideal)[..., 1].mean(axis=0)
@@ -78,7 +78,7 @@ def test_developing_in_bands_leaves_no_seam(monkeypatch: pytest.MonkeyPatch) -> 
     pictures = []
     for rows in (64, 37, 10_000):
         monkeypatch.setattr("render.sensor.sensor._BAND", rows)
-        sensor = Sensor(settings, 1.0, BRIGHTEST, SHAPE, 5)
+        sensor = Sensor(settings, Metering(1.0), BRIGHTEST, SHAPE, 5)
         pictures.append(sensor.develop(frame, sensor.expose(0, frame)))
     for banded in pictures[:2]:
         np.testing.assert_array_equal(banded, pictures[2])
@@ -87,7 +87,7 @@ def test_developing_in_bands_leaves_no_seam(monkeypatch: pytest.MonkeyPatch) -> 
 def test_corners_lose_the_light_that_was_asked_for() -> None:
     """The very corner loses the stated share, half way to it a quarter of that, the middle nothing."""
     settings = STEADY.model_copy(update={"vignetting": 0.4, "blur_sigma": 0.0, "full_well": 1e6, "read_noise": 0.0})
-    sensor, ideal = (Sensor(s, 1.0, BRIGHTEST, SHAPE, 5) for s in (settings, SensorSettings(noise=False)))
+    sensor, ideal = (Sensor(s, Metering(1.0), BRIGHTEST, SHAPE, 5) for s in (settings, SensorSettings(noise=False)))
     values = linear(sensor.develop(coded(0.3), sensor.expose(0, coded(0.3))), ideal)[..., 1] / 0.3
     for row, column, expected in ((0, 0, 0.6), (60, 80, 0.9), (120, 160, 1.0), (239, 319, 0.6)):
         patch = values[max(row - 3, 0) : row + 4, max(column - 3, 0) : column + 4]
@@ -96,7 +96,7 @@ def test_corners_lose_the_light_that_was_asked_for() -> None:
 
 def test_without_noise_the_tone_curve_alone_is_left() -> None:
     """A grey stays one value; sensor white and middle grey come where a camera puts them."""
-    sensor = Sensor(SensorSettings(noise=False), 1.0, BRIGHTEST, SHAPE, 5)
+    sensor = Sensor(SensorSettings(noise=False), Metering(1.0), BRIGHTEST, SHAPE, 5)
     for level, low, high in ((0.0, 0, 0), (GRAY, 110, 140), (1.0, 200, 235), (6.0, 245, 255)):
         pixels = sensor.develop(coded(level), sensor.expose(0, coded(level)))
         assert pixels.min() == pixels.max()
@@ -123,7 +123,7 @@ def test_white_is_balanced_by_the_share_that_is_told() -> None:
         red, blue = balance(day, share)
         assert np.log2([red, blue]) == pytest.approx(share * np.log2([1.5 / 2.0, 1.5 / 0.9]))
     assert balance(np.zeros(3), 1.0) == (1.0, 1.0)
-    sensor = Sensor(SensorSettings(noise=False), 0.1, BRIGHTEST, SHAPE, 5, white=balance(day, 1.0))
+    sensor = Sensor(SensorSettings(noise=False), Metering(0.1, white=balance(day, 1.0)), BRIGHTEST, SHAPE, 5)
     frame = np.tile(np.rint(np.sqrt(day / BRIGHTEST) * 65535).astype(np.uint16), (*SHAPE, 1))
     assert np.ptp(sensor.develop(frame, sensor.expose(0, frame))[0, 0].astype(int)) <= 1
 
@@ -135,7 +135,7 @@ def test_a_frame_follows_its_own_light_as_far_as_it_is_told(level: float, share:
     A sky that fills most of the frame is held at 1.9 times white, however dark the ground.
     """
     settings = STEADY.model_copy(update={"auto_exposure": share})
-    sensor = Sensor(settings, 1.5, BRIGHTEST, SHAPE, 5)
+    sensor = Sensor(settings, Metering(1.5), BRIGHTEST, SHAPE, 5)
     asked = share * np.log2(GRAY / (1.5 * level))
     expected = 1.5 * 2.0 ** np.clip(asked, -2.0, 2.0)
     assert sensor.expose(0, coded(level)).gain == pytest.approx(expected, rel=1e-3)

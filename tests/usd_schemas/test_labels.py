@@ -8,7 +8,7 @@ from tests.usd_schemas.stages import SQUARE, read_body
 from usd_schemas.components import class_id, class_rows
 from usd_schemas.flat_scene import FlatScene
 
-LABELLED = 'apiSchemas = ["SemanticsLabelsAPI:class", "SemanticsLabelsAPI:component"]'
+LABELED = 'apiSchemas = ["SemanticsLabelsAPI:class", "SemanticsLabelsAPI:component"]'
 
 
 def classes(scene: FlatScene) -> dict[str, str]:
@@ -43,7 +43,7 @@ def label(taxonomy: str, value: str) -> str:
 )
 def test_nearest_label_wins(content: str, expected: str, tmp_path: Path) -> None:
     """A prim's own label of any kind beats its parent's; without one the parent's counts."""
-    body = f'def Xform "Group" ({LABELLED}) {{\n{label("class", "column")}{mesh("M", content, LABELLED)}}}\n'
+    body = f'def Xform "Group" ({LABELED}) {{\n{label("class", "column")}{mesh("M", content, LABELED)}}}\n'
     assert classes(read_body(tmp_path, body)) == {"/Group/M": expected}
 
 
@@ -57,7 +57,7 @@ def test_no_label_is_background(tmp_path: Path) -> None:
 
 def test_unknown_class_is_background_with_a_warning(tmp_path: Path) -> None:
     """A class that the table lacks is named once."""
-    scene = read_body(tmp_path, mesh("A", label("class", "zebra"), LABELLED) + mesh("B", label("class", "zebra")))
+    scene = read_body(tmp_path, mesh("A", label("class", "zebra"), LABELED) + mesh("B", label("class", "zebra")))
     assert set(classes(scene).values()) == {"background"}
     assert sum("zebra" in line for line in scene.warnings) == 1
 
@@ -99,14 +99,14 @@ def test_a_shared_id_is_named(tmp_path: Path) -> None:
 
 def test_labels_and_ids_of_subsets(tmp_path: Path) -> None:
     """A face subset of any family may carry its own label and id."""
-    subset = f"""def GeomSubset "Crack" ({LABELLED}) {{
+    subset = f"""def GeomSubset "Crack" ({LABELED}) {{
         uniform token elementType = "face"
         uniform token familyName = "damage"
         int[] indices = [1]
         uniform int falsework:component:instanceId = 30
         {label("class", "parapet")}
     }}"""
-    body = f"""def Mesh "M" ({LABELLED}) {{
+    body = f"""def Mesh "M" ({LABELED}) {{
         point3f[] points = [(0,0,0), (1,0,0), (1,1,0), (0,1,0), (2,0,0), (2,1,0)]
         int[] faceVertexCounts = [4, 4]
         int[] faceVertexIndices = [0, 1, 2, 3, 1, 4, 5, 2]

@@ -7,10 +7,12 @@ import sys
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
+from types import GenericAlias
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from pxr import Sdf, UsdUtils
 
 import usd_schemas.reading.scene_cache as scene_cache
@@ -21,6 +23,7 @@ from usd_schemas.flat_scene import FlatScene
 from usd_schemas.reading.choices import StageChoices
 from usd_schemas.reading.layer_contents import layer_contents
 from usd_schemas.reading.scene_cache import load_scene
+from usd_schemas.reading.scene_file import is_array
 from usd_schemas.reading.stage_reader import read_stage
 
 CAMERA = """def Camera "{}" {{
@@ -296,3 +299,15 @@ def test_what_only_a_composition_can_tell_is_not_kept(tmp_path: Path) -> None:
             load_scene(wrong, folder=tmp_path / "cache")
     with pytest.raises(MissingError):
         load_scene(tmp_path / "gone.usda", folder=tmp_path / "cache")
+
+
+def test_arrays_are_known_behind_a_type_alias() -> None:
+    """NumPy 2.5 on Python 3.12 and later: `NDArray[float32]` is no `ndarray[...]` but an alias that stands for one."""
+
+    class Alias:
+        __value__ = np.ndarray[Any, np.dtype[np.float32]]
+
+    assert is_array(GenericAlias(Alias, (np.float32,)))
+    assert is_array(NDArray[np.float32])
+    assert not is_array(tuple[int, ...])
+    assert not is_array(int)

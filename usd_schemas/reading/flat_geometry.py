@@ -171,7 +171,7 @@ def _split(placement: Placement, warn: Warn) -> _Split:
     counts = numbers_of(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(placement.time))
     count = len(counts) if counts is not None else 0
     names = ["", *(subset.GetName() for subset, _, _ in subsets)]
-    bound, labelled = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    bound, labeled = np.zeros(count, np.int64), np.zeros(count, np.int64)
     for row, (subset, family, faces) in enumerate(subsets, start=1):
         if len(faces) and not 0 <= faces.min() <= faces.max() < count:
             warn(f"{subset.GetPath()}: indices name faces that do not exist: ignored")
@@ -179,8 +179,8 @@ def _split(placement: Placement, warn: Warn) -> _Split:
         if family == _BIND_FAMILY:
             bound[faces] = row
         if inherit_label(subset, Label()) != Label():
-            labelled[faces] = row
-    pairs, face = np.unique(bound * len(names) + labelled, return_inverse=True)
+            labeled[faces] = row
+    pairs, face = np.unique(bound * len(names) + labeled, return_inverse=True)
     groups = tuple(_Group(names[pair // len(names)], names[pair % len(names)]) for pair in pairs.tolist())
     return _Split(groups, face) if count else whole
 

@@ -38,7 +38,6 @@ class FlatMesh:
         colors: Linear displayColor [1], shape (V, 3), float32.
         triangles: Vertex numbers, counter-clockwise from outside, shape (T, 3), int64.
         face: Face of each triangle, shape (T,), int64.
-        face_count: Number of faces.
         double_sided: Back faces are visible.
         colored: displayColor is authored.
         notes: What could not be read as authored.
@@ -51,7 +50,6 @@ class FlatMesh:
     colors: F32
     triangles: I64
     face: I64
-    face_count: int
     double_sided: bool
     colored: bool
     notes: tuple[str, ...]
@@ -123,7 +121,6 @@ def read_mesh(
         color,
         vertex[triangles[:, ::-1] if left_handed else triangles],
         face,
-        len(cage.counts),
         bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(EARLIEST)),
         colors is not None,
         tuple(notes),

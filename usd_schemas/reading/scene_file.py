@@ -77,7 +77,7 @@ def _revived(kind: Any, value: Any, arrays: Arrays) -> Any:
         (kind,) = (one for one in get_args(kind) if one is not type(None))
     if value is None:
         return None
-    if get_origin(kind) is np.ndarray:
+    if is_array(kind):
         return arrays[value]
     if hasattr(kind, "__dataclass_fields__"):
         return kind(**{name: _revived(hint, value[name], arrays) for name, hint in get_type_hints(kind).items()})
@@ -86,3 +86,13 @@ def _revived(kind: Any, value: Any, arrays: Arrays) -> Any:
         kinds = kinds[:1] * len(value) if kinds[-1] is Ellipsis else kinds
         return tuple(_revived(one, item, arrays) for one, item in zip(kinds, value, strict=True))
     return value
+
+
+def is_array(kind: Any) -> bool:
+    """Tell whether a type is an array: NumPy 2.5 on Python 3.12 hides that behind a type alias.
+
+    Args:
+        kind: A type, as hints give it.
+    """
+    origin = get_origin(kind)
+    return np.ndarray in (origin, get_origin(getattr(origin, "__value__", None)))

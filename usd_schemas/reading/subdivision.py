@@ -62,7 +62,7 @@ def refine(cage: Cage, values: list[F64]) -> tuple[Cage, list[F64]]:
         The finer cage, and the values at its corners [any unit], each of shape (4 C, W), float64.
     """
     owner = np.repeat(np.arange(len(cage.counts)), cage.counts)
-    ahead, behind = _neighbours(cage.counts)
+    ahead, behind = _neighbors(cage.counts)
     centers = _means(cage.points[cage.corners], owner, len(cage.counts))
     edges = _edges(cage, owner, ahead, centers)
     middle = (cage.points[edges.ends[:, 0]] + cage.points[edges.ends[:, 1]]) / 2
@@ -97,7 +97,7 @@ def smooth_normals(cage: Cage, areas: F64) -> tuple[F64, I64]:
         Sums of area vectors [any unit²], shape (N, 3), float64, and the row of each corner, shape (C,), int64.
     """
     owner = np.repeat(np.arange(len(cage.counts)), cage.counts)
-    ahead, _ = _neighbours(cage.counts)
+    ahead, _ = _neighbors(cage.counts)
     edges = _edges(cage, owner, ahead, np.zeros((len(cage.counts), 3)))
     order = np.argsort(edges.of_corner, kind="stable")
     first = order[:-1][edges.of_corner[order[:-1]] == edges.of_corner[order[1:]]]
@@ -128,7 +128,7 @@ def _joined(rows: I64, columns: I64, count: int) -> I64:
             return np.unique(label, return_inverse=True)[1].astype(np.int64)
 
 
-def _neighbours(counts: I64) -> tuple[I64, I64]:
+def _neighbors(counts: I64) -> tuple[I64, I64]:
     """Next and previous corner of each corner in its face."""
     number = np.arange(counts.sum())
     first = np.repeat(np.cumsum(counts) - counts, counts)

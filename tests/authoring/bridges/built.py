@@ -1,12 +1,13 @@
 """One random bridge of a family with everything that the invariants look at."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from authoring.axis.alignment import Layout
+from authoring.families.arch_masonry import DrawnMasonry
 from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.registry import FAMILIES, DrawnBridge, build_bridge
 from authoring.parts.piers import Ground
@@ -21,6 +22,21 @@ STRAIGHT: dict[str, Any] = {
     "fittings": {"lamps": False, "conduits": False},
 }
 OPEN_KINDS = frozenset(("road_marking", "traffic_sign", "water", "ground", "tree", "shrub", "vegetation"))
+
+
+Figures = dict[str, float]
+
+
+def join_figures(figures: Figures, others: Figures) -> None:
+    """Join figures with others: the least of each that begins with `least`, the most of `largest`, else the sum.
+
+    Args:
+        figures: Changed in place.
+        others: Figures of other members or bridges.
+    """
+    for key, value in others.items():
+        join = min if key.startswith("least") else max if key.startswith("largest") else float.__add__
+        figures[key] = join(figures[key], float(value)) if key in figures else float(value)
 
 
 def rolling_ground(xy: F64) -> F64:
@@ -40,6 +56,7 @@ class Bridge:
         members: Its components.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
         profile: Profile that it was drawn with.
+        measured: What was measured on it, as `join_figures` joins it.
     """
 
     family: str
@@ -49,6 +66,16 @@ class Bridge:
     members: tuple[Component, ...]
     ground: Ground = rolling_ground
     profile: str = "default"
+    measured: Figures = field(default_factory=Figures)
+
+    def note(self, key: str, value: float) -> None:
+        """Note a measured value.
+
+        Args:
+            key: What it is; `join_figures` tells how values of the same key are joined.
+            value: The value.
+        """
+        join_figures(self.measured, {key: value})
 
     @cached_property
     def first(self) -> I64:
@@ -122,7 +149,7 @@ class Bridge:
         return np.ascontiguousarray(self.near[near])
 
     @cached_property
-    def neighbours(self) -> list[list[int]]:
+    def neighbors(self) -> list[list[int]]:
         """Members that touch each member."""
         found: list[list[int]] = [[] for _ in self.members]
         for i, j in self.contacts.tolist():
@@ -144,8 +171,9 @@ class Bridge:
 
     @cached_property
     def without_bearings(self) -> frozenset[int]:
-        """Supports that the family declares to have none: masonry springings, decks built into a pylon."""
-        return frozenset(getattr(self.drawn.record, "without_bearings", ()))
+        """Supports that have none: all of a masonry arch bridge."""
+        masonry = isinstance(getattr(self.drawn.record, "arch", None), DrawnMasonry)
+        return frozenset(range(len(self.layout.supports)) if masonry else ())
 
     @cached_property
     def bridge_coordinates(self) -> list[F64]:

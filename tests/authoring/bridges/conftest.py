@@ -9,7 +9,7 @@ import pytest
 
 from groundwork.errors import InputError
 from tests.authoring.bridges import invariants, structure
-from tests.authoring.bridges.built import Bridge, make_bridge
+from tests.authoring.bridges.built import Bridge, Figures, make_bridge
 from tests.authoring.bridges.ratios import ratios_in_bands
 from tests.conftest import ROOT, Count
 
@@ -18,6 +18,7 @@ FIXED = 1  # seed of the tests that look at one bridge
 
 Invariant = Callable[[Bridge], list[str]]
 Judgement = dict[str, list[str]]
+Judged = dict[int, tuple[Judgement, dict[str, Figures]]]
 INVARIANTS: tuple[Invariant, ...] = (
     invariants.closed_and_outward,
     invariants.no_degenerate_triangle,
@@ -30,7 +31,7 @@ INVARIANTS: tuple[Invariant, ...] = (
     invariants.atlas_without_overlap,
     invariants.declared_sizes,
     structure.bearings_carry,
-    structure.every_member_meets_its_neighbours,
+    structure.every_member_meets_its_neighbors,
     structure.cables_end_in_fittings,
     structure.supports_have_bearings,
     structure.headroom,
@@ -62,13 +63,19 @@ def profile_of(seed: int) -> str:
     return "paper" if seed % 4 == 0 else "default"
 
 
-def judge(bridge: Bridge) -> Judgement:
-    """Find what is wrong with a bridge, by the invariant's name; what holds is not listed.
+def judge(bridge: Bridge) -> tuple[Judgement, dict[str, Figures]]:
+    """Find what is wrong with a bridge, by the invariant's name, where what holds is not listed; and what was measured.
 
     Args:
         bridge: Any bridge.
     """
-    return {invariant.__name__: wrong for invariant in INVARIANTS if (wrong := invariant(bridge))}
+    wrong, figures = Judgement(), dict[str, Figures]()
+    for invariant in INVARIANTS:
+        bridge.measured.clear()
+        if found := invariant(bridge):
+            wrong[invariant.__name__] = found
+        figures[invariant.__name__] = dict(bridge.measured)
+    return wrong, figures
 
 
 @pytest.fixture(scope="session")
@@ -78,11 +85,11 @@ def seeds(proof_count: Count) -> list[int]:
 
 
 @pytest.fixture(scope="session")
-def judged(seeds: list[int]) -> Callable[[str], dict[int, Judgement]]:
-    """Give, for a family, what is wrong with each seed's bridge. Each bridge is built once and not kept."""
-    known: OrderedDict[str, dict[int, Judgement]] = OrderedDict()
+def judged(seeds: list[int]) -> Callable[[str], Judged]:
+    """Give, for a family, what is wrong with each seed's bridge, and its figures. Each is built once and not kept."""
+    known: OrderedDict[str, Judged] = OrderedDict()
 
-    def judgements(family: str) -> dict[int, Judgement]:
+    def judgements(family: str) -> Judged:
         if family not in known:
             known[family] = {seed: _judge_seed(family, seed) for seed in seeds}
         return known[family]
@@ -90,9 +97,10 @@ def judged(seeds: list[int]) -> Callable[[str], dict[int, Judgement]]:
     return judgements
 
 
-def _judge_seed(family: str, seed: int) -> Judgement:
+def _judge_seed(family: str, seed: int) -> tuple[Judgement, dict[str, Figures]]:
     try:
         bridge = make_bridge(family, seed, profile=profile_of(seed))
     except InputError as error:
-        return {BUILDS: [str(error)]}
-    return judge(bridge)
+        return {BUILDS: [str(error)]}, {}
+    wrong, figures = judge(bridge)
+    return wrong, figures | {BUILDS: {"bridges_built": 1.0}}

@@ -27,6 +27,7 @@ _LEAST_DENSE = 0.95  # [1] of a member's area whose texels have the member's usu
 def closed_and_outward(bridge: Bridge) -> list[str]:
     """Each edge runs once each way, volume is positive; only sheets may be open."""
     found = []
+    bridge.note("least_volume_m3", bridge.volumes[bridge.closed].min())
     for number, member in enumerate(bridge.members):
         if member.kind in OPEN_KINDS:
             continue
@@ -48,6 +49,7 @@ def no_degenerate_triangle(bridge: Bridge) -> list[str]:
     """No triangle is flatter than a hundredth of a millimetre."""
     sides = np.linalg.norm(bridge.corners - np.roll(bridge.corners, 1, axis=1), axis=2).max(axis=1)
     height = np.linalg.norm(bridge.crossed, axis=1) / np.maximum(sides, 1e-30)
+    bridge.note("least_height_of_a_triangle_m", height.min())
     flat = height < _LEAST_HEIGHT
     names = np.unique(bridge.owner[flat])
     return [
@@ -70,9 +72,11 @@ def honest_faces(bridge: Bridge) -> list[str]:
         if np.any(np.sum(bridge.crossed[own] * unit[face], axis=1) < -1e-9):
             found.append(f"{member.name}: a face is not convex")
         heights = np.einsum("tkd,td->tk", bridge.corners[own] - bridge.corners[own][starts[face], :1], unit[face])
+        bridge.note("largest_distance_from_a_plane_m", np.abs(heights).max())
         if np.abs(heights).max() > 1e-6:
             found.append(f"{member.name}: a face leaves its plane by {np.abs(heights).max():.1e} m")
         along = np.sum(mesh.normals * np.repeat(unit, mesh.face_counts, axis=0), axis=1)
+        bridge.note("least_cosine_of_a_normal", along.min())
         if along.min() < 0.8 or np.abs(np.linalg.norm(mesh.normals, axis=1) - 1.0).max() > 1e-4:
             angle = np.degrees(np.arccos(np.clip(along.min(), -1.0, 1.0)))
             found.append(f"{member.name}: a corner's normal is {angle:.0f} degrees off")
@@ -84,10 +88,11 @@ def nothing_floats(bridge: Bridge) -> list[str]:
     reached = bridge.in_ground.copy()
     front = np.flatnonzero(reached).tolist()
     while front:
-        for other in bridge.neighbours[front.pop()]:
+        for other in bridge.neighbors[front.pop()]:
             if not reached[other]:
                 reached[other] = True
                 front.append(other)
+    bridge.note("members_held", reached.sum())
     return [f"{bridge.members[n].name} floats, {_gap(bridge, int(n))}" for n in np.flatnonzero(~reached)]
 
 
@@ -107,6 +112,7 @@ def no_collision(bridge: Bridge) -> list[str]:
     """Two members share a sheet no thicker than an embedment, or under 2 % of the smaller one."""
     found = []
     rng = np.random.default_rng(bridge.seed)
+    bridge.note("pairs_of_solids", bridge.closed[bridge.contacts].all(axis=1).sum())
     for i, j in bridge.contacts[bridge.closed[bridge.contacts].all(axis=1)]:
         low = np.maximum(bridge.boxes[i, 0], bridge.boxes[j, 0])
         high = np.minimum(bridge.boxes[i, 1], bridge.boxes[j, 1])
@@ -119,6 +125,8 @@ def no_collision(bridge: Bridge) -> list[str]:
         if share * box > 0.5 * SHARED * smaller:  # close: look again, closer
             share, depth = _common(bridge, int(i), int(j), low + (high - low) * rng.random((8 * _SAMPLES, 3)))
         volume = share * box
+        thick = "an_overlap" if depth > 0.5 * EMBEDDED + 1e-4 else "a_sheet"
+        bridge.note(f"largest_share_of_{thick}", float(volume / smaller))
         if volume > SHARED * smaller and (depth > 0.5 * EMBEDDED + 1e-4 or volume > LARGEST_EMBEDDED * smaller):
             found.append(
                 f"{bridge.members[i].name} and {bridge.members[j].name} share {volume:.4f} m3, "
@@ -157,6 +165,7 @@ def no_common_faces(bridge: Bridge) -> list[str]:
         APART,
         LEAST_FACE,
     )
+    bridge.note("contacts", len(bridge.contacts))
     found: dict[tuple[str, str], float] = {}
     for row, find in zip(rows, finds, strict=True):
         i, j = bridge.contacts[row]
@@ -174,6 +183,7 @@ def no_common_faces(bridge: Bridge) -> list[str]:
 def named_and_numbered(bridge: Bridge) -> list[str]:
     """Ids and names are unique, kinds and roles known, parameters and the record of the draw JSON."""
     found = []
+    bridge.note("members", len(bridge.members))
     ids, names = [m.instance_id for m in bridge.members], [m.name for m in bridge.members]
     if ids != list(range(FIRST_BRIDGE_ID, FIRST_BRIDGE_ID + len(ids))) or ids[-1] >= FIRST_SITE_ID:
         found.append("instance ids do not count from the first bridge id")
@@ -212,6 +222,7 @@ def even_texels(bridge: Bridge) -> list[str]:
     area = 0.5 * np.linalg.norm(bridge.crossed, axis=1)
     share = np.add.reduceat(np.where(bad, area, 0.0), bridge.first[:-1]) / np.add.reduceat(area, bridge.first[:-1])
     found = []
+    bridge.note("least_even_share", 1.0 - share.max())
     for n in np.flatnonzero(share > 1.0 - _LEAST_DENSE):
         own = (bridge.owner == n) & bad
         found.append(
@@ -233,6 +244,7 @@ def atlas_without_overlap(bridge: Bridge) -> list[str]:
     """The second UV set lies in the unit square, and no texel shows two places."""
     charts = np.concatenate([m.mesh.st1.astype(np.float64)[_fan(m.mesh.face_counts)] for m in bridge.members])
     found = []
+    bridge.note("least_margin_of_the_atlas", min(charts.min(), 1.0 - charts.max()))
     if charts.min() < 0.0 or charts.max() > 1.0:
         found.append(f"the atlas reaches from {charts.min():.3f} to {charts.max():.3f}")
     earlier, later = covered_twice(charts, _ATLAS)
@@ -251,6 +263,10 @@ def declared_sizes(bridge: Bridge) -> list[str]:
         # Along the axis a length counts in stations, round a curve.
         along = np.ptp(bridge.bridge_coordinates[number], axis=0)
         diagonal = float(max(np.linalg.norm(span), np.linalg.norm(along)))
+        for value in declared.values():
+            bridge.note("largest_declared_of_what_is_allowed", value / (1.02 * diagonal + 0.05))
+        if "length" in declared:
+            bridge.note("least_declared_of_the_length", max(declared.values()) / float(span.max()))
         found += [
             f"{member.name}: {key} {value:g} m, but its box's diagonal is {diagonal:.3f} m"
             for key, value in declared.items()

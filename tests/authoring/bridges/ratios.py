@@ -319,9 +319,13 @@ def ratios_in_bands(bridge: Bridge) -> list[str]:
     found = []
     for ratio in RATIOS[bridge.family] if bridge.profile == "default" else ():
         low, high = ratio.low * (1.0 - _ROUNDED), ratio.high * (1.0 + _ROUNDED)
+        values = ratio.measure(bridge)
+        bridge.note("proportions", len(values))
+        for value in values:
+            bridge.note("least_room_in_a_band", min(value - low, high - value) / (high - low))
         found += [
             f"{ratio.name}: {value:.3f}, not {ratio.low:.3g} to {ratio.high:.3g} ({ratio.source})"
-            for value in ratio.measure(bridge)
+            for value in values
             if not low <= value <= high
         ]
     return found

@@ -63,7 +63,7 @@ _UPPER = frozenset(("saddle", "upper_anchorage", "cable_clamp"))
 _LOWER = frozenset(("cable_socket", "cable_clamp", "anchor_block", "saddle"))
 
 # Every kind on the left touches at least one of each set on the right.
-NEIGHBOURS: dict[str, tuple[frozenset[str], ...]] = {
+NEIGHBORS: dict[str, tuple[frozenset[str], ...]] = {
     "pier_cap": (frozenset(("column", "wall_pier")),),
     "sleeper": (frozenset(("track_slab", "ballast", "deck_slab", "deck_top")), frozenset(("rail",))),
     "rail": (frozenset(("sleeper", "track_slab")),),
@@ -82,14 +82,15 @@ NEIGHBOURS: dict[str, tuple[frozenset[str], ...]] = {
 }
 
 
-def every_member_meets_its_neighbours(bridge: Bridge) -> list[str]:
+def every_member_meets_its_neighbors(bridge: Bridge) -> list[str]:
     """A cap touches its columns, a kerb the deck, a cable both its ends, a rail its sleepers."""
     found = []
     for number, member in enumerate(bridge.members):
-        kinds = {bridge.members[n].kind for n in bridge.neighbours[number]}
+        kinds = {bridge.members[n].kind for n in bridge.neighbors[number]}
+        bridge.note("members_that_must_touch", member.kind in NEIGHBORS)
         found += [
             f"{member.name}: touches none of {', '.join(sorted(wanted))}, only {', '.join(sorted(kinds)) or 'nothing'}"
-            for wanted in NEIGHBOURS.get(member.kind, ())
+            for wanted in NEIGHBORS.get(member.kind, ())
             if not kinds & wanted
         ]
     return found
@@ -99,7 +100,7 @@ def bearings_carry(bridge: Bridge) -> list[str]:
     """Plinth, pad and plates that touch each other are one bearing: it stands on something and carries something."""
     bearing = [class_of(member.kind) == "bearing" for member in bridge.members]
     seen: set[int] = set()
-    found = []
+    found, count = [], 0
     for start in np.flatnonzero(bearing).tolist():
         if start in seen:
             continue
@@ -108,20 +109,23 @@ def bearings_carry(bridge: Bridge) -> list[str]:
         while stack:
             number = stack.pop()
             group.append(bridge.members[number].name)
-            for other in bridge.neighbours[number]:
+            for other in bridge.neighbors[number]:
                 kinds.add(bridge.members[other].kind)
                 if bearing[other] and other not in seen:
                     seen.add(other)
                     stack.append(other)
+        count += 1
         if not kinds & _CARRIERS:
             found.append(f"{', '.join(sorted(group))}: stands on nothing, touches {', '.join(sorted(kinds))}")
         if not kinds & _CARRIED:
             found.append(f"{', '.join(sorted(group))}: carries nothing, touches {', '.join(sorted(kinds))}")
+    bridge.note("bearings", count)
     return found
 
 
 def cables_end_in_fittings(bridge: Bridge) -> list[str]:
     """The lowest and the highest end of every stay and hanger lie in two different fittings."""
+    bridge.note("stays_and_hangers", sum(member.kind in ("stay", "hanger") for member in bridge.members))
     found = []
     for number, member in enumerate(bridge.members):
         if member.kind not in ("stay", "hanger"):
@@ -135,7 +139,7 @@ def cables_end_in_fittings(bridge: Bridge) -> list[str]:
             middle = end.mean(axis=0)
             near = [
                 n
-                for n in bridge.neighbours[number]
+                for n in bridge.neighbors[number]
                 if bridge.members[n].kind in _UPPER | _LOWER
                 and np.all(bridge.boxes[n, 0] - thick <= middle)
                 and np.all(bridge.boxes[n, 1] + thick >= middle)
@@ -151,6 +155,7 @@ def supports_have_bearings(bridge: Bridge) -> list[str]:
     """Each support has bearings, and a pier, a pylon or an abutment; masonry and fixed supports are declared."""
     found = []
     carriers = {"abutment", "column", "pier_cap"}
+    bridge.note("supports", len(bridge.layout.supports))
     for support, station in enumerate(bridge.layout.supports):
         own = [m for m in bridge.members if m.parameters.get("support") == support]
         classes = {class_of(m.kind) for m in own}
@@ -169,6 +174,8 @@ def headroom(bridge: Bridge) -> list[str]:
     for member, place in zip(bridge.members, bridge.bridge_coordinates, strict=True):
         if class_of(member.kind) in ("deck", "girder", "beam"):
             lowest = place[(place[:, 0] > first) & (place[:, 0] < last), 2]
+            if len(lowest):
+                bridge.note("least_height_above_what_is_drawn_m", lowest.min() - least)
             if len(lowest) and lowest.min() < least - 0.01:
                 found.append(f"{member.name}: {lowest.min():.2f} m above z = 0, less than {least:g} m")
     return found
@@ -182,12 +189,14 @@ def rails_at_gauge(bridge: Bridge) -> list[str]:
             where = float(points[:, 0].min()), float(points[:, 1].mean())
             tracks.setdefault(member.parameters.get("track"), []).append((*where, member.name, points))
     found = []
+    bridge.note("tracks", len(tracks))
     for track, rails in tracks.items():
         rails.sort(key=lambda rail: rail[0])
         found += [] if len(rails) % 2 == 0 else [f"track {track}: {len(rails)} rails"]
         for pair in zip(rails[::2], rails[1::2], strict=False):
             (start, _, name, right), (other_start, _, _, left) = sorted(pair, key=lambda rail: rail[1])
             gauge = _head_edge(left, -1.0) - _head_edge(right, 1.0)
+            bridge.note("largest_error_of_the_gauge_m", abs(gauge - GAUGE[bridge.profile]))
             if abs(gauge - GAUGE[bridge.profile]) > _GAUGE_TOLERANCE or abs(start - other_start) > 0.3:
                 found.append(f"{name}: gauge {gauge:.4f} m, begins {abs(start - other_start):.2f} m beside its twin")
     return found

@@ -15,7 +15,7 @@ from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.parts.spans import level_at
 from authoring.shapes.component import F64
 from authoring.shapes.sections import rectangle
-from authoring.solids.extrusion import prism
+from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import sweep
 from authoring.streams import stream
 from groundwork.errors import InputError
@@ -186,7 +186,7 @@ def test_a_curved_prism_bends_with_its_axis() -> None:
     """Volume area times length of the centroid's arc (Pappus), texture lengths the arc's, corners on the curve."""
     radius = 80.0
     axis = Alignment(0.0, plan=(Element(60.0, 1.0 / radius, 1.0 / radius),))
-    solid = prism(rectangle((3.0, -1.0), (5.0, 0.0)), 2.0, 50.0, "station", axis, 0.02)
+    solid = Prism(rectangle((3.0, -1.0), (5.0, 0.0)), 2.0, 50.0, "station", axis, 0.02).surface
     at = solid.points[solid.corners]
     starts = np.concatenate([[0], np.cumsum(solid.face_counts)[:-1]])
     volume = 0.0

@@ -174,7 +174,7 @@ def test_spandrel_columns_touch_arch_and_cross_head(form: str) -> None:
     columns = of_kind(bridge, "spandrel_column")
     assert len(columns) >= 14
     for number, member in enumerate(bridge.members):
-        kinds = {bridge.members[n].kind for n in bridge.neighbours[number]}
+        kinds = {bridge.members[n].kind for n in bridge.neighbors[number]}
         if member.kind == "spandrel_column":
             assert "cross_head" in kinds
             assert kinds & {"arch_ring", "arch_rib"}, member.name
@@ -194,10 +194,10 @@ def test_hangers_end_in_socket_and_anchorage(arrangement: str) -> None:
     for hanger in hangers:
         where = hanger.name.removeprefix("Hanger_")
         base, top = names[f"Hanger_Base_{where}"], names[f"Hanger_Top_{where}"]
-        held = set(bridge.neighbours[names[hanger.name]])
+        held = set(bridge.neighbors[names[hanger.name]])
         assert held == {base, top}
-        assert {bridge.members[n].kind for n in bridge.neighbours[base]} <= {"hanger", "floor_beam", "edge_beam"}
-        assert "arch_rib" in {bridge.members[n].kind for n in bridge.neighbours[top]}
+        assert {bridge.members[n].kind for n in bridge.neighbors[base]} <= {"hanger", "floor_beam", "edge_beam"}
+        assert "arch_rib" in {bridge.members[n].kind for n in bridge.neighbors[top]}
         low, high = coordinates(bridge, hanger)[:, 2].min(), coordinates(bridge, hanger)[:, 2].max()
         assert low < bridge.boxes[base, 1, 2]
         assert high > bridge.boxes[top, 0, 2]

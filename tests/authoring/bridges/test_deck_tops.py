@@ -20,7 +20,7 @@ from authoring.shapes.component import F64, Component
 from authoring.shapes.sections import area, rectangle
 from authoring.site.site import SiteSettings, draw_site
 from authoring.solids.copies import LOCAL, copied_together, frames_along
-from authoring.solids.extrusion import prism
+from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface
 from authoring.streams import stream
 from groundwork.errors import InputError
@@ -301,7 +301,7 @@ def test_railings_have_evenly_spaced_posts_and_close_bars() -> None:
 def test_copies_are_rigid() -> None:
     """Copies keep volume and right angles on a bridge with grade and crossfall; upright ones stay plumb."""
     place = Alignment(3.0, 0.04, 0.3, falls=((0.0, 0.05),))
-    box = prism(rectangle((-0.1, -0.2), (0.1, 0.2)), 0.0, 1.0, "above", LOCAL)
+    box = Prism(rectangle((-0.1, -0.2), (0.1, 0.2)), 0.0, 1.0, "above", LOCAL).surface
     for upright in (True, False):
         frames = frames_along(place, np.array([1.0, 7.0, 9.5]), 2.0, 0.5, upright=upright)
         turn = frames[:, :3, :3]

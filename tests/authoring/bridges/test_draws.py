@@ -10,7 +10,7 @@ import pytest
 from authoring.axis.alignment import Layout
 from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.registry import FAMILIES, DrawnBridge
-from authoring.parts.drawing import Draws, chosen, draw_option
+from authoring.parts.drawing import Draws, chosen, chosen_by, draw_option, option_at
 from authoring.streams import stream
 from groundwork.errors import InputError
 from groundwork.settings import Settings, parse_settings
@@ -54,13 +54,20 @@ def drawn_ranges(family: str, profile: str) -> dict[Path, tuple[float, float]]:
     return found
 
 
+ON_ROADS, ON_RAILWAYS = {"wall": 3, "railing": 1}, {"railing": 1}
+
+
 class Options(Settings):
-    """Two options as families declare them."""
+    """Options as families declare them."""
 
     bed: Literal["ballast", "slab", "sand"] | None = chosen(
         {"ballast": 3, "slab": 1}, "What lies there", among=" of all", paper={"sand": 1, "slab": 1}
     )
     lit: bool | None = chosen({True: 1, False: 3}, "Lamps", paper={False: 1})
+    shape: Literal["wall", "railing"] | None = chosen_by(
+        {"on roads": ON_ROADS, "on railways": ON_RAILWAYS}, "Parapet", paper={"wall": 1}
+    )
+    count: int | None = chosen({1: 1, 2: 4}, "How many", ge=1, le=9)
 
 
 @pytest.mark.parametrize(
@@ -83,7 +90,23 @@ def test_the_shares_are_told_by_the_numbers() -> None:
     """A setting's description ends with what its options are drawn by."""
     told = {key: field.description for key, field in Options.model_fields.items()}
     bed = "What lies there; drawn ballast 75 %, slab 25 % of all; in profile paper sand and slab alike"
-    assert told == {"bed": bed, "lit": "Lamps; drawn true 25 %; in profile paper never"}
+    assert told == {
+        "bed": bed,
+        "lit": "Lamps; drawn true 25 %; in profile paper never",
+        "shape": "Parapet; drawn on roads: wall 75 %, railing 25 %; on railways: always railing; in profile paper "
+        "always wall",
+        "count": "How many; drawn 1: 20 %, 2: 80 %",
+    }
+
+
+def test_shares_may_depend_on_the_bridge() -> None:
+    """The caller says which table is in force; what is fixed and what the profile `paper` has go before it."""
+    for share in (0.0, 0.7, 0.8):
+        assert option_at(Options(), "shape", share, "default", ON_ROADS) == ("wall" if share < 0.75 else "railing")
+        assert option_at(Options(), "shape", share, "default", ON_RAILWAYS) == "railing"
+        assert option_at(Options(), "shape", share, "paper", ON_RAILWAYS) == "wall"
+        assert option_at(Options(shape="railing"), "shape", share, "paper", ON_ROADS) == "railing"
+        assert option_at(Options(), "count", share, "paper") == (1 if share < 0.2 else 2)
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -73,7 +73,7 @@ MUTATIONS: dict[str, tuple[str, Break, str]] = {
     "an edge collapsed": ("Deck_000", with_mesh(points=vertices_merged), "no_degenerate_triangle"),
     "a face bent": ("Deck_000", with_mesh(points=one_vertex_moved), "honest_faces"),
     "normals reversed": ("Deck_000", with_mesh(normals=lambda c: -c.mesh.normals), "honest_faces"),
-    "posts lifted by 8 cm": ("Post_000_L", moved(z=0.08), "every_member_meets_its_neighbours"),
+    "posts lifted by 8 cm": ("Post_000_L", moved(z=0.08), "every_member_meets_its_neighbors"),
     "a marking lifted by 4 cm": ("Marking_001_00", moved(z=0.04), "nothing_floats"),
     "a bearing lifted by 2 cm": ("Bearing_000_0_00", moved(z=0.02), "bearings_carry"),
     "a bearing lowered by 2 cm": ("Bearing_000_0_00", moved(z=-0.02), "bearings_carry"),
@@ -126,7 +126,7 @@ def broken(bridge: Bridge, name: str, change: Break) -> Bridge:
 
 def test_the_sound_bridge_passes(sound: Bridge) -> None:
     """Nothing is wrong before anything is broken."""
-    assert judge(sound) == {}
+    assert judge(sound)[0] == {}
 
 
 @pytest.mark.parametrize("mutation", MUTATIONS)
