@@ -173,6 +173,18 @@ def test_growth_that_moves_the_model_is_refused(bend: float, tmp_path: Path) -> 
         assert facts["added"] == AWAY
 
 
+def test_a_few_cameras_may_be_put_right() -> None:
+    """Of forty cameras two may move as far as they like; with a third one the model has moved."""
+    pycolmap.set_random_seed(3)
+    model = pycolmap.synthesize_dataset(
+        pycolmap.SyntheticDatasetOptions(num_rigs=1, num_cameras_per_rig=1, num_frames_per_rig=40, num_points3D=20)
+    )
+    moved = pycolmap.Reconstruction(model)
+    for number, wrong in ((1, False), (2, False), (3, True)):
+        _move(moved, number, moved.image(number).projection_center() + np.array([0.0, 5.0 + number, 0.0]))
+        assert (shift(model, moved) > MOST_MOVED) == wrong
+
+
 def _bend(model: pycolmap.Reconstruction, share: float) -> None:
     """Push what lies at both ends of a row of cameras aside, by a share of the row's length there."""
     numbers = sorted(model.reg_image_ids())
