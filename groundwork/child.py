@@ -38,7 +38,7 @@ def run_child(
     Args:
         module: Module that calls `answer_parent` under `__main__`.
         request: JSON for the child.
-        time_limit: Wall time after which it is killed, that which it waited for a core left out [s].
+        time_limit: Wall time after which it is killed, without what its main thread waited for a core [s].
         memory_limit: Resident memory above which it is killed [GB].
         progress: Listener for the child's progress.
         environment: Variables to add to the child's environment.
@@ -174,7 +174,7 @@ def _watch(process: subprocess.Popen[bytes], time_limit: float, memory_limit: fl
 
 
 def _waited(pid: int) -> float:
-    """How long a process waited for a core that others had [s]; 0 where the kernel does not say."""
+    """How long a process' main thread waited for a core [s]; 0 where the kernel does not say."""
     try:
         return int(Path(f"/proc/{pid}/schedstat").read_text(encoding="ascii").split()[1]) / 1e9
     except (OSError, IndexError, ValueError):

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from groundwork.errors import InputError
 from groundwork.files import write_bytes, write_json
 from learn.datasets.class_tables import is_background
 from learn.datasets.layout import MANIFEST, DatasetFacts, PieceRow, manifest_record, read_facts, read_piece, write_piece
@@ -147,6 +148,9 @@ def unpack(paths: Sequence[Path], folder: Path) -> None:
     Args:
         paths: Packs of data sets with the same settings.
         folder: Data set to make.
+
+    Raises:
+        InputError: Packs whose tiles or classes differ.
     """
     rows: list[PieceRow] = []
     sources: list[Any] = []
@@ -154,6 +158,8 @@ def unpack(paths: Sequence[Path], folder: Path) -> None:
     for path in paths:
         first = len(sources)
         for said, row, patch in read_pack(path):
+            if record and _made_as(record) != _made_as(said):
+                raise InputError("a pack of other tiles or classes than the one before it", where=path)
             record = said
             name = f"{len(rows):06d}"
             rows.append(replace(row, name=name, source=first + row.source))
@@ -162,6 +168,11 @@ def unpack(paths: Sequence[Path], folder: Path) -> None:
     # one pass counts: the draws of a validation would visit every point
     pieces = [vars(replace(row, draws=1)) for row in rows]
     write_json(folder / MANIFEST, {**record, "pieces": pieces, "sources": sources})
+
+
+def _made_as(record: Mapping[str, Any]) -> list[Any]:
+    """How tiles were cut; which bridges are held back may differ from pack to pack."""
+    return [{**record["settings"], "test": []}, record["classes"], record["scaling"]]
 
 
 def main() -> None:

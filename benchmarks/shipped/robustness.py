@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from benchmarks.page import write_page
 from benchmarks.shipped.model import bridge_of
-from benchmarks.shipped.scan_scores import TABLES, Labeled, Scan, label_scan, read_labeled_scan
+from benchmarks.shipped.scan_scores import TABLES, Labeled, Scan, label_scan, mean_iou_of_seen, read_labeled_scan
 from learn.datasets.varied import tilt_about
-from learn.metrics import scores
 from learn.predict.model import PointModel, named_model
 from learn.predict.settings import UNITS, PredictSettings
 
@@ -130,13 +129,13 @@ def rows_of(scan: Scan, model: PointModel) -> tuple[dict[str, dict[str, float]],
     bare = label_scan(usual.take(near(usual.place)), model)
     lost["surroundings of 40 m"] = {table: -value for table, value in _lost(plain, bare, near).items()}
     empty = label_scan(usual.take(~on_bridge(usual)), model)
-    mean = {table: scores(plain.matrix(table)).mean_iou for table in TABLES}
+    mean = {table: mean_iou_of_seen(plain.matrix(table)) for table in TABLES}
     return lost, mean, float((empty.found["falsework"] != 0).mean())
 
 
 def _lost(plain: Labeled, other: Labeled, inside: Inside | None) -> dict[str, float]:
     return {
-        table: scores(plain.matrix(table, inside)).mean_iou - scores(other.matrix(table, inside)).mean_iou
+        table: mean_iou_of_seen(plain.matrix(table, inside)) - mean_iou_of_seen(other.matrix(table, inside))
         for table in TABLES
     }
 
@@ -155,7 +154,7 @@ def page(scans: Mapping[str, Scan], model: PointModel, name: str) -> str:
         "# What strangers' scans cost a model",
         "",
         f"Written by `python -m benchmarks.shipped.robustness`. Model: {name}. Mean IoU of the thinned points over the",
-        "classes that occur, in the tables `falsework` (sixteen classes) and `kim2023` (four). A scan as it is has a",
+        "classes that it has, in the tables `falsework` (sixteen classes) and `kim2023` (four). A scan as it is has a",
         "quarter of the points that were measured; each row changes one thing, both scores of a pair are over the same",
         "places.",
         "",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from learn.datasets.class_tables import class_table, labels_of_cloud
 from learn.datasets.voxels import VoxelCloud, add_points, empty_cloud, lay_grid
-from learn.metrics import confusion
+from learn.metrics import confusion, scores
 from learn.predict.class_sum import sum_classes
 from learn.predict.frame import choose_frame
 from learn.predict.model import PointModel
@@ -22,6 +22,23 @@ I64 = NDArray[np.int64]
 U8 = NDArray[np.uint8]
 
 TABLES = ("falsework", "kim2023")
+
+
+def mean_iou_of_seen(matrix: I64) -> float:
+    """Give the mean IoU over the classes that the scan has.
+
+    A class that is called and is not there counts against those whose points it took, and not as a class of its own:
+    three such points among 100,000 would halve the mean of a scan with two classes.
+
+    Args:
+        matrix: True classes down, predicted ones across, shape (C, C), int64.
+
+    Returns:
+        Mean IoU [1]; NaN where no class has points.
+    """
+    found = scores(matrix)
+    seen = found.iou[found.support > 0]
+    return float(seen.mean()) if len(seen) else float("nan")
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,10 +21,9 @@ from numpy.typing import NDArray
 from benchmarks.page import write_page
 from benchmarks.shipped.model import STRIDE
 from benchmarks.shipped.robustness import near_bridge
-from benchmarks.shipped.scan_scores import TABLES, Scan, label_scan, read_labeled_scan
+from benchmarks.shipped.scan_scores import TABLES, Scan, label_scan, mean_iou_of_seen, read_labeled_scan
 from groundwork.canonical import digest, file_digest
 from groundwork.files import read_json, write_json
-from learn.metrics import scores
 from learn.predict.trained_model import TrainedModel, read_trained_model
 from learn.scoring.table import table
 from learn.trained import WEIGHTS, read_facts
@@ -170,16 +169,16 @@ def page(rows: Mapping[str, Row], clouds: int, reach: float = np.inf) -> str:
         "# Which model comes with the package",
         "",
         f"Written by `python -m benchmarks.shipped.selection`. Mean IoU of the thinned points of {clouds}",
-        f"{whole}scans of bridges that training held back, {around}labelled as `falsework predict` does; classes that",
-        "do not occur have no part in it. *All* sums the scans first. The time is that of a processor's core for two",
+        f"{whole}scans of bridges that training held back, {around}labelled as `falsework predict` does, over the",
+        "classes that they have. *All* sums the scans first. The time is that of a processor's core for two",
         "million points, without reading and writing.",
     ]
     for name in TABLES:
         cells = []
         for title, row in rows.items():
             total = np.sum([found[name] for found in row.matrices.values()], axis=0)
-            parts = [scores(row.matrices[kind][name]).mean_iou if kind in row.matrices else np.nan for kind in kinds]
-            values = [*parts, scores(total).mean_iou]
+            parts = [mean_iou_of_seen(row.matrices[kind][name]) if kind in row.matrices else np.nan for kind in kinds]
+            values = [*parts, mean_iou_of_seen(total)]
             said = ["-" if np.isnan(value) else f"{value:.3f}" for value in values]
             cells.append([title, row.network, f"{row.size:.1f}", *said, f"{row.seconds:.0f}"])
         lines += ["", f"Table `{name}`:", ""]

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import torch
 
+from groundwork.errors import InputError
 from groundwork.progress import Progress, Silent
 from learn.datasets.stored import StoredSplit
 from learn.datasets.varied import SomeSamples, Variation, VariedSplit
@@ -118,6 +119,18 @@ def epochs_in(minutes: float, data: TrainingData, settings: TrainSettings) -> in
     return max(1, int(60.0 * minutes / (clock.ends[1] - clock.ends[0])))
 
 
+def said(value: str) -> object:
+    """Read a word of `--set`: JSON, or else the word itself.
+
+    Args:
+        value: What stands behind the equals sign.
+    """
+    try:
+        return json.loads(value)
+    except json.JSONDecodeError:
+        return value
+
+
 def main() -> None:
     """Train."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -126,12 +139,16 @@ def main() -> None:
     parser.add_argument("--validation", nargs="+", default=[])
     parser.add_argument("--samples", type=int, default=SAMPLES, help="samples of an epoch")
     parser.add_argument("--init", type=Path, help="a model to begin with")
-    parser.add_argument("--minutes", type=float, default=0.0, help="train as long, instead of `epochs`")
+    parser.add_argument(
+        "--minutes", type=float, default=0.0, help="train as long, not for `epochs`; another call begins anew"
+    )
     parser.add_argument("--set", nargs="*", default=[], help="settings of the training, key=value")
     given = parser.parse_args()
     torch.set_num_threads(1)
-    words = {key: json.loads(value) for key, _, value in (word.partition("=") for word in given.set)}
-    settings = TrainSettings.model_validate({**USUAL, **words})
+    words = {key: said(value) for key, _, value in (word.partition("=") for word in given.set)}
+    settings = TrainSettings.model_validate({**USUAL, "accelerator": "auto", **words})
+    if settings.model == FOREST:
+        raise InputError("a forest is not trained here", field="model", hint="Call benchmarks.shipped.model")
     data = varied_data(given.dataset, given.validation, given.samples, given.init)
     if given.minutes:
         settings = settings.model_copy(update={"epochs": epochs_in(given.minutes, data, settings)})

@@ -28,6 +28,7 @@ _LEVELS = 255  # of those that are known
 _FINEST, _COARSEST = 1e-3, 10.0  # [m] ends of the colour scale
 _GRAY = (154, 160, 166)
 _MARGIN = 0.02  # of the box that is framed
+_STRAY = 3.0  # extents of 98 % of the points, beyond which one is drawn nearer than it is
 _GOLDEN = 0.618033988749895  # hues that follow each other are far apart
 
 
@@ -151,7 +152,8 @@ def instance_color(number: int) -> tuple[int, int, int]:
 
 def _points(cloud: "Cloud", columns: Mapping[str, NDArray[Any]], every: int, origin: F64) -> dict[str, Any]:
     """Spell the points that are shown."""
-    low, step, place = _quantized(columns["coord"] - origin)
+    places = columns["coord"] - origin
+    low, step, place = _quantized(places, _box_of_most(places))
     numbers, first, instance = np.unique(columns["instance"], return_index=True, return_inverse=True)
     kinds = cloud.columns["component"][::every]
     of_numbers = [
@@ -194,15 +196,26 @@ def _seen(cloud: "Cloud", every: int, most: int) -> dict[str, Any] | None:
 
 
 def _mesh(surfaces: Surfaces, origin: F64) -> dict[str, Any]:
-    low, step, place = _quantized(surfaces.corners.reshape(-1, 3) - origin)
+    corners = surfaces.corners.reshape(-1, 3) - origin
+    low, step, place = _quantized(corners, _box(corners))
     return {"low": low, "step": step, "place": place, "color": _packed(surfaces.colors)}
 
 
-def _quantized(places: F64) -> tuple[list[float], list[float], str]:
-    """Spell places as steps of a 65,535th of their box: where it begins, the steps, and how many of them."""
-    low, high = _box(places)
+def _quantized(places: F64, box: tuple[F64, F64]) -> tuple[list[float], list[float], str]:
+    """Spell places as steps of a 65,535th of a box: where it begins, the steps, and how many of them."""
+    low, high = box
     step = np.maximum((high - low) / 65535, 1e-9)
-    return low.tolist(), step.tolist(), _packed(((places - low) / step).round().astype("<u2"))
+    return low.tolist(), step.tolist(), _packed(((np.clip(places, low, high) - low) / step).round().astype("<u2"))
+
+
+def _box_of_most(places: F64) -> tuple[F64, F64]:
+    """Find a box that one stray point a thousand kilometers away does not blow up: it is drawn at the side of it."""
+    low, high = _box(places)
+    if len(places):
+        first, last = (np.quantile(places, q, axis=0, method=m) for q, m in ((0.01, "higher"), (0.99, "lower")))
+        room = _STRAY * (last - first) + 1.0
+        low, high = np.maximum(low, first - room), np.minimum(high, last + room)
+    return low, high
 
 
 def _framed(coord: F64, segment: NDArray[Any], flight: Flight | None) -> tuple[F64, F64]:

@@ -194,6 +194,8 @@ def _tiles(
     clouds: Mapping[str, LabeledCloud], settings: CutSettings, box: tuple[F64, F64]
 ) -> tuple[list[list[int]], Found]:
     """Cut every cloud by one grid, each with the ground that its own points show, as in prediction."""
+    for name, cloud in clouds.items():  # each by itself first, so that the one with a stray point is named
+        lay_grid(cloud.coord.min(axis=0), cloud.coord.max(axis=0), settings.tile.voxel, name)
     grid = lay_grid(box[0], box[1], settings.tile.voxel)
     thin: dict[str, LabeledCloud] = {}
     tiles: dict[str, dict[tuple[int, int], tuple[I64, F64]]] = {}

@@ -41,13 +41,14 @@ class VoxelGrid:
         return (cell[:, 0] << 2 * _BITS) | (cell[:, 1] << _BITS) | cell[:, 2]
 
 
-def lay_grid(low: F64, high: F64, size: float) -> VoxelGrid:
+def lay_grid(low: F64, high: F64, size: float, where: object = None) -> VoxelGrid:
     """Lay cubes over a box.
 
     Args:
         low: Lower corner of the cloud [m], shape (3,), float64.
         high: Upper corner [m], shape (3,), float64.
         size: Side of a cube [m].
+        where: Cloud, for the error.
 
     Raises:
         InputError: More cubes along an axis than can be numbered.
@@ -57,6 +58,7 @@ def lay_grid(low: F64, high: F64, size: float) -> VoxelGrid:
     if ((high - origin) >= most).any():
         raise InputError(
             f"the points reach over {float((high - low).max()):.0f} m",
+            where=where,
             field="voxel",
             value=size,
             allowed=f"at most {most:.0f} m with cubes of this size",

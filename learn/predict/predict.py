@@ -203,11 +203,7 @@ def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int,
     for scan in stream.chunks(chunk):
         coord = frame.apply(scan.coord)
         low, high = np.minimum(low, coord.min(axis=0)), np.maximum(high, coord.max(axis=0))
-    try:
-        cloud = empty_cloud(lay_grid(low, high, model.tile.voxel))
-    except InputError as error:
-        error.found_in(where)
-        raise
+    cloud = empty_cloud(lay_grid(low, high, model.tile.voxel, where))
     for scan in stream.chunks(chunk):
         columns = _inputs(scan, frame)
         check_channels(model.channels, (*columns, HEIGHT), where)

@@ -142,17 +142,27 @@ def trains_on_gpu(settings: TrainSettings) -> bool:
     Args:
         settings: The training.
     """
-    return settings.accelerator == "gpu" or (settings.accelerator == "auto" and torch.cuda.is_available())
+    # counted, not asked whether there is one: that would keep processes that are forked later from using it
+    return settings.accelerator == "gpu" or (settings.accelerator == "auto" and torch.cuda.device_count() > 0)
 
 
 def _check_gpu(settings: TrainSettings) -> None:
-    if settings.accelerator == "gpu" and not (torch.cuda.is_available() or torch.backends.mps.is_available()):
+    count = torch.cuda.device_count()
+    if settings.accelerator == "gpu" and not count:
         raise InputError(
             "no GPU that torch can use",
             field="accelerator",
             value="gpu",
             allowed="auto, cpu",
             hint="Install a torch that fits the driver, or train with --set accelerator=cpu",
+        )
+    if trains_on_gpu(settings) and settings.devices > count:
+        raise InputError(
+            "more than there are GPUs",
+            field="devices",
+            value=settings.devices,
+            allowed=f"at most {count}",
+            hint="Train with fewer, or with --set accelerator=cpu",
         )
 
 

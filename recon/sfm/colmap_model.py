@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from groundwork.errors import InputError
+from groundwork.errors import InputError, OutOfSpaceError
 from groundwork.foreign_file import read_regular
 
 F64 = NDArray[np.float64]
@@ -169,3 +169,20 @@ def _read_points(data: bytes) -> NDArray[np.void]:
     raw = np.frombuffer(data, np.uint8)
     fixed = raw[starts[:, None] + np.arange(_POINT3D.itemsize)]
     return np.ascontiguousarray(fixed).view(_POINT3D).reshape(count)
+
+
+def check_whole(model: Path) -> None:
+    """Read a model back: COLMAP writes it through streams that say nothing when the disk is full.
+
+    Args:
+        model: Folder that COLMAP wrote.
+
+    Raises:
+        OutOfSpaceError: It is torn.
+    """
+    try:
+        read_model(model)
+    except InputError:
+        raise OutOfSpaceError(
+            f"{model.parent}: no space left on the disk. Free some, then run the same command again"
+        ) from None

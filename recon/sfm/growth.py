@@ -10,6 +10,9 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
+from recon.sfm.colmap_model import check_whole
+from recon.sfm.runaways import runaways
+
 F64 = NDArray[np.float64]
 
 FEW_INLIERS = 15
@@ -22,6 +25,9 @@ MOST_MOVED = 0.003
 0.0002 on that flight where growth was sound, 0.001 and 0.002 in two models that folded, before what hung loose left."""
 _ROUNDS = 3  # of growth: what hung loose may find hold on images that the round before added
 _FITS, _TWENTY = 10, 20
+
+
+_LEAST = 3  # cameras that a similarity needs
 
 
 def grow(
@@ -56,6 +62,7 @@ def grow(
         for path in (before, after):
             path.mkdir()
         grown.write_binary(before)
+        check_whole(before)
         found = pycolmap.incremental_mapping(database, images, after, options, input_path=before)
         larger = next((other for other in found.values() if other.num_reg_images() > grown.num_reg_images()), None)
         loose = 0 if larger is None else _drop_loose(larger, set(grown.reg_image_ids()))
@@ -114,10 +121,14 @@ def shift(model: pycolmap.Reconstruction, grown: pycolmap.Reconstruction) -> flo
 
     Returns:
         The largest distance that the best similarity leaves between the places of a camera, as a share of the diagonal
-        of the box of all places before [1]; 1 where all have become one place. The twentieth that moved most is not
-        asked: where a model ended, its last camera stood 11 m off, and growth put it right.
+        of the box of all places before [1]; 1 where all have become one place, 0 where fewer than three cameras are
+        left, which cannot be bent. Cameras that had run away before are not asked, nor the twentieth that moved most:
+        where a model ended, its last camera stood 11 m off, and growth put it right.
     """
-    numbers = sorted(set(model.reg_image_ids()) & set(grown.reg_image_ids()))
+    away = set(runaways(model))  # they would make every other distance small
+    numbers = sorted((set(model.reg_image_ids()) & set(grown.reg_image_ids())) - away)
+    if len(numbers) < _LEAST:
+        return 0.0
     before, after = (
         np.array([each.image(number).projection_center() for number in numbers]) for each in (model, grown)
     )

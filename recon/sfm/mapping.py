@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 import pycolmap
 
-from groundwork.errors import InputError, OutOfSpaceError
 from groundwork.progress import Progress
 from recon.photos.photos import FOCAL_GUESSED
 from recon.settings import SparseSettings
-from recon.sfm.colmap_model import read_model
+from recon.sfm.colmap_model import check_whole
 from recon.sfm.database import DATABASE
 from recon.sfm.growth import MOST_MOVED, grow
 from recon.sfm.runaways import leave_out, runaways
@@ -48,7 +47,8 @@ def map_images(
     Returns:
         `mapper`; `tie_points`: whether the mapper worked with these instead of all matches; `models`: number of images
         and points of each, largest first (of those that are not kept, of tie points alone); `elsewhere`: files of the
-        images that are in another model than the largest; where images were missing, `growth`: see `grow`.
+        images that are in another model than the largest; where images were missing, `growth`: see `grow`;
+        where cameras ran away, `runaways`: files of their images.
     """
     models, final, ties = folder / _MODELS, folder / MODEL, folder / _TIES
     for path in (models, final):
@@ -65,7 +65,7 @@ def map_images(
     if kind != "global":
         growth = _grow_largest(capture, source, models, ranked, _mapper_options(settings, seed), progress)
     _clear_ties(folder)
-    in_largest: set[str] = set()
+    in_largest, away = set[str](), set[str]()
     in_any = {image.name for model in ranked for image in model.images.values() if image.has_pose}
     if ranked:
         largest = ranked[0]
@@ -76,10 +76,10 @@ def map_images(
             largest = _triangulate_all(capture, largest, matches / DATABASE, models, settings, seed)
             adjust_robustly(largest, _threads(settings))
             ranked[0] = largest
-        away = _bring_back(largest, settings, progress)
-        in_any -= away
+        away = _leave_runaways_out(largest, settings, progress)
+        in_any -= away - {image.name for model in ranked[1:] for image in model.images.values() if image.has_pose}
         largest.write_binary(final)
-        _check_whole(final)
+        check_whole(final)
         in_largest = {image.name for image in largest.images.values() if image.has_pose}
     shutil.rmtree(models)
     return {
@@ -88,18 +88,20 @@ def map_images(
         "models": [{"images": model.num_reg_images(), "points": model.num_points3D()} for model in ranked],
         "elsewhere": sorted(in_any - in_largest),
         **({"growth": growth} if growth else {}),
+        **({"runaways": sorted(away)} if away else {}),
     }
 
 
-def _bring_back(model: pycolmap.Reconstruction, settings: SparseSettings, progress: Progress) -> set[str]:
-    """Leave out the cameras that ran away, adjust the others without them, and name them."""
-    away = runaways(model)
-    names = sorted(model.image(number).name for number in away)
-    if away:
+def _leave_runaways_out(model: pycolmap.Reconstruction, settings: SparseSettings, progress: Progress) -> set[str]:
+    """Leave out the cameras that ran away, adjust the others without them until none does, and name them."""
+    names: set[str] = set()
+    while away := runaways(model):
+        names |= {model.image(number).name for number in away}
         leave_out(model, away)
         adjust_robustly(model, _threads(settings))
-        progress.note(f"left out, for their cameras ran away from all others: {', '.join(names)}")
-    return set(names)
+    if names:
+        progress.note(f"left out, for their cameras ran away from all others: {', '.join(sorted(names))}")
+    return names
 
 
 def choose_mapper(capture: Capture, settings: SparseSettings) -> str:
@@ -157,7 +159,7 @@ def transform(model: Path, out: Path, similarity: dict[str, Any]) -> int:
     moved.transform(pycolmap.Sim3d(similarity["scale"], rotation, np.array(similarity["translation"])))
     out.mkdir()
     moved.write_binary(out)
-    _check_whole(out)
+    check_whole(out)
     return moved.num_points3D()
 
 
@@ -280,16 +282,6 @@ def _map_globally(
 def _clear_ties(folder: Path) -> None:
     for left in folder.glob(f"{_TIES}*"):  # a killed run leaves its journal, too
         left.unlink()
-
-
-def _check_whole(model: Path) -> None:
-    """Read a model back: COLMAP writes it through streams that say nothing when the disk is full."""
-    try:
-        read_model(model)
-    except InputError:
-        raise OutOfSpaceError(
-            f"{model.parent}: no space left on the disk. Free some, then run the same command again"
-        ) from None
 
 
 def _threads(settings: SparseSettings) -> int:

@@ -25,7 +25,7 @@ def runaways(model: pycolmap.Reconstruction) -> list[int]:
     centers = np.array([model.image(number).projection_center() for number in numbers])
     points = np.array([point.xyz for point in model.points3D.values()]).reshape(-1, 3)
     away, reach = (np.linalg.norm(places - np.median(centers, axis=0), axis=1) for places in (centers, points))
-    sizes = [float(np.quantile(distances, _SHARE)) for distances in (away, reach) if len(distances)]
+    sizes = [float(np.quantile(distances, _SHARE, method="lower")) for distances in (away, reach) if len(distances)]
     limit = FAR * max(sizes)  # of cameras that turn on one spot the points alone tell the size
     return [number for number, distance in zip(numbers, away, strict=True) if not distance <= limit]
 

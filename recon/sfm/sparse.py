@@ -97,7 +97,7 @@ def run_sparse(capture: Capture, work: Path, settings: ReconSettings, progress: 
         "mapper": mapped.result["mapper"],
         "tie_points": mapped.result["tie_points"],
         "models": mapped.result["models"],
-        **({"growth": mapped.result["growth"]} if "growth" in mapped.result else {}),
+        **{key: mapped.result[key] for key in ("growth", "runaways") if key in mapped.result},
         "model_sha256": folder_digest(mapped.folder / _MODEL),
     }
     reasons = absent_reasons(capture, keypoints, matches.result["overlapping"], mapped.result["elsewhere"])

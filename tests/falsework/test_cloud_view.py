@@ -115,6 +115,17 @@ def test_the_page_is_given_the_points() -> None:
     )
 
 
+def test_a_stray_point_does_not_coarsen_the_others() -> None:
+    """One point 4,000 km away: it is drawn at the side of the box, and all others stay where they are."""
+    cloud = small_cloud()
+    coord = cloud.columns["coord"].copy()
+    coord[7] += 4e6
+    data = json.loads(cloud_view(replace(cloud, columns={**cloud.columns, "coord": coord}))["data"])
+    drawn = unpacked(data["place"], "<u2").reshape(-1, 3) * data["step"] + data["low"]
+    away = np.delete(drawn - drawn[0] - (coord - coord[0]), 7, axis=0)
+    assert np.abs(away).max() < 0.01
+
+
 @pytest.mark.parametrize(("shown", "views"), [(600, 2), (200, 9), (150, 0)])
 def test_the_page_is_given_the_images_of_each_point(shown: int, views: int) -> None:
     """For every point that is shown: the first of its images, its pixels to a 65,535th, and how many there are."""

@@ -174,9 +174,17 @@ def test_what_cannot_be_trained_is_refused(tmp_path: Path) -> None:
         train(tmp_path, source=one_class)
     with pytest.raises(InputError, match="shares bridges with the training"):
         train_network(TrainingData(ToyBridges(3), ToyBridges(1)), settings(), tmp_path, Silent())
-    if not torch.cuda.is_available():
+    if not torch.cuda.device_count():
         with pytest.raises(InputError, match="no GPU that torch can use"):
             train(tmp_path, settings(accelerator="gpu"))
+
+
+def test_more_devices_than_gpus_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One GPU, two asked for, by name or by `auto`: a clear line before anything is loaded."""
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 1)
+    for accelerator in ("gpu", "auto"):
+        with pytest.raises(InputError, match="more than there are GPUs"):
+            train(tmp_path, settings(accelerator=accelerator, devices=2))
 
 
 def _of_one_class(source: ToyBridges, index: int, seed: int) -> Any:

@@ -249,6 +249,23 @@ def test_the_model_that_is_kept_has_no_runaways(tmp_path: Path, monkeypatch: pyt
     assert heard.notes == [f"left out, for their cameras ran away from all others: {capture.images[-1].name}"]
 
 
+def test_runaways_do_not_hide_what_growth_bends(tmp_path: Path) -> None:
+    """A camera that had run away makes no other distance small; two cameras cannot be bent; one of four is found."""
+    map_into(wall(tmp_path / "many", 40, 0.0), tmp_path / "model")
+    before, after = (pycolmap.Reconstruction(tmp_path / "model" / mapping.MODEL) for _ in range(2))
+    numbers = sorted(before.reg_image_ids())
+    _move(after, numbers[1], after.image(numbers[1]).projection_center() + np.eye(3)[0])
+    bent = shift(before, after)
+    for model in (before, after):
+        _move(model, numbers[-1], np.array([4e6, 0.0, 0.0]))
+    assert shift(before, after) > 0.5 * bent > MOST_MOVED
+    leave_out(before, numbers[4:])
+    _move(before, numbers[3], np.array([4e6, 0.0, 0.0]))
+    assert runaways(before) == [numbers[3]]
+    leave_out(before, numbers[2:4])
+    assert shift(before, after) == 0.0
+
+
 def _move(model: pycolmap.Reconstruction, number: int, center: F64) -> None:
     """Put the camera of an image elsewhere; it looks where it looked."""
     pose = model.image(number).cam_from_world()
