@@ -173,6 +173,32 @@ def test_growth_that_moves_the_model_is_refused(bend: float, tmp_path: Path) -> 
         assert facts["added"] == AWAY
 
 
+def test_what_hung_loose_may_come_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An image that left after one round of growth is registered again by those that stayed."""
+    capture, rounds, find = wall(tmp_path / "few", 28, 0.0), list[int](), growth.loose_images
+
+    def last_at_first(grown: pycolmap.Reconstruction, known: set[int]) -> list[int]:
+        rounds.append(len(known))
+        return find(grown, known) if len(rounds) > 1 else [max(grown.reg_image_ids())]
+
+    monkeypatch.setattr(growth, "loose_images", last_at_first)
+    found = map_into(capture, tmp_path / "model")
+    assert rounds == [ROW, ROW + AWAY - 1]
+    assert (found["growth"]["added"], found["growth"]["loose"]) == (AWAY, 0)
+
+
+def test_a_few_cameras_may_be_put_right() -> None:
+    """Of forty cameras two may move as far as they like; with a third one the model has moved."""
+    pycolmap.set_random_seed(3)
+    model = pycolmap.synthesize_dataset(
+        pycolmap.SyntheticDatasetOptions(num_rigs=1, num_cameras_per_rig=1, num_frames_per_rig=40, num_points3D=20)
+    )
+    moved = pycolmap.Reconstruction(model)
+    for number, wrong in ((1, False), (2, False), (3, True)):
+        _move(moved, number, moved.image(number).projection_center() + np.array([0.0, 5.0 + number, 0.0]))
+        assert (shift(model, moved) > MOST_MOVED) == wrong
+
+
 def _bend(model: pycolmap.Reconstruction, share: float) -> None:
     """Push what lies at both ends of a row of cameras aside, by a share of the row's length there."""
     numbers = sorted(model.reg_image_ids())
