@@ -25,8 +25,6 @@ MOST_MOVED = 0.003
 0.0002 on that flight where growth was sound, 0.001 and 0.002 in two models that folded, before what hung loose left."""
 _ROUNDS = 3  # of growth: what hung loose may find hold on images that the round before added
 _FITS, _TWENTY = 10, 20
-
-
 _LEAST = 3  # cameras that a similarity needs
 
 
