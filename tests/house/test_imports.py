@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import os
 import subprocess
 import sys
 from graphlib import CycleError, TopologicalSorter
@@ -166,3 +167,12 @@ def test_compiled_kernels_are_kept() -> None:
     assert forgetful_kernels("@njit(nogil=True)\ndef f(): pass") == [
         "2: f is compiled in every process: njit(cache=True)"
     ]
+
+
+def test_what_python_compiles_is_kept_by_make() -> None:
+    """Tests start hundreds of processes: none compiles the house anew because the shell forbids byte code."""
+    asked = "said: ; @printenv PYTHONDONTWRITEBYTECODE"
+    command = ["make", "-s", "--no-print-directory", "--eval", asked, "said"]
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+    said = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True).stdout
+    assert said.strip() == ""
