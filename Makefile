@@ -12,6 +12,9 @@ PYTEST := .venv/bin/python -m pytest
 PARALLEL := -n auto --maxprocesses 4 --dist loadfile
 PINS := pyproject.toml constraints.txt
 
+# Tests start hundreds of processes: what Python compiles for one is kept for the next, whatever the shell says.
+export PYTHONDONTWRITEBYTECODE :=
+
 .PHONY: help setup demo test lint proof proof-all test-dcc test-faults bench docs
 .DELETE_ON_ERROR:
 

@@ -188,7 +188,7 @@ def _resample(code: U16, place: F64) -> U16:
     return found.astype(np.uint16, copy=False)
 
 
-@njit(nogil=True)
+@njit(cache=True, nogil=True)
 def _meet(wider: _Wider, seen: Geometry, draw_out: U32, depth_out: F32, normal_out: F32, wants_normals: bool) -> None:
     """Cut the ray of each pixel with the triangles in the square of finer pixels about its place."""
     height, width = wider.draw.shape
@@ -222,7 +222,7 @@ def _meet(wider: _Wider, seen: Geometry, draw_out: U32, depth_out: F32, normal_o
                 _normal(normal_out[row, column], seen, best_draw, best_part, chosen, flip)
 
 
-@njit(nogil=True)
+@njit(cache=True, nogil=True)
 def _candidates(known: NDArray[np.int64], wider: _Wider, seen: Geometry, left: int, top: int) -> tuple[int, bool]:
     """List the triangles that the pixels around show, the middle one's first, then those that share their edges."""
     height, width = wider.draw.shape
@@ -249,7 +249,7 @@ def _candidates(known: NDArray[np.int64], wider: _Wider, seen: Geometry, left: i
     return count, sky
 
 
-@njit(nogil=True)
+@njit(cache=True, nogil=True)
 def _add(known: NDArray[np.int64], count: int, draw: Index, part: Index) -> int:
     for other in range(count):
         if known[other, 0] == draw and known[other, 1] == part:
@@ -258,7 +258,7 @@ def _add(known: NDArray[np.int64], count: int, draw: Index, part: Index) -> int:
     return count + 1
 
 
-@njit(nogil=True)
+@njit(cache=True, nogil=True)
 def _corners(corners: F64, seen: Geometry, draw: Index, part: Index) -> None:
     """Fill in the corners of a triangle of a draw as the camera sees them, shape (3, 3)."""
     positions, transform = seen.positions, seen.transform[draw - 1]
@@ -271,13 +271,13 @@ def _corners(corners: F64, seen: Geometry, draw: Index, part: Index) -> None:
             )
 
 
-@njit(nogil=True)
+@njit(cache=True, nogil=True)
 def _volume(a: F64, b: F64, x: float, y: float) -> float:
     """Volume between the ray (x, y, 1) and two corners; its sign says on which side of their edge the ray goes."""
     return x * (a[1] * b[2] - a[2] * b[1]) + y * (a[2] * b[0] - a[0] * b[2]) + (a[0] * b[1] - a[1] * b[0])
 
 
-@njit(nogil=True)
+@njit(cache=True, nogil=True)
 def _hit(corners: F64, x: float, y: float) -> tuple[float, bool, float, float, float]:
     """Depth at which the ray meets the triangle's plane, whether inside it, and the weights of its corners there."""
     a, b, c = (
@@ -292,7 +292,7 @@ def _hit(corners: F64, x: float, y: float) -> tuple[float, bool, float, float, f
     return a * corners[0, 2] + b * corners[1, 2] + c * corners[2, 2], a >= 0 and b >= 0 and c >= 0, a, b, c
 
 
-@njit(nogil=True)
+@njit(cache=True, nogil=True)
 def _beside(corners: F64, x: float, y: float) -> float:
     """Depth of a ray that passes just beside a triangle: that of its plane, but no farther than its corners."""
     depth = _hit(corners, x, y)[0]
@@ -300,7 +300,7 @@ def _beside(corners: F64, x: float, y: float) -> float:
     return min(max(depth, low), high) if depth == depth else 0.5 * (low + high)
 
 
-@njit(nogil=True)
+@njit(cache=True, nogil=True)
 def _area(corners: F64, near: float) -> float:
     """Area of a triangle in the image plane at distance 1; infinite where it passes the camera."""
     if min(corners[0, 2], corners[1, 2], corners[2, 2]) < near:
@@ -311,14 +311,14 @@ def _area(corners: F64, near: float) -> float:
     return 0.5 * abs(x1 * y2 - x2 * y1)
 
 
-@njit(nogil=True)
+@njit(cache=True, nogil=True)
 def _faces_away(corners: F64, x: float, y: float) -> bool:
     a, b, c = corners[0], corners[1], corners[2]
     ux, uy, uz, vx, vy, vz = b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2]
     return x * (uy * vz - uz * vy) + y * (uz * vx - ux * vz) + (ux * vy - uy * vx) > 0.0
 
 
-@njit(nogil=True)
+@njit(cache=True, nogil=True)
 def _normal(out: F32, seen: Geometry, draw: Index, part: Index, weight: F64, flip: bool) -> None:
     """Fill in the normal of a triangle of a draw where its corners have these weights, shape (3,)."""
     cofactor, local = seen.cofactor[draw - 1], np.zeros(3)

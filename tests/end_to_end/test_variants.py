@@ -14,6 +14,7 @@ from groundwork.progress import SILENT, Progress
 from groundwork.settings import parse_settings
 from tests.authoring.small_scene import SEED, SMALL, file_bytes
 from tests.conftest import Count, RecordProof
+from tests.render.prepared_here import rendered_here
 
 AXES = {"look": ["weathered", "clean"], "background": ["none", "countryside"]}
 NAMES = [f"global@{look}_{background}" for look in AXES["look"] for background in AXES["background"]]
@@ -29,7 +30,8 @@ def run(tmp_path_factory: pytest.TempPathFactory, proof_count: Count) -> tuple[P
     with pytest.MonkeyPatch.context() as patch:
         if proof_count(0, 1) == 0:  # eight small photographs make no model: that is not found out four times
             patch.setitem(STAGES, "model", replace(STAGES["model"], run=_no_model))
-        outcome = run_scenario(parse_settings(Scenario, said, "variants"), out, SILENT)
+        with rendered_here():
+            outcome = run_scenario(parse_settings(Scenario, said, "variants"), out, SILENT)
     return out / "scenes/0000", outcome
 
 

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from falsework.cli import main
 from falsework.commands.verbs import stage_file
 from tests.conftest import RecordProof
+from tests.falsework.served_here import served_here
+from tests.render.prepared_here import rendered_here
 from tests.usd_schemas.stages import SQUARE, write_stage
 
 DARK = f"""def Camera "Empty" {{}}
@@ -79,7 +81,8 @@ def test_words_do_what_they_say(tmp_path: Path, capsys: pytest.CaptureFixture[st
     for exposure in ("light", "surfaces", "2"):
         out = tmp_path / exposure
         words = [*fast, "--camera", "/Above", "--frame", "2", "--exposure", exposure]
-        assert run(["render", str(stage), "-o", str(out), *words]) == 0
+        with served_here(), rendered_here():  # the first command had its children
+            assert run(["render", str(stage), "-o", str(out), *words]) == 0
         assert [folder.name for folder in out.iterdir() if folder.is_dir()] == ["Above"]
         (image,) = (out / "Above" / "images").iterdir()
         means.append(float(photograph(image).mean()))

@@ -2,12 +2,14 @@
 
 import json
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from falsework.cli import main
 from tests.authoring.small_scene import write_small_scene
+from tests.falsework.served_here import served_here
 
 
 @pytest.fixture(scope="module")
@@ -20,6 +22,13 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return scene
 
 
+@pytest.fixture
+def served() -> Iterator[None]:
+    """Save the children of a test of many commands: its verbs have theirs below, in the tutorial, in JSON answers."""
+    with served_here():
+        yield
+
+
 def _run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, str, str]:
     with pytest.raises(SystemExit) as caught:
         main(["scene", *(str(word) for word in words)])
@@ -27,6 +36,7 @@ def _run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, s
     return int(caught.value.code or 0), printed.out, printed.err
 
 
+@pytest.mark.usefixtures("served")
 def test_from_the_store_to_a_package(stored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Check out, choose, compare, validate, package: each answers what was done."""
     mine = tmp_path / "mine/scene.usda"

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from falsework.commands.survey_verbs import coverage_lines
 from groundwork.files import write_text
 from tests.authoring.small_scene import write_small_scene
 from tests.conftest import RecordProof
+from tests.falsework.served_here import served_here
 from usd_schemas.reading.stage_reader import read_stage
 
 
@@ -21,6 +23,13 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_small_scene(tmp_path_factory.mktemp("flights"))
 
 
+@pytest.fixture
+def served() -> Iterator[None]:
+    """Save the children of a test of many commands; the other tests of this file have theirs."""
+    with served_here():
+        yield
+
+
 def _run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, str, str]:
     with pytest.raises(SystemExit) as caught:
         main(["survey", *(str(word) for word in words)])
@@ -28,6 +37,7 @@ def _run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, s
     return int(caught.value.code or 0), printed.out, printed.err
 
 
+@pytest.mark.usefixtures("served")
 def test_plan_adds_a_flight_that_score_judges(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A grid and a local flight join the authored one; the same words give the same cameras; a page is written."""
     scene = Path(shutil.copytree(scene.parent, tmp_path / "flown")) / "scene.usda"  # the others want one flight
@@ -63,6 +73,7 @@ def test_plan_adds_a_flight_that_score_judges(scene: Path, tmp_path: Path, capsy
     assert "Flights, before they are flown" in page.read_text()
 
 
+@pytest.mark.usefixtures("served")
 def test_what_no_flight_sees_is_named_and_can_be_flown(
     scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

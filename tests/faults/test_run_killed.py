@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Count
+from tests.falsework.forked import begin, end_of
 from tests.falsework.tiny_chain import SEED, contents, start
 
 pytestmark = pytest.mark.faults
@@ -26,15 +27,26 @@ def scenario(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def calm(scenario: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Give the tree of a run that nobody disturbed."""
-    out = tmp_path_factory.mktemp("calm") / "out"
-    _finish(start("run", scenario, "-o", out))
-    return contents(out)
+    folder = tmp_path_factory.mktemp("calm")
+    _go_on(scenario, folder / "out", folder / "said")
+    return contents(folder / "out")
 
 
 def _finish(process: subprocess.Popen[str]) -> None:
     _, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, said
     assert "Traceback" not in said
+
+
+def _go_on(scenario: Path, out: Path, said: Path) -> None:
+    """Run the command to its end in a copy of this process, which saves its start."""
+    _end_well(begin("run", scenario, "-o", out, said=said), said)
+
+
+def _end_well(pid: int, said: Path) -> None:
+    code, words = end_of(pid), said.read_text()
+    assert code == 0, words
+    assert "Traceback" not in words
 
 
 def _wait_for(out: Path, pattern: str, process: subprocess.Popen[str]) -> None:
@@ -110,7 +122,7 @@ def test_interrupted_run_goes_on(
     assert process.returncode == code, said
     assert "Traceback" not in said
     _assert_all_end(process.pid)
-    _finish(start("run", scenario, "-o", out))
+    _go_on(scenario, out, tmp_path / "said")
     assert contents(out) == calm
 
 
@@ -135,14 +147,15 @@ def test_workers_die_with_the_run(scenario: Path, calm: dict[str, str], tmp_path
     process.kill()
     process.communicate()
     _assert_all_end(process.pid)
-    _finish(start("run", scenario, "-o", out))
+    _go_on(scenario, out, tmp_path / "said")
     assert contents(out) == calm
 
 
 def test_parts_of_a_run_make_the_whole(scenario: Path, calm: dict[str, str], tmp_path: Path) -> None:
     """Three jobs of an array at once on one output: together, the tree of a single run."""
     out = tmp_path / "out"
-    jobs = [start("run", scenario, "-o", out, "--shard", f"{part}/3") for part in range(3)]
-    for job in jobs:
-        _finish(job)
+    said = [tmp_path / f"said{part}" for part in range(3)]
+    jobs = [begin("run", scenario, "-o", out, "--shard", f"{part}/3", said=said[part]) for part in range(3)]
+    for pid, words in zip(jobs, said, strict=True):
+        _end_well(pid, words)
     assert contents(out) == calm

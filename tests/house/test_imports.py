@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import os
 import subprocess
 import sys
 from graphlib import CycleError, TopologicalSorter
@@ -147,3 +148,31 @@ def test_the_door_opens_without_heavy_packages(module: str) -> None:
 def test_a_heavy_package_would_be_seen() -> None:
     """The probe reports what is loaded."""
     assert "moderngl" in loaded_by("import moderngl") & HEAVY
+
+
+def forgetful_kernels(source: str) -> list[str]:
+    """Name the functions that numba compiles anew in every process."""
+    return [
+        f"{node.lineno}: {node.name} is compiled in every process: njit(cache=True)"
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.FunctionDef)
+        for decorator in node.decorator_list
+        if "njit" in (words := ast.unparse(decorator)) and "cache=True" not in words
+    ]
+
+
+def test_compiled_kernels_are_kept() -> None:
+    """Rooms work in many short-lived processes: what numba compiles takes them seconds, and is kept beside the code."""
+    assert_clean(forgetful_kernels, python_files(*ROOMS))
+    assert forgetful_kernels("@njit(nogil=True)\ndef f(): pass") == [
+        "2: f is compiled in every process: njit(cache=True)"
+    ]
+
+
+def test_what_python_compiles_is_kept_by_make() -> None:
+    """Tests start hundreds of processes: none compiles the house anew because the shell forbids byte code."""
+    asked = "said: ; @printenv PYTHONDONTWRITEBYTECODE"
+    command = ["make", "-s", "--no-print-directory", "--eval", asked, "said"]
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+    said = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True).stdout
+    assert said.strip() == ""

@@ -1,15 +1,22 @@
-"""Renders in this process what the renderer leaves to a child for the sake of memory: seconds less, the same bytes.
+"""Renders in this process what the product leaves to children for the sake of memory and drivers that crash.
 
-That child and parent give the same has its own test in `tests/render/test_memory.py`.
+The same bytes in seconds less. Children and parent are compared elsewhere: in `tests/render/test_memory.py` for what is
+prepared, in `test_frames.py` and `test_resume.py` there for whole captures; and the chain that all tests of
+`tests/end_to_end` share is made by children from end to end.
 """
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+import cv2
 import pytest
 
+from groundwork.canonical import canonical_json
 from groundwork.progress import Progress
+from render import frames
 from render.detail.surveyed_scene import SurveyedScene, survey_scene
 from render.light.light_volume import cast_light_volume
 from usd_schemas.reading.choices import StageChoices
@@ -23,6 +30,24 @@ def prepared_here() -> Iterator[None]:
         patch.setattr("render.frames.survey_scene_apart", _survey)
         patch.setattr("render.frames.cast_volume_apart", cast_light_volume)
         yield
+
+
+@contextmanager
+def rendered_here() -> Iterator[None]:
+    """Render whole surveys in this process, what `falsework render` and the stage `capture` do in a child."""
+    with prepared_here(), pytest.MonkeyPatch.context() as patch:
+        patch.setattr("render.workers.run_child", _serve)
+        yield
+
+
+def _serve(module: str, request: dict[str, Any], *, progress: Progress, **limits: object) -> Any:
+    """Answer as the child would, from the same words."""
+    assert module == "render.frames"
+    threads = cv2.getNumThreads()
+    try:
+        return frames._serve(json.loads(canonical_json(request)), progress)
+    finally:
+        cv2.setNumThreads(threads)
 
 
 def _survey(

@@ -1,5 +1,6 @@
 """A stage becomes a capture through the child process: same bytes every time, truth untouched by looks."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -14,6 +15,7 @@ from render.capture import load_image, read_capture, read_truth
 from render.detail.surveyed_scene import product_camera
 from render.frames import render_scene, render_stage
 from render.settings import RenderSettings
+from tests.render.prepared_here import prepared_here
 from tests.render.scenes import random_scene
 from usd_schemas.reading.stage_reader import read_stage
 
@@ -76,6 +78,13 @@ def Scope "Render" {{
     }}
 }}
 """
+
+
+@pytest.fixture(autouse=True)
+def _prepared() -> Iterator[None]:
+    """Leave nothing to a child where a test draws in this process; a renderer in a child has children as ever."""
+    with prepared_here():
+        yield
 
 
 @pytest.fixture

@@ -1,0 +1,35 @@
+"""Does in this process what verbs leave to a child because stages come from anywhere: the same answers in seconds less.
+
+What the child is for has tests of its own: limits and crashes in `tests/faults/test_bombs.py` and
+`tests/groundwork/test_child.py`, and each verb runs with its child in another test of the file that uses this one.
+"""
+
+import importlib
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from groundwork.canonical import canonical_json
+from groundwork.progress import SILENT, Progress
+
+CALLERS = ("falsework.children.products", "falsework.commands.scene_verbs")
+
+
+@contextmanager
+def served_here() -> Iterator[None]:
+    """Serve the requests of `falsework scene`, `survey` and `render` without a child."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("usd_schemas.guard.guard.limit_memory", lambda gigabytes: None)  # it would hold for all tests
+        for caller in CALLERS:
+            patch.setattr(f"{caller}.run_child", _serve)
+        yield
+
+
+def _serve(module: str, request: dict[str, Any], *, progress: Progress = SILENT, **limits: float) -> Any:
+    """Answer as the child would: words go to it and come from it as JSON."""
+    assert module.startswith("falsework.children.")
+    answer = importlib.import_module(module)._answer(json.loads(canonical_json(request)), progress)
+    return json.loads(canonical_json(answer))
