@@ -107,7 +107,7 @@ def _leave_runaways_out(model: pycolmap.Reconstruction, settings: SparseSettings
 def choose_mapper(capture: Capture, settings: SparseSettings) -> str:
     """Settle what `auto` means for a capture.
 
-    The global mapper bears no focal length that is far off, and knows nothing of GPS.
+    The global mapper fails where the focal length is far off, and does not use GPS positions.
 
     Args:
         capture: Photographs.
@@ -213,10 +213,11 @@ def _grow_largest(
     progress.stage("mapping, by fewer matches", 0)
     before = ranked[0].num_reg_images()
     ranked[0], facts = grow(ranked[0], database, capture.folder, scratch, options)
+    after = ranked[0].num_reg_images()
+    if facts["added"]:
+        progress.note(f"growth by fewer matches: {before} of {total} images became {after}")
     if facts["moved"] > MOST_MOVED:
-        progress.note(f"growth by fewer matches bent the model of {before} images (by {facts['moved']:.1%}): not taken")
-    elif facts["added"]:
-        progress.note(f"growth by fewer matches: {before} of {total} images became {before + facts['added']:.0f}")
+        progress.note(f"growth by fewer matches bent the model of {after} images (by {facts['moved']:.1%}): not taken")
     return facts
 
 
