@@ -22,7 +22,7 @@ def evaluate_model(model: Predicting, source: ScoredSource, progress: Progress) 
 
     Returns:
         A record for JSON: scores of all bridges together and of each, matrices, calibration, mean IoU by uncertainty,
-            panoptic quality. An undefined score is null.
+        panoptic quality. An undefined score is null.
     """
     names = source.classes
     without = [number for number, name in enumerate(names) if component_classes().get(name, name) in _REST]

@@ -1,4 +1,4 @@
-"""What a page says of one cloud, reconstructed or sampled: figures, tables, the unit of its lengths."""
+"""Parts of a page about one cloud, reconstructed or sampled: figures, tables, unit of length."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -37,7 +37,7 @@ NOTHING: Mapping[str, Any] = {
 
 
 def reconstruction_parts(cloud: "Cloud", folder: Path, links: Mapping[str, str]) -> dict[str, Any]:
-    """Fill what the template shows of a reconstructed cloud.
+    """Make the template's values of a reconstructed cloud.
 
     Args:
         cloud: The cloud.
@@ -65,12 +65,12 @@ def reconstruction_parts(cloud: "Cloud", folder: Path, links: Mapping[str, str])
 
 
 def sample_parts(name: str, cloud: "Cloud", shown: Shown) -> dict[str, Any]:
-    """Fill what the template shows of a cloud that was sampled on a stage.
+    """Make the template's values of a cloud that was sampled from a stage.
 
     Args:
-        name: What it is called.
+        name: Its name.
         cloud: The cloud.
-        shown: How much of it the page holds.
+        shown: Limits of its data on the page.
     """
     return {
         "name": name,

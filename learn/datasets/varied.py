@@ -61,7 +61,7 @@ class VariedSplit:
     """Samples of some bridges of a data set, equally many from every cloud; a `learn.sample.SampleSource`.
 
     A sample is a piece of its cloud: a random one, or one that holds a class drawn from those of the cloud, so that
-        rare classes occur. Only positions are augmented, so it does not suit models with colours or normals.
+    rare classes occur. Only positions are augmented, so it does not suit models with colours or normals.
 
     Attributes:
         split: The split for training.

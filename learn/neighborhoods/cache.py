@@ -45,7 +45,7 @@ def cached_pyramid(folder: Path | None, coord: F32, parameters: object, build: C
 
     Returns:
         The pyramid: named arrays of row numbers, shape (rows,) or (rows, neighbours), int32; a damaged or foreign file
-            is rebuilt.
+        is rebuilt.
     """
     if folder is None:
         return build(coord)

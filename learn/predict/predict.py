@@ -63,7 +63,7 @@ def predict_scan(
     """Label every point of a scan, and write a copy of it with class, confidence and instance.
 
     The scan is read three times in chunks: for its bounding box, for one point in each small cube, and to copy the
-        labels of the cubes to all their points. A JSON file with the instances' boxes is written beside the copy.
+    labels of the cubes to all their points. A JSON file with the instances' boxes is written beside the copy.
 
     Args:
         source: LAS, LAZ, PLY, E57, NPY or text file, or the folder of a cloud.

@@ -214,7 +214,7 @@ def consensus_depth(depths: F32, weights: F64, tolerance: float, least: int) -> 
     """Keep the depth that most sources agree on, as their weighted mean.
 
     A depth that only one source has is kept, and fusion decides: at the ends of a flight, and where the camera moves
-        forwards, no second source sees it. Depths on which sources disagree are removed.
+    forwards, no second source sees it. Depths on which sources disagree are removed.
 
     Args:
         depths: Depths by each source, 0 where unknown [model units], shape (S, H, W), float32.

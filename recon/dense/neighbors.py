@@ -41,7 +41,7 @@ def choose_views(model: SparseModel, settings: DenseSettings) -> tuple[View, ...
     """Choose for every image its neighbours and its range of depths.
 
     A pair is scored by the sparse points that both images see, each weighted by the angle between its two rays: with a
-        small angle the depth is inexact, with a large one the images look too different to match.
+    small angle the depth is inexact, with a large one the images look too different to match.
 
     Args:
         model: Reconstruction.

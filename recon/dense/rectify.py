@@ -68,7 +68,7 @@ def rectify(camera: Pinhole, reference: F64, source: F64, near: float, far: floa
 
     Returns:
         The pair, or None if it cannot be rectified: too little of either image falls on the plane, the two look in
-            different directions, or the disparity of the whole scene is below a pixel.
+        different directions, or the disparity of the whole scene is below a pixel.
     """
     offset = source[:3, 3] - reference[:3, 3]
     baseline = float(np.linalg.norm(offset))

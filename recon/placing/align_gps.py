@@ -19,7 +19,7 @@ def align_to_fixes(poses: F64, rows: NDArray[np.int64], target: Target, rng: np.
     """Align a model to the measured positions of its cameras and to gravity; every registered camera stays valid.
 
     The distance of a camera to its GPS fix is an error of the receiver: an outlier fix is left out of the fit, its
-        camera is kept.
+    camera is kept.
 
     Args:
         poses: camera_to_world of the registered images [model units], shape (I, 4, 4), float64.

@@ -99,7 +99,7 @@ def _take_over(features: Path, path: Path) -> set[int]:
     """Continue the database of matches of an interrupted run, or copy that of the features; return its pairs.
 
     Results of shares that were killed are merged too: a pair is finished when its geometry is written, and its result
-        does not depend on its share.
+    does not depend on its share.
     """
     done = paired(path)
     if not done:
