@@ -99,7 +99,7 @@ SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ),
     ),
     "scores": (
-        ("learn/metrics.py", "learn/panoptic.py", "learn/losses.py"),
+        ("learn/metrics.py", "learn/scoring/panoptic.py", "learn/losses.py"),
         ("tests/learn/test_metrics.py", "tests/learn/test_losses.py"),
     ),
 }
