@@ -41,13 +41,13 @@ TILES = (  # row of the benchmark, world, key of `falsework.gallery.viewpoint.VI
     ("global-arch-road", "hillside", "air"),
     ("global-cable_stayed-road", "city", "air"),
     ("global-girder-rail", "countryside", "air"),
-    ("global-beam-rail", "city", "air"),
-    ("global-slab-road", "countryside", "air"),
+    ("global-beam-rail", "lakeside", "air"),
+    ("global-slab-road", "city", "air"),
 )
 COLUMNS, TILE, GAP = 3, (620, 400), 6  # side by side; size of one; between two [px]
 FINER = 2  # drawn that many times as large, and made smaller
 FOCAL = 32.0 / 36.0  # of the width, as in `falsework preview`
-CUTS, LEAN = (0.46, 0.72), 0.14  # of a tile's width: the middles of its cuts, and how far one runs to its head
+CUTS, LEAN = (0.43, 0.66), 0.14  # of a tile's width: the middles of its cuts, and how far one runs to its head
 PAPER, DIM, PALE = 250, 178, 0.5  # gray behind a cloud; of its ground; how much of the gray photograph is left
 QUALITY = 88  # of the JPEG
 
