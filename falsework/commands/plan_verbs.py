@@ -57,7 +57,7 @@ def _as_text(found: "Plan") -> str:
     lines = [f"{'stage':<8}" + "".join(f"{name.replace('_', ' '):>10}" for name in COLUMNS) + "    s each   MB each"]
     for name, stage in found.stages.items():
         counts = "".join(f"{getattr(stage, column):>10}" for column in COLUMNS)
-        source = "" if stage.learned else "  (the demo's)"
+        source = "" if stage.learned else "  (estimated from the demo)"
         lines.append(f"{name:<8}{counts}{stage.seconds:>10.1f}{stage.bytes / 1e6:>10.1f}{source}")
     lines += [f"scene {name} was rejected: {reason}" for name, reason in found.outcome.rejected.items()]
     lines += [f"scene {name} failed: {reason}" for name, reason in found.outcome.failed.items()]

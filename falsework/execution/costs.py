@@ -1,6 +1,7 @@
 """What results of each stage have cost so far, in time and on disk; and a look at the disk before more are made."""
 
 import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -50,9 +51,11 @@ class Costs:
 
     Attributes:
         root: Output folder of the run.
+        amounts: How many times the demo's work results of a stage are before one has been made, where that is not 1.
     """
 
     root: Path
+    amounts: Mapping[str, float] = field(default_factory=dict[str, float])
     _seconds: dict[str, RunningStatistics] = field(default_factory=dict)
     _bytes: dict[str, RunningStatistics] = field(default_factory=dict)
     _stored: dict[str, RunningStatistics] = field(default_factory=dict)
@@ -66,7 +69,7 @@ class Costs:
         """
         self._look()
         seen = self._seconds.get(stage, RunningStatistics())
-        return seen.mean if seen.count else DEFAULT_SECONDS[stage]
+        return seen.mean if seen.count else self._amount(stage) * DEFAULT_SECONDS[stage]
 
     def bytes_each(self, stage: str) -> float:
         """Tell how much disk space a result adds in the mean [bytes].
@@ -75,7 +78,7 @@ class Costs:
             stage: Its stage.
         """
         seen = self._sizes(stage)
-        return seen.mean if seen.count else DEFAULT_BYTES[stage]
+        return seen.mean if seen.count else self._amount(stage) * DEFAULT_BYTES[stage]
 
     def most_bytes(self, stage: str) -> float:
         """Tell how much disk space a result has added at most [bytes].
@@ -84,7 +87,7 @@ class Costs:
             stage: Its stage.
         """
         seen = self._sizes(stage)
-        return seen.greatest if seen.count else DEFAULT_BYTES[stage]
+        return seen.greatest if seen.count else self._amount(stage) * DEFAULT_BYTES[stage]
 
     def is_learned(self, stage: str) -> bool:
         """Tell whether the time of a stage has been measured here.
@@ -94,6 +97,9 @@ class Costs:
         """
         self._look()
         return self._seconds.get(stage, RunningStatistics()).count > 0
+
+    def _amount(self, stage: str) -> float:
+        return self.amounts.get(stage, 1.0)
 
     def _sizes(self, stage: str) -> RunningStatistics:
         self._look()
