@@ -51,7 +51,8 @@ class Costs:
 
     Attributes:
         root: Output folder of the run.
-        amounts: How many times the demo's work results of a stage are before one has been made, where that is not 1.
+        amounts: How many times the demo's work results of a stage are before one has been made,
+            where that is not 1 [1].
     """
 
     root: Path
