@@ -9,6 +9,7 @@ import tyro
 from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import need_scenario
+from falsework.execution.parts import check_parts, scene_range
 
 if TYPE_CHECKING:
     from falsework.execution.plan import Plan
@@ -33,9 +34,10 @@ def plan(
         retry_failed: As `run --retry-failed` would do.
         as_json: Print one JSON object instead of lines.
     """
+    check_parts(scenes)
     need_scenario(scenario)
     from falsework.execution.plan import plan_run
-    from falsework.scenario import load_scenario, scene_range, values_of
+    from falsework.scenario import load_scenario, values_of
 
     loaded = load_scenario(scenario)
     part = scene_range(scenes, loaded.scenes)

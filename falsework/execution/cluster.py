@@ -2,7 +2,6 @@
 
 import logging
 import os
-import re
 import secrets
 import signal
 import tempfile
@@ -32,8 +31,6 @@ PATIENCE = "1 day"  # for a worker that is being started again; Dask would end i
 CLOSING = 4.0  # [s]
 TOLD_EVERY = 1.0  # [s] between two words of a worker on how far it is
 LOOPBACK = "127.0.0.1"
-_ADDRESS = re.compile(r"(tcp|tls)://[^\s/:]+:[0-9]{1,5}|(tcp|tls)://\[[0-9a-fA-F:.]+\]:[0-9]{1,5}")
-_LAST_PORT = 65535
 
 
 @dataclass(frozen=True)
@@ -85,24 +82,6 @@ class _Teller(SilentBoard):
         if self.topic:
             with suppress(Exception):  # a table that is not quite right is no reason to stop
                 get_worker().log_event(self.topic, {"told": astuple(told)})  # Dask adds the worker
-
-
-def check_address(address: str) -> None:
-    """Refuse what cannot be the address of a scheduler, before anything is made.
-
-    Args:
-        address: What the user named.
-
-    Raises:
-        InputError: Not of the form that Dask's schedulers have.
-    """
-    if not _ADDRESS.fullmatch(address) or int(address.rpartition(":")[2]) > _LAST_PORT:
-        raise InputError(
-            "not the address of a scheduler",
-            field="--cluster",
-            value=address,
-            allowed="tcp://HOST:PORT or tls://HOST:PORT",
-        )
 
 
 def do_job(job: SceneJob) -> tuple[Outcome, list[str]]:

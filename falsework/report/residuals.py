@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from falsework.report.page import BLUE, RED, number, plain_layout
 from groundwork.files import read_json
+from recon.cloud import SFM_DENSE
 
 if TYPE_CHECKING:
     from recon.cloud import Cloud
@@ -52,7 +53,8 @@ def image_rows(cloud: "Cloud", folder: Path) -> list[ImageRow]:
         cloud: A cloud.
         folder: Its folder, with the cameras of the reconstruction.
     """
-    residuals = reprojection_residuals(cloud, folder)
+    fits = tie_point_residuals(folder) if cloud.source == SFM_DENSE else {}
+    residuals = None if cloud.source == SFM_DENSE else reprojection_residuals(cloud, folder)
     image = cloud.observations["image"]
     order = np.argsort(image, kind="stable")
     ends = np.searchsorted(image[order], np.arange(len(cloud.cameras) + 1))
@@ -64,7 +66,7 @@ def image_rows(cloud: "Cloud", folder: Path) -> list[ImageRow]:
                 str(camera["name"]),
                 str(camera["status"]),
                 len(mine),
-                _median(residuals[mine]),
+                fits.get(str(camera["name"]), np.nan) if residuals is None else _median(residuals[mine]),
                 _median(cloud.observations["depth_error"][mine]),
                 _float(camera.get("center_error")),
                 _float(camera.get("rotation_error")),
@@ -100,6 +102,33 @@ def reprojection_residuals(cloud: "Cloud", folder: Path) -> F64:
         seen = _projected(local[:, :2] / local[:, 2:], stored["camera"]["model"], stored["camera"]["params"])
         result[mine] = np.linalg.norm(seen - cloud.observations["uv"][mine], axis=1)
     return result
+
+
+def tie_point_residuals(folder: Path) -> dict[str, float]:
+    """Measure how well each image fits the model that a dense cloud rests on.
+
+    A dense cloud holds no keypoints: what it holds of an image are the pixels of its own depth maps.
+
+    Args:
+        folder: Folder of the cloud, with the model in `sparse`.
+
+    Returns:
+        Median distance between keypoint and reprojected point [px], by the image's name without its suffix; none
+        where the folder has no model.
+
+    Raises:
+        InputError: The model is damaged.
+    """
+    from recon.sfm.colmap_model import read_model
+
+    if not (folder / "sparse" / "images.bin").is_file():
+        return {}
+    model = read_model(folder / "sparse")
+    poses = model.poses[model.obs_image]
+    local = np.einsum("mi,mij->mj", model.points[model.obs_point] - poses[:, :3, 3], poses[:, :3, :3])
+    seen = _projected(local[:, :2] / local[:, 2:], model.camera_model, list(model.camera_params))
+    away = np.linalg.norm(seen - model.obs_uv, axis=1)
+    return {Path(name).stem: _median(away[model.obs_image == row]) for row, name in enumerate(model.names)}
 
 
 def residual_figure(rows: list[ImageRow]) -> go.Figure:
