@@ -22,7 +22,7 @@ from falsework.report.comparison_page import write_comparison_page
 from falsework.report.dataset_page import write_dataset_page
 from falsework.report.page import file_link, settings_rows, way_to
 from falsework.report.report import write_report
-from falsework.report.residuals import image_rows, overlap_map, reprojection_residuals
+from falsework.report.residuals import image_rows, model_fit, overlap_map, reprojection_residuals
 from falsework.report.run_page import Event, FailureRow, RunFacts, SceneRow, write_run_page
 from falsework.report.survey_page import write_survey_page
 from falsework.report.training_page import write_training_page
@@ -296,11 +296,15 @@ def test_residuals_of_a_dense_cloud_are_those_of_its_model(tmp_path: Path) -> No
         right.append(float(np.median([np.linalg.norm(key.xy - seen) for key, seen in zip(keys, put, strict=True)])))
     cloud = small_cloud(40)
     cameras = [{"name": Path(image.name).stem, "status": "ok"} for image in images]
-    rows = image_rows(replace(cloud, cameras=cameras, source="sfm-dense"), tmp_path)
+    cloud = replace(cloud, cameras=cameras, source="sfm-dense")
+    fit = model_fit(tmp_path)
+    assert fit is not None
+    rows = image_rows(cloud, tmp_path, fit)
     assert [row.residual for row in rows] == pytest.approx(right, abs=1e-6)
     assert min(right) > 0.2
     shutil.rmtree(tmp_path / "sparse")
-    rows = image_rows(replace(cloud, cameras=cameras, source="sfm-dense"), tmp_path)
+    assert model_fit(tmp_path) is None
+    rows = image_rows(cloud, tmp_path)
     assert np.isnan([row.residual for row in rows]).all()
 
 
