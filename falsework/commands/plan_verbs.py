@@ -1,4 +1,4 @@
-"""The verb that says what a run would do."""
+"""The verb that shows what a run would do."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -25,13 +25,13 @@ def plan(
     retry_failed: bool = False,
     as_json: AsJson = False,
 ) -> int:
-    """Tell what `run` would do: results that are there, that it will make, time and disk space; writes nothing.
+    """Show what `run` would do: existing results, results to make, time and disk space; nothing is written.
 
     Args:
         scenario: TOML file.
-        output: Output folder of the run; without it, as if nothing were there.
+        output: Output folder of the run; default: an empty one.
         scenes: Part of the scenes, as `first:end`.
-        retry_failed: As `run --retry-failed` would do.
+        retry_failed: Plan for `run --retry-failed`.
         as_json: Print one JSON object instead of lines.
     """
     check_parts(scenes)

@@ -1,4 +1,4 @@
-"""Contact sheets of random bridges: each family on its sites, photographed and in the colours of its classes."""
+"""Contact sheets of random bridges of each family: photographs, and pictures in the colours of the classes."""
 
 import tempfile
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ _LETTERS, _QUALITY = 0.55, 82  # of captions, of the JPEG
 
 @dataclass(frozen=True)
 class Views:
-    """What a gallery shows of one bridge.
+    """Pictures of one bridge.
 
     Attributes:
         caption: Family and seed.
@@ -52,7 +52,7 @@ class Views:
 
 
 def write_gallery(folder: Path, count: int, seed: int, families: tuple[str, ...], progress: Progress) -> None:
-    """Author and photograph random bridges of some families, one sheet for each family.
+    """Author and render random bridges of some families, one sheet for each family.
 
     Args:
         folder: Existing, empty folder.
@@ -76,7 +76,7 @@ def write_gallery(folder: Path, count: int, seed: int, families: tuple[str, ...]
 
 
 def photograph(family: str, seed: int) -> Views:
-    """Author one random bridge on its site and take its pictures.
+    """Author one random bridge on its site and render its pictures.
 
     Args:
         family: Key of the registry.
@@ -112,9 +112,9 @@ def photograph(family: str, seed: int) -> Views:
 
 
 def _overview(layout: Layout, pieces: tuple[Component | Scatter, ...]) -> F64:
-    """Stand aside and above, so far away that every member that shows is in the picture."""
+    """Place a camera beside and above, far enough away to show every visible member."""
     points = np.concatenate([piece.mesh.points for piece in pieces if isinstance(piece, Component)])
-    points[:, 2] = np.maximum(points[:, 2], 0.0)  # what is in the ground does not show
+    points[:, 2] = np.maximum(points[:, 2], 0.0)  # members below the ground are not visible
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     heading = layout.alignment.heading
     turn = np.array([[np.cos(heading), -np.sin(heading), 0.0], [np.sin(heading), np.cos(heading), 0.0], [0, 0, 1.0]])
@@ -127,14 +127,14 @@ def _overview(layout: Layout, pieces: tuple[Component | Scatter, ...]) -> F64:
 
 
 def _close_up(layout: Layout, ground: Ground) -> F64:
-    """Stand beside the first pier, or the first abutment, and look up at it."""
+    """Place a camera beside the first pier, or the first abutment, looking up at it."""
     station = layout.supports[min(1, len(layout.supports) - 2)]
     width, place = layout.width, layout.alignment
 
     def at(along: float, left: float, above: float) -> F64:
         return place.point(np.array([station + along]), np.array([left]), np.array([above]))[0]
 
-    # A pier is seen from the span before it, a lone span's abutment from under the span.
+    # A pier is shown from the span before it, the abutment of a single span from below the span.
     back = -1.0 if len(layout.supports) > 2 else 1.0
     eye = at(back * 1.1 * width, -1.3 * width, -layout.depth - 2.0)
     eye[2] = max(eye[2], float(ground(eye[None, :2])[0]) + _EYE_OVER_GROUND)
