@@ -60,7 +60,7 @@ def run_scenario(
         )
     indices = _wanted(scenario, scenes)
     if cluster is not None:
-        from falsework.execution.cluster import check_address
+        from falsework.execution.address import check_address
 
         check_address(cluster)
     claim_run(out, scenario)

@@ -254,24 +254,6 @@ def _with_surfaces(scenario: Scenario, path: Path) -> Scenario:
     return scenario.model_copy(update={"surfaces": surfaces, "look": look})
 
 
-def shard_of(scenes: range, text: str | None) -> list[int]:
-    """Choose the share of one process.
-
-    Args:
-        scenes: The scenes that all processes share.
-        text: `i/n`: every n-th scene, starting at the i-th, from 0; None: all.
-
-    Raises:
-        InputError: Not of this form, or i is not less than n.
-    """
-    if text is None:
-        return list(scenes)
-    part, slash, count = text.partition("/")
-    if not (slash and part.isdecimal() and count.isdecimal() and len(text) < 20 and int(part) < int(count)):
-        raise InputError("invalid shard", field="--shard", value=text, allowed="i/n with i from 0 to n - 1")
-    return list(scenes)[int(part) :: int(count)]
-
-
 @contextmanager
 def values_of(path: Path) -> Iterator[None]:
     """Add the scenario's path to errors that its values cause later, such as a bridge that cannot be built.
@@ -325,25 +307,3 @@ def scene_title(index: int, seed: int) -> str:
         seed: Seed of the scenario.
     """
     return f"Scene {index:04d} of seed {seed}"
-
-
-def scene_range(text: str | None, count: int) -> range:
-    """Parse a range of scenes.
-
-    Args:
-        text: `first:end`, either side may be empty; None: all.
-        count: Number of scenes of the scenario.
-
-    Raises:
-        InputError: Not of this form, or outside the scenario.
-    """
-    if text is None:
-        return range(count)
-    first, colon, end = text.partition(":")
-    try:
-        part = range(int(first or 0), int(end or count))
-    except ValueError:
-        part = range(0)
-    if not colon or not part or part.start < 0 or part.stop > count:
-        raise InputError("no such scenes", field="--scenes", value=text, allowed=f"first:end within 0:{count}")
-    return part

@@ -9,6 +9,7 @@ import tyro
 
 from falsework.commands.answers import AsJson, answer, tell
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import need_folder
 from falsework.commands.given_settings import given_settings
 from groundwork.errors import InputError
 from groundwork.files import write_json, write_text
@@ -57,11 +58,17 @@ def compare(
         as_json: Print one JSON object instead of lines.
     """
     from falsework.commands.dataset_verbs import nested
-    from learn.compare.experiment import experiment_settings
+    from learn.compare.preset import preset_values
 
-    settings = experiment_settings(preset, nested(given_settings(set)))
+    preset_values(preset)
+    changed = nested(given_settings(set))
     named = [_named(text) for text in sources]
     inputs = [folder for _, folder in named]
+    for folder in inputs:
+        need_folder(folder, "a run, or a folder with a bridge's clouds")
+    from learn.compare.experiment import experiment_settings
+
+    settings = experiment_settings(preset, changed)
     if page is not None:
         check_output_file(page, [*inputs, output])
     with ConsoleProgress() as progress, reading(*inputs):
@@ -217,7 +224,7 @@ def _lines(record: dict[str, Any], counts: dict[str, int], output: Path) -> str:
 
 
 def _named(text: str) -> tuple[str, Path]:
-    from learn.compare.experiment import DEFAULT_SET
+    from learn.compare.preset import DEFAULT_SET
 
     name, equals, folder = text.partition("=")
     if equals and name.replace("-", "").replace("_", "").isalnum() and not Path(text).exists():

@@ -9,7 +9,7 @@ from falsework.store.artefact import read_manifest
 from groundwork.canonical import digest
 from groundwork.errors import InputError, MissingError
 from groundwork.files import MANIFEST
-from learn.compare.experiment import DEFAULT_SET
+from learn.compare.preset import DEFAULT_SET
 from learn.datasets.labeled_cloud import identify
 
 

@@ -38,6 +38,7 @@ class ConsoleProgress:
         self._task: TaskID | None = None
         self._name, self._total, self._done = "", 0, 0
         self._begin = self._spoke = time.monotonic()
+        self._first: tuple[float, int] | None = None  # when the first units were done, and how many
 
     def __enter__(self) -> "ConsoleProgress":
         """Start the live line."""
@@ -66,7 +67,7 @@ class ConsoleProgress:
             total: How many units it has; 0 when unknown.
         """
         self._finish()
-        self._name, self._total, self._done = name, total, 0
+        self._name, self._total, self._done, self._first = name, total, 0, None
         self._begin = self._spoke = time.monotonic()
         self._task = self._live.add_task(name, total=total or None)
 
@@ -82,8 +83,9 @@ class ConsoleProgress:
         now = time.monotonic()
         if self._plain and now - self._spoke >= PLAIN_INTERVAL and done:
             self._spoke = now
-            left = (now - self._begin) / done * (self._total - done)
-            self._say(f"{self._name}: {done}/{self._total}, about {left:.0f} s left")
+            self._say(f"{self._name}: {done}/{self._total}{self._left(now)}")
+        if self._first is None and done:
+            self._first = (now, done)
 
     def note(self, message: str) -> None:
         """Print one line above the live one.
@@ -95,6 +97,13 @@ class ConsoleProgress:
             self._say(message)
         else:
             self._live.console.print(message, markup=False, highlight=False)
+
+    def _left(self, now: float) -> str:
+        """Say how long the rest takes, by what followed the first unit: until that one is done much is loaded."""
+        if self._first is None or self._done <= self._first[1]:
+            return ""
+        rate = (now - self._first[0]) / (self._done - self._first[1])
+        return f", about {rate * (self._total - self._done):.0f} s left"
 
     def _finish(self) -> None:
         if self._task is not None:

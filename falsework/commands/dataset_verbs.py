@@ -10,7 +10,7 @@ from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import need_folder
 from falsework.commands.given_settings import given_settings
-from groundwork.errors import InputError
+from groundwork.errors import InputError, MissingError
 from groundwork.output_folder import fresh_output
 from groundwork.output_reading import reading
 
@@ -143,18 +143,25 @@ class _Clouds:
 def _build(
     kind: str, clouds: _Clouds, output: Path, values: dict[str, Any], given: tuple[str, ...], as_json: bool
 ) -> int:
-    from learn.datasets.build import Source, build_dataset
     from learn.datasets.class_map import read_class_map
+    from learn.datasets.class_tables import OWN, class_table
     from learn.datasets.settings import dataset_settings
 
+    for source in clouds.sources:
+        if not source.exists():
+            raise MissingError("no such file or folder", where=source, hint="Name the folder of a cloud, or a scan")
     settings = dataset_settings(kind, values | nested(given_settings(given)), "--set")
+    if settings.table != OWN:
+        class_table(settings.table, settings.noisy_class)
+    known = read_class_map(clouds.class_map) if clouds.class_map else None
+    from learn.datasets.build import Source, build_dataset
+
     bridges = clouds.bridges
     paths = [path for source in clouds.sources for path in clouds_in(source)]
     if bridges and len(bridges) != len(paths):
         raise InputError(
             "one name is needed for each source", field="--bridge", value=len(bridges), allowed=str(len(paths))
         )
-    known = read_class_map(clouds.class_map) if clouds.class_map else None
     named = [
         Source(path, None if path.is_dir() else known, name)
         for path, name in zip(paths, bridges or [""] * len(paths), strict=True)

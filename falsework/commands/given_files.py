@@ -78,6 +78,20 @@ def need_scenario(path: Path) -> None:
     read_toml(path)
 
 
+def need_page(page: Path, field: str) -> None:
+    """Refuse the name of a page that no browser would open as one.
+
+    Args:
+        page: File to write.
+        field: The option that named it.
+
+    Raises:
+        InputError: Its name does not end in .html or .htm.
+    """
+    if page.suffix.lower() not in (".html", ".htm"):
+        raise InputError("not a page", field=field, value=str(page), allowed="a name that ends in .html")
+
+
 def stage_file(stage: Path) -> Path:
     """Find the root layer of a stage, also in a scene's folder or in that of a scene of a run.
 

@@ -8,7 +8,7 @@ import io
 import re
 import sys
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import tyro
 
@@ -104,7 +104,30 @@ def _later(verb: Verb) -> Callable[..., Callable[[], int]]:
     def bound(*values: Any, **named: Any) -> Callable[[], int]:
         return functools.partial(files_first(verb), *values, **named)
 
+    signature = inspect.signature(verb)
+    del bound.__wrapped__  # else the parser reads the words and defaults of the verb itself
+    bound.__signature__ = signature  # pyright: ignore[reportAttributeAccessIssue]
+    bound.__annotations__ = {name: _quiet(parameter.annotation) for name, parameter in signature.parameters.items()}
+    bound.__doc__ = _joined(inspect.getdoc(verb) or "")
     return bound
+
+
+def _quiet(said: Any) -> Any:
+    """Let the help be silent of a default that says nothing: what is left out is left out."""
+    known = getattr(said, "__metadata__", ())
+    base = said.__origin__ if known else said
+    if tyro.conf.UseAppendAction in known:  # of these the help says that they may be repeated
+        return said
+    return Annotated[(base, tyro.conf.arg(help_behavior_hint=_default), *known)]
+
+
+def _default(label: str) -> str:
+    return "" if label in ("", "''", "None", "False") else f"(default: {label})"
+
+
+def _joined(doc: str) -> str:
+    """Undo the line breaks of the source: the help breaks lines where the terminal ends."""
+    return re.sub(r"(?<=\S)\n(?: {8,}(?=\S)|(?=\S))", " ", doc)
 
 
 def _as_input_error(printed: str, program: str) -> InputError:
@@ -121,6 +144,8 @@ def _as_input_error(printed: str, program: str) -> InputError:
         return InputError(what, where=verb, value=found[1], hint=f"Did you mean {like[0]}? {hint}" if like else hint)
     if found := re.fullmatch(r"invalid choice '(.*)' for argument '(.*)'\. Expected one of \((.*?),?\)\.", said):
         choices = re.findall(r"'([^']*)'", found[3])
+        if "None" in choices:  # where an option may be left out, the parser's have no order
+            choices = sorted({*choices} - {"None"})
         near = difflib.get_close_matches(found[1], choices, n=1)
         return InputError(
             "not one of the choices",

@@ -9,6 +9,7 @@ import tyro
 from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import need_scenario
+from falsework.execution.parts import check_parts, scene_range
 
 if TYPE_CHECKING:
     from falsework.execution.plan import Plan
@@ -33,9 +34,10 @@ def plan(
         retry_failed: Plan for `run --retry-failed`.
         as_json: Print one JSON object instead of lines.
     """
+    check_parts(scenes)
     need_scenario(scenario)
     from falsework.execution.plan import plan_run
-    from falsework.scenario import load_scenario, scene_range, values_of
+    from falsework.scenario import load_scenario, values_of
 
     loaded = load_scenario(scenario)
     part = scene_range(scenes, loaded.scenes)
@@ -57,7 +59,7 @@ def _as_text(found: "Plan") -> str:
     lines = [f"{'stage':<8}" + "".join(f"{name.replace('_', ' '):>10}" for name in COLUMNS) + "    s each   MB each"]
     for name, stage in found.stages.items():
         counts = "".join(f"{getattr(stage, column):>10}" for column in COLUMNS)
-        source = "" if stage.learned else "  (the demo's)"
+        source = "" if stage.learned else "  (estimated from the demo)"
         lines.append(f"{name:<8}{counts}{stage.seconds:>10.1f}{stage.bytes / 1e6:>10.1f}{source}")
     lines += [f"scene {name} was rejected: {reason}" for name, reason in found.outcome.rejected.items()]
     lines += [f"scene {name} failed: {reason}" for name, reason in found.outcome.failed.items()]

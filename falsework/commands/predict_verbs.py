@@ -56,6 +56,7 @@ def predict(
         as_json: Print one JSON object instead of lines.
     """
     _check_paths(scan, output, model)
+    _check_table(table)
     from learn.predict.model import named_model, shipped_folder
     from learn.predict.predict import predict_scan
     from learn.predict.settings import PredictSettings
@@ -83,6 +84,18 @@ def _check_paths(scan: Path, output: Path, model: str) -> None:
         need_folder(scan, "a scan, or the folder of a cloud", mark="cloud.json")
     if not output.suffix:
         raise InputError("has no suffix that names a format", where=output, field="-o", hint="Add one, such as .laz")
+    if scan.is_file():
+        from recon.formats.labeled_copy import check_copy
+
+        check_copy(scan, output)
+
+
+def _check_table(table: str) -> None:
+    from learn.datasets.class_tables import OWN
+    from learn.predict.class_sum import check_table
+
+    if table not in ("", OWN):  # whether a model has classes of its own is seen when it is read
+        check_table(table)
 
 
 def _counts(made: "Prediction") -> list[str]:

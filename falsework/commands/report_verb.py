@@ -7,6 +7,7 @@ import tyro
 
 from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import need_page
 from falsework.execution.run_folder import is_run
 from groundwork.errors import InputError, MissingError
 from groundwork.output_file import fresh_file
@@ -36,6 +37,7 @@ def report(sources: Sources, output: Output, *, as_json: AsJson = False) -> int:
             raise MissingError("no such file or folder", where=source, hint="Check the path")
     if not sources:
         raise InputError("nothing to report on", allowed=ALLOWED)
+    need_page(output, "--output")
     kinds = [kind_of(source) for source in sources]
     if len(sources) > 1 and not (set(kinds) <= {"run"} or set(kinds) <= {"model", "scores"}):
         raise InputError(

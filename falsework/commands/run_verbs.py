@@ -8,6 +8,8 @@ import tyro
 
 from falsework.commands.answers import AsJson, answer
 from falsework.commands.given_files import need_scenario
+from falsework.execution.address import check_address
+from falsework.execution.parts import check_parts, scene_range, shard_of
 
 SOME_SCENES_FAILED = 3
 
@@ -61,8 +63,11 @@ def run(
             value=workers,
             allowed="0 or more, and none beside --cluster",
         )
+    check_parts(scenes, shard)
+    if cluster is not None:
+        check_address(cluster)
     need_scenario(scenario)
-    from falsework.scenario import load_scenario, scene_range, shard_of, values_of
+    from falsework.scenario import load_scenario, values_of
 
     loaded = load_scenario(scenario)
     part = shard_of(scene_range(scenes, loaded.scenes), shard)
@@ -72,13 +77,14 @@ def run(
 
 def _run(scenario: object, output: Path, scenes: list[int] | None, as_json: bool, **how: Any) -> int:
     from falsework.commands.run_console import RunConsole
+    from falsework.execution.amounts import amounts
     from falsework.execution.costs import Costs
     from falsework.execution.interrupts import prompt_ending
     from falsework.pipeline import run_scenario
     from falsework.scenario import Scenario
 
     assert isinstance(scenario, Scenario)
-    with prompt_ending(), RunConsole(Costs(output)) as console:
+    with prompt_ending(), RunConsole(Costs(output, amounts(scenario))) as console:
         outcome = run_scenario(scenario, output, console, scenes, board=console, **how)
     if as_json:
         paths = {"reports": [str(p) for p in outcome.reports], "clouds": [str(p) for p in outcome.clouds]}

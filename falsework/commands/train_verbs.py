@@ -266,10 +266,10 @@ def _settings(chosen: dict[str, Any], begun: dict[str, Any], given: tuple[str, .
 
 def _demo(output: Path, seed: int, epochs: int | None, unwanted: list[str], as_json: bool) -> int:
     """Train on the shipped clouds, and print the table."""
-    from learn.demo.demo import demo_table, run_demo
-
     if unwanted:
         raise InputError("not with --demo, which brings its own", field=unwanted[0], hint="Leave it out, or --demo")
+    from learn.demo.demo import demo_table, run_demo
+
     changed: dict[str, Any] = {"seed": seed} | ({} if epochs is None else {"epochs": epochs})
     lines: list[str] = []
 

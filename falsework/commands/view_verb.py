@@ -7,6 +7,7 @@ from pathlib import Path
 import tyro
 
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import need_page
 from groundwork.errors import InputError
 from groundwork.output_file import fresh_file
 from groundwork.output_reading import reading
@@ -32,6 +33,10 @@ def view(
         save: Write a page that needs no server, and exit.
         port: Port of the server; if it is taken, the next free one is used.
     """
+    if save is not None:
+        need_page(save, "--save")
+    elif not PORTS[0] <= port <= PORTS[1]:
+        raise InputError("no such port", field="--port", value=port, allowed=f"{PORTS[0]} to {PORTS[1]}")
     from falsework.view.subject import find_subject
 
     subject = find_subject(place)
@@ -47,8 +52,6 @@ def view(
             save_view(temporary, subject, cloud, way, progress)
         sys.stdout.write(f"page    {save}\n")
         return 0
-    if not PORTS[0] <= port <= PORTS[1]:
-        raise InputError("no such port", field="--port", value=port, allowed=f"{PORTS[0]} to {PORTS[1]}")
     from falsework.view.viewer import Viewer
 
     with ConsoleProgress() as progress, reading(*inputs):

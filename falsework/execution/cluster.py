@@ -2,7 +2,6 @@
 
 import logging
 import os
-import re
 import secrets
 import signal
 import tempfile
@@ -32,8 +31,6 @@ PATIENCE = "1 day"  # for the restart of a worker; Dask would end it after 15 s 
 CLOSING = 4.0  # [s]
 TOLD_EVERY = 1.0  # [s] between two progress messages of a worker
 LOOPBACK = "127.0.0.1"
-_ADDRESS = re.compile(r"(tcp|tls)://[^\s/:]+:[0-9]{1,5}|(tcp|tls)://\[[0-9a-fA-F:.]+\]:[0-9]{1,5}")
-_LAST_PORT = 65535
 
 
 @dataclass(frozen=True)
@@ -85,24 +82,6 @@ class _Teller(SilentBoard):
         if self.topic:
             with suppress(Exception):  # an error in the display must not stop the work
                 get_worker().log_event(self.topic, {"told": astuple(told)})  # Dask adds the worker's name
-
-
-def check_address(address: str) -> None:
-    """Refuse an invalid scheduler address, before anything is made.
-
-    Args:
-        address: Address from the user.
-
-    Raises:
-        InputError: Not the form of a Dask scheduler's address.
-    """
-    if not _ADDRESS.fullmatch(address) or int(address.rpartition(":")[2]) > _LAST_PORT:
-        raise InputError(
-            "not the address of a scheduler",
-            field="--cluster",
-            value=address,
-            allowed="tcp://HOST:PORT or tls://HOST:PORT",
-        )
 
 
 def do_job(job: SceneJob) -> tuple[Outcome, list[str]]:

@@ -1,6 +1,7 @@
 """Time and disk space of results so far, by stage, and the check of free space before further results."""
 
 import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -51,9 +52,12 @@ class Costs:
 
     Attributes:
         root: Output folder of the run.
+        amounts: How many times the demo's work results of a stage are before one has been made,
+            where that is not 1 [1].
     """
 
     root: Path
+    amounts: Mapping[str, float] = field(default_factory=dict[str, float])
     _seconds: dict[str, RunningStatistics] = field(default_factory=dict)
     _bytes: dict[str, RunningStatistics] = field(default_factory=dict)
     _stored: dict[str, RunningStatistics] = field(default_factory=dict)
@@ -67,7 +71,7 @@ class Costs:
         """
         self._look()
         seen = self._seconds.get(stage, RunningStatistics())
-        return seen.mean if seen.count else DEFAULT_SECONDS[stage]
+        return seen.mean if seen.count else self._amount(stage) * DEFAULT_SECONDS[stage]
 
     def bytes_each(self, stage: str) -> float:
         """Return the mean disk space that a result adds [bytes].
@@ -76,7 +80,7 @@ class Costs:
             stage: Its stage.
         """
         seen = self._sizes(stage)
-        return seen.mean if seen.count else DEFAULT_BYTES[stage]
+        return seen.mean if seen.count else self._amount(stage) * DEFAULT_BYTES[stage]
 
     def most_bytes(self, stage: str) -> float:
         """Return the largest disk space that a result has added [bytes].
@@ -85,7 +89,7 @@ class Costs:
             stage: Its stage.
         """
         seen = self._sizes(stage)
-        return seen.greatest if seen.count else DEFAULT_BYTES[stage]
+        return seen.greatest if seen.count else self._amount(stage) * DEFAULT_BYTES[stage]
 
     def is_learned(self, stage: str) -> bool:
         """Tell whether the time of a stage has been measured here.
@@ -95,6 +99,9 @@ class Costs:
         """
         self._look()
         return self._seconds.get(stage, RunningStatistics()).count > 0
+
+    def _amount(self, stage: str) -> float:
+        return self.amounts.get(stage, 1.0)
 
     def _sizes(self, stage: str) -> RunningStatistics:
         self._look()

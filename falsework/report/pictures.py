@@ -10,6 +10,8 @@ from usd_schemas.components import ClassRow
 
 U8 = NDArray[np.uint8]
 
+_NEAREST = 1e-3  # [m] what is nearer is painted alike
+
 
 def paint_labels(labels: U8, classes: tuple[ClassRow, ...]) -> U8:
     """Colour a label image.
@@ -36,14 +38,32 @@ def paint_depth(depth: NDArray[np.float32]) -> U8:
     Returns:
         sRGB colours, shape (H, W, 3), uint8.
     """
-    seen = np.isfinite(depth)
-    if not seen.any():
+    ends = depth_range(depth)
+    if ends is None:
         return np.zeros((*depth.shape, 3), np.uint8)
-    scale = np.log(np.maximum(np.where(seen, depth, 1.0), 1e-3))
-    near, far = np.percentile(scale[seen], [1, 99])
+    seen = np.isfinite(depth)
+    scale = np.log(np.maximum(np.where(seen, depth, 1.0), _NEAREST))
+    near, far = np.log(ends)
     level = np.clip((far - scale) / max(far - near, 1e-6), 0, 1)
     painted = cv2.applyColorMap((level * 255).astype(np.uint8), cv2.COLORMAP_VIRIDIS)[..., ::-1]
     return np.where(seen[..., None], painted, 0).astype(np.uint8)
+
+
+def depth_range(depth: NDArray[np.float32]) -> tuple[float, float] | None:
+    """Tell which depths the ends of the colour scale stand for.
+
+    Args:
+        depth: Planar depth [m], shape (H, W), float32.
+
+    Returns:
+        The hundredth of the pixels with a depth that is nearest ends at the first [m], the farthest begins at the
+        second; None where there is none.
+    """
+    seen = depth[np.isfinite(depth)]
+    if not len(seen):
+        return None
+    near, far = np.exp(np.percentile(np.log(np.maximum(seen, _NEAREST)), [1, 99]))
+    return float(near), float(far)
 
 
 def data_uri(pixels: U8, width: int, *, smooth: bool = True, quality: int = 85) -> str:

@@ -8,7 +8,15 @@ import numpy as np
 
 from falsework.report.cloud_view import Shown, cloud_view
 from falsework.report.figures import class_figure, uncertainty_figure
-from falsework.report.residuals import image_rows, image_table, overlap_figure, residual_figure
+from falsework.report.lens import footprint, lens_rows, miss_figure, tie_rows
+from falsework.report.residuals import (
+    image_rows,
+    image_table,
+    model_fit,
+    overlap_figure,
+    residual_figure,
+    stored_cameras,
+)
 from falsework.report.scene_tables import (
     NOISE_THRESHOLD,
     fact_rows,
@@ -22,29 +30,42 @@ from groundwork.slug import slug
 
 if TYPE_CHECKING:
     from recon.cloud import Cloud
+    from render.capture import Capture, Truth
 
 NOTHING: Mapping[str, Any] = {
     "is_cloud": False,
     "threshold": None,
     "noise": [],
     "residuals": None,
+    "misses": None,
     "overlap": None,
     "known": False,
     "from_truth": True,
-    **dict.fromkeys(("facts", "kept", "windows", "pixels", "images"), ()),
+    **dict.fromkeys(("facts", "kept", "windows", "pixels", "images", "lens", "ties"), ()),
 }
 """What a page says of photographs without a cloud."""
 
 
-def reconstruction_parts(cloud: "Cloud", folder: Path, links: Mapping[str, str]) -> dict[str, Any]:
-    """Make the template's values of a reconstructed cloud.
+def reconstruction_parts(
+    cloud: "Cloud",
+    folder: Path,
+    links: Mapping[str, str],
+    capture: "Capture | None" = None,
+    truth: "Truth | None" = None,
+) -> dict[str, Any]:
+    """Fill what the template shows of a reconstructed cloud.
 
     Args:
         cloud: The cloud.
         folder: Its folder, with the cameras of the reconstruction.
         links: Link to the file of each photograph, by name.
+        capture: The photographs; None where they are not at hand.
+        truth: Their truth; None where there is none.
     """
-    rows = image_rows(cloud, folder)
+    fit, cameras = model_fit(folder), stored_cameras(folder)
+    rows = image_rows(cloud, folder, fit)
+    size = cameras.get("camera", {}).get("size")
+    one_pixel = footprint(cloud, cameras) if unit_of(cloud) == "m" else None
     noise = cloud.statistics.get("noise")
     return {
         "is_cloud": True,
@@ -61,6 +82,10 @@ def reconstruction_parts(cloud: "Cloud", folder: Path, links: Mapping[str, str])
         "windows": window_rows(cloud.statistics),
         "pixels": pixel_rows(cloud.statistics),
         "images": image_table(rows, dict(links)),
+        "lens": lens_rows(cloud, capture, truth),
+        "ties": tie_rows(cloud, fit)
+        + ([] if one_pixel is None else [("a pixel where the points are [mm]", f"{1000 * one_pixel:.1f}")]),
+        "misses": miss_figure(fit, (size[0], size[1])) if fit is not None and size else None,
     }
 
 

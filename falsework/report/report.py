@@ -11,7 +11,7 @@ from falsework.report.figures import flight_figure
 from falsework.report.flight import flight_of
 from falsework.report.outline import outline_cloud
 from falsework.report.page import file_link, settings_rows, write_page
-from falsework.report.pictures import data_uri, paint_depth, paint_labels
+from falsework.report.pictures import data_uri, depth_range, paint_depth, paint_labels
 from falsework.report.reconstruction import NOTHING, reconstruction_parts, sample_parts
 from falsework.report.scene_tables import headline_tiles
 from groundwork.errors import InputError
@@ -115,7 +115,8 @@ def _survey(
     own = f"{name}+{mode}" if mode else name
     more = _files(place, CLOUD, own, folder, FILES[CLOUD])
     settings = found["settings"] + _settings(f"cloud {own}", folder)
-    parts = reconstruction_parts(cloud, folder, dict(zip(flight.names, flight.files, strict=True)))
+    links = dict(zip(flight.names, flight.files, strict=True))
+    parts = reconstruction_parts(cloud, folder, links, capture, truth)
     return {**found, **parts, "files": found["files"] + more, "settings": settings}
 
 
@@ -150,9 +151,11 @@ def _frames(capture: Capture, truth: Truth, home: str, count: int) -> list[dict[
             "file": f"{home}/{file_link(*capture.images[index].file.split('/'))}",
             "rgb": data_uri(load_image(capture, index), FRAME_WIDTH, quality=80),
             "labels": data_uri(paint_labels(truth.semantic(index), truth.classes), FRAME_WIDTH, smooth=False),
-            "depth": data_uri(paint_depth(truth.depth(index)), FRAME_WIDTH, quality=80),
+            "depth": data_uri(paint_depth(depth), FRAME_WIDTH, quality=80),
+            "range": "" if (ends := depth_range(depth)) is None else f"{ends[0]:.1f} m to {ends[1]:.0f} m",
         }
         for index in _spread(len(capture.images), count)
+        for depth in (truth.depth(index),)
     ]
 
 

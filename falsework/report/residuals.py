@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from falsework.report.page import BLUE, RED, number, plain_layout
 from groundwork.files import read_json
+from recon.cloud import SFM_DENSE
 
 if TYPE_CHECKING:
     from recon.cloud import Cloud
@@ -45,14 +46,42 @@ class ImageRow:
     rotation_error: float
 
 
-def image_rows(cloud: "Cloud", folder: Path) -> list[ImageRow]:
-    """Summarize each image of a reconstructed cloud.
+@dataclass(frozen=True)
+class ModelFit:
+    """How far the tie points of a model appear from their keypoints.
+
+    Attributes:
+        names: Name of each registered image, without its suffix.
+        image: Row in `names` of each keypoint, shape (M,), int64.
+        uv: The keypoints [px], shape (M, 2), float64.
+        miss: From each keypoint to where its point appears [px], shape (M, 2), float64.
+    """
+
+    names: tuple[str, ...]
+    image: NDArray[np.int64]
+    uv: F64
+    miss: F64
+
+    def medians(self) -> dict[str, float]:
+        """Give the median distance between keypoint and point [px], by the name of the image."""
+        away = np.linalg.norm(self.miss, axis=1)
+        return {name: _median(away[self.image == row]) for row, name in enumerate(self.names)}
+
+
+def image_rows(cloud: "Cloud", folder: Path, fit: ModelFit | None = None) -> list[ImageRow]:
+    """Sum up each image of a reconstructed cloud.
+
+    A dense cloud holds no keypoints: what it holds of an image are the pixels of its own depth maps. What fits there
+    is the model that it rests on.
 
     Args:
         cloud: A cloud.
         folder: Its folder, with the cameras of the reconstruction.
+        fit: How well its model fits the keypoints; None where the folder has no model.
     """
-    residuals = reprojection_residuals(cloud, folder)
+    dense = cloud.source == SFM_DENSE
+    residuals = None if dense else reprojection_residuals(cloud, folder)
+    fits = fit.medians() if dense and fit is not None else {}
     image = cloud.observations["image"]
     order = np.argsort(image, kind="stable")
     ends = np.searchsorted(image[order], np.arange(len(cloud.cameras) + 1))
@@ -64,7 +93,7 @@ def image_rows(cloud: "Cloud", folder: Path) -> list[ImageRow]:
                 str(camera["name"]),
                 str(camera["status"]),
                 len(mine),
-                _median(residuals[mine]),
+                fits.get(str(camera["name"]), np.nan) if residuals is None else _median(residuals[mine]),
                 _median(cloud.observations["depth_error"][mine]),
                 _float(camera.get("center_error")),
                 _float(camera.get("rotation_error")),
@@ -85,10 +114,9 @@ def reprojection_residuals(cloud: "Cloud", folder: Path) -> F64:
     """
     image = cloud.observations["image"]
     result = np.full(len(image), np.nan)
-    path = folder / "cameras_sfm.json"
-    if not path.is_file() or not len(image):
+    stored = stored_cameras(folder)
+    if not stored or not len(image):
         return result
-    stored = read_json(path)
     poses = {row["name"]: np.array(row["camera_to_world"], np.float64) for row in stored["poses"]}
     point = np.repeat(np.arange(len(cloud)), np.diff(cloud.observations["start"]))
     for row, camera in enumerate(cloud.cameras):
@@ -100,6 +128,40 @@ def reprojection_residuals(cloud: "Cloud", folder: Path) -> F64:
         seen = _projected(local[:, :2] / local[:, 2:], stored["camera"]["model"], stored["camera"]["params"])
         result[mine] = np.linalg.norm(seen - cloud.observations["uv"][mine], axis=1)
     return result
+
+
+def stored_cameras(folder: Path) -> dict[str, Any]:
+    """Read lens and poses of a reconstruction; nothing where the folder has none.
+
+    Args:
+        folder: Folder of a cloud.
+    """
+    path = folder / "cameras_sfm.json"
+    return read_json(path) if path.is_file() else {}
+
+
+def model_fit(folder: Path) -> ModelFit | None:
+    """Measure how well the model of structure from motion fits its keypoints.
+
+    Args:
+        folder: Folder of a cloud, with the model in `sparse`.
+
+    Returns:
+        The fit; None where there is no model.
+
+    Raises:
+        InputError: The model is damaged.
+    """
+    from recon.sfm.colmap_model import read_model
+
+    if not (folder / "sparse" / "images.bin").is_file():
+        return None
+    model = read_model(folder / "sparse")
+    poses = model.poses[model.obs_image]
+    local = np.einsum("mi,mij->mj", model.points[model.obs_point] - poses[:, :3, 3], poses[:, :3, :3])
+    seen = _projected(local[:, :2] / local[:, 2:], model.camera_model, list(model.camera_params))
+    names = tuple(Path(name).stem for name in model.names)
+    return ModelFit(names, model.obs_image, model.obs_uv, seen - model.obs_uv)
 
 
 def residual_figure(rows: list[ImageRow]) -> go.Figure:

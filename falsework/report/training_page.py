@@ -32,12 +32,19 @@ def write_training_page(path: Path, models: Mapping[str, Path], evaluations: Map
         path,
         "training.html.j2",
         title=f"{'Training' if models else 'Scores'}: {' · '.join(models or evaluations)}",
-        lead=f"{len(trained)} model{'s'[: len(trained) != 1]}, {len(scored)} table{'s'[: len(scored) != 1]} of scores",
+        lead=_lead(len(trained), len(scored)),
         models=trained,
         curves=_curves(trained) if any(row["log"] for row in trained) else [],
         evaluations=scored,
         side_by_side=_side_by_side(scored) if len(scored) > 1 else None,
     )
+
+
+def _lead(models: int, scores: int) -> str:
+    """Say what the page is of; models without scores are told how to get some."""
+    counted = ((models, "model", "models"), (scores, "table of scores", "tables of scores"))
+    of = ", ".join(f"{count} {several if count > 1 else one}" for count, one, several in counted if count)
+    return of if scores else f"{of}; for scores: falsework evaluate MODEL SET -o scores.json, and name the file, too"
 
 
 def read_evaluation(path: Path) -> dict[str, Any]:

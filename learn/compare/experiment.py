@@ -3,28 +3,24 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from importlib.resources import files
 from itertools import combinations
-from pathlib import Path
 from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from groundwork.errors import InputError
-from groundwork.foreign_file import parse_toml
-from groundwork.settings import Settings, parse_settings, read_toml
+from groundwork.settings import Settings, parse_settings
 from learn.compare.pieces import CutSettings, known_inputs
+from learn.compare.preset import DEFAULT_SET, preset_values
 from learn.compare.sources import SampleSettings
 from learn.datasets.patch import CHANNELS, Scaling
 from learn.datasets.settings import AugmentSettings, TileSettings, WindowSettings
 from learn.training.settings import TrainSettings
 
-DEFAULT_SET = "bridges"
-MOST = 1000.0  # [m] above every uncertainty: keeps all points
+MOST = 1000.0  # [m] uncertainty that no point exceeds
 _NAME = r"[A-Za-z0-9][A-Za-z0-9_@.+-]*"  # a run that makes two clouds of a flight calls them local+dense …
 _PART = re.compile(rf"(?:({_NAME})/)?({_NAME})(?:\s*~\s*({_NAME}))?")
 
-__all__ = ["DEFAULT_SET", "ExperimentSettings", "Part", "experiment_settings", "preset_names"]
+__all__ = ["ExperimentSettings", "Part", "experiment_settings"]
 
 
 @dataclass(frozen=True, order=True)
@@ -260,12 +256,6 @@ class ExperimentSettings(Settings):
         return -(-self.steps // self.looks) * self.batch
 
 
-def preset_names() -> tuple[str, ...]:
-    """Name the presets of the package."""
-    found = (entry.name for entry in files("learn").joinpath("compare/presets").iterdir())
-    return tuple(sorted(name.removesuffix(".toml") for name in found if name.endswith(".toml")))
-
-
 def experiment_settings(what: str, given: Mapping[str, Any]) -> ExperimentSettings:
     """Read an experiment.
 
@@ -276,15 +266,7 @@ def experiment_settings(what: str, given: Mapping[str, Any]) -> ExperimentSettin
     Raises:
         InputError: Neither a preset nor a file, or a value that is not allowed.
     """
-    if what in preset_names():
-        entry = files("learn").joinpath(f"compare/presets/{what}.toml")
-        values = parse_toml(entry.read_bytes(), Path(what))
-    elif Path(what).suffix == ".toml":
-        values = read_toml(Path(what))
-    else:
-        raise InputError(
-            "no such experiment", field="--preset", value=what, allowed=f"{', '.join(preset_names())}, or a .toml file"
-        )
+    values = preset_values(what)
     for key, value in given.items():
         before = values.get(key)
         values[key] = {**before, **value} if isinstance(before, dict) and isinstance(value, dict) else value

@@ -130,8 +130,7 @@ def sum_classes(
     if own == OWN and table in ("", OWN):
         return _as_they_are(classes, ids or tuple(range(len(classes))), kept)
     wanted = table or (BASE if own == COMPONENTS else own)
-    if wanted not in TAXONOMIES:
-        raise InputError("unknown table", field="--table", value=wanted, allowed=", ".join(TAXONOMIES))
+    check_table(wanted)
     if own not in (wanted, BASE, COMPONENTS):
         raise InputError(
             f"the model's classes are those of {own}, too coarse for another table",
@@ -159,6 +158,19 @@ def sum_classes(
     rest = np.array([name in always for name in names]) | (reached & ~matrix[~surroundings].any(axis=0))
     chosen = np.array([row.name in kept or not kept for row in rows])
     return ClassSum(wanted, names, np.array([row.id for row in rows], np.uint8), matrix, chosen & reached, rest)
+
+
+def check_table(table: str) -> None:
+    """Refuse a table that nothing can be summed into.
+
+    Args:
+        table: What a user named.
+
+    Raises:
+        InputError: There is no such table.
+    """
+    if table not in TAXONOMIES:
+        raise InputError("unknown table", field="--table", value=table, allowed=", ".join(TAXONOMIES))
 
 
 def _as_they_are(classes: tuple[str, ...], ids: tuple[int, ...], kept: tuple[str, ...]) -> ClassSum:

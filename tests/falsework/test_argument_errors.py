@@ -23,6 +23,9 @@ LINES = {
     "sample mesh s -o p --points 1.5": r"sample mesh: --points: not a whole number \(found '1\.5'\)\. See .*",
     "sample mesh s -o p --density x": r"sample mesh: --density: not a number \(found 'x'\)\. See .*",
     "export d -o o --to lazz": r"export: --to: not one of the choices \(found 'lazz'\); allowed: laz, .*'laz'\?",
+    "reconstruct d -o o --mode spare": r"reconstruct: --mode: .*; allowed: both, dense, sparse\. .*'sparse'\?",
+    "gallery families -o o --family slap": r"gallery: --family: .*; allowed: arch, .*\. Did you mean 'slab'\?",
+    "gallery looks -o o --world city": r"--world: not with looks \(found 'city'\); allowed: with worlds alone",
     "scene set s look=a --re-origin 1 2": r"scene set: --re-origin: needs 3 values \(found 2\)\. See .*",
 }
 
@@ -46,6 +49,19 @@ def test_the_help_lists_every_verb_once(capsys: pytest.CaptureFixture[str]) -> N
     listed = re.findall(r"^[│ ] +[•*] ([a-z-]+)", capsys.readouterr().out, re.M)
     assert listed == list(VERBS)
     assert sorted(listed) == sorted({name.split()[0] for name in all_verbs()})
+
+
+def test_the_help_is_silent_of_defaults_that_say_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    """No None, no False, no empty word; and no line ends where a line of the source does."""
+    for name in all_verbs():
+        with pytest.raises(SystemExit):
+            main([*name.split(), "--help"])
+        assert not re.findall(r"\(default:\s*(?:None|False|''|\))", capsys.readouterr().out), name
+    with pytest.raises(SystemExit):
+        main(["render", "--help"])
+    text = re.sub(r" *│\n│ +", " ", capsys.readouterr().out)
+    assert "a number of stops from gain 1, or `auto`" in text
+    assert "(default: standard)" in text
 
 
 def test_no_flag_has_a_twin_that_negates_it() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from falsework.store.store import Store
-from learn.compare.experiment import preset_names
+from learn.compare.preset import preset_names
 from learn.metrics import mean_iou
 from learn.trained import read_model
 from recon.cloud import Cloud, write_cloud

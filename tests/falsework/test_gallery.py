@@ -1,12 +1,15 @@
 """The gallery of families: sheets of the right size, and one real bridge."""
 
 from pathlib import Path
+from typing import get_args
 
 import cv2
 import numpy as np
 import pytest
 
-from falsework.cli import main
+from authoring.backgrounds.registry import BACKGROUNDS
+from authoring.families.registry import FAMILIES
+from falsework.cli import Family, World, main
 from falsework.gallery.contact_sheet import contact_sheet
 from falsework.gallery.looks import close_to_concrete
 from tests.render.scenes import SceneBuilder, placed
@@ -35,6 +38,12 @@ def test_a_look_is_seen_from_half_a_metre() -> None:
     ahead = close[:3, 2]
     assert -close[0, 3] / ahead[0] == pytest.approx(0.5, abs=1e-5)
     assert np.linalg.norm(np.cross(close[:3, 3] - pose[:3, 3], ahead)) < 1e-5
+
+
+def test_the_verb_offers_what_there_is() -> None:
+    """Its words are those of the registries, so that a wrong one is told before these are loaded."""
+    assert get_args(Family) == tuple(sorted(FAMILIES))
+    assert {*get_args(World), "none"} == {*BACKGROUNDS}
 
 
 @pytest.mark.slow

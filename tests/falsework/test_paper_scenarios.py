@@ -8,7 +8,8 @@ from authoring.families.bridge_settings import draw_layout
 from authoring.families.registry import FAMILIES
 from authoring.streams import stream
 from falsework.scenario import Scenario, load_scenario, scene_seed
-from learn.compare.experiment import experiment_settings, preset_names
+from learn.compare.experiment import experiment_settings
+from learn.compare.preset import preset_names
 from learn.compare.selection import parts_in
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"

@@ -4,6 +4,7 @@ import base64
 import hashlib
 import json
 import re
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -21,7 +22,7 @@ from falsework.report.comparison_page import write_comparison_page
 from falsework.report.dataset_page import write_dataset_page
 from falsework.report.page import file_link, settings_rows, way_to
 from falsework.report.report import write_report
-from falsework.report.residuals import image_rows, overlap_map, reprojection_residuals
+from falsework.report.residuals import image_rows, model_fit, overlap_map, reprojection_residuals
 from falsework.report.run_page import Event, FailureRow, RunFacts, SceneRow, write_run_page
 from falsework.report.survey_page import write_survey_page
 from falsework.report.training_page import write_training_page
@@ -273,6 +274,38 @@ def test_residuals_are_those_of_the_camera(tmp_path: Path) -> None:
     each = image_rows(cloud, tmp_path)
     assert [row.points for row in each] == [300] * VIEWS
     assert each[1].residual == pytest.approx(np.median(moved[:, 1]))
+
+
+def test_residuals_of_a_dense_cloud_are_those_of_its_model(tmp_path: Path) -> None:
+    """It holds no keypoints of its own: each image's are those of the tie points, as pycolmap projects them."""
+    import pycolmap
+
+    pycolmap.set_random_seed(3)
+    options = pycolmap.SyntheticDatasetOptions(
+        num_points3D=400, num_rigs=1, num_cameras_per_rig=1, num_frames_per_rig=VIEWS
+    )
+    model = pycolmap.synthesize_dataset(options)
+    pycolmap.synthesize_noise(pycolmap.SyntheticNoiseOptions(point2D_stddev=0.4), model)
+    (tmp_path / "sparse").mkdir()
+    model.write_binary(tmp_path / "sparse")
+    right: list[float] = []
+    images = sorted(model.images.values(), key=lambda image: image.name)
+    for image in images:
+        keys = [point for point in image.points2D if point.has_point3D()]
+        put = [image.project_point(model.points3D[key.point3D_id].xyz) for key in keys]
+        right.append(float(np.median([np.linalg.norm(key.xy - seen) for key, seen in zip(keys, put, strict=True)])))
+    cloud = small_cloud(40)
+    cameras = [{"name": Path(image.name).stem, "status": "ok"} for image in images]
+    cloud = replace(cloud, cameras=cameras, source="sfm-dense")
+    fit = model_fit(tmp_path)
+    assert fit is not None
+    rows = image_rows(cloud, tmp_path, fit)
+    assert [row.residual for row in rows] == pytest.approx(right, abs=1e-6)
+    assert min(right) > 0.2
+    shutil.rmtree(tmp_path / "sparse")
+    assert model_fit(tmp_path) is None
+    rows = image_rows(cloud, tmp_path)
+    assert np.isnan([row.residual for row in rows]).all()
 
 
 def test_overlap_counts_different_images() -> None:

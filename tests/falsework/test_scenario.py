@@ -4,15 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from falsework.scenario import (
-    Scenario,
-    demo_scenario,
-    given_files,
-    load_scenario,
-    scene_range,
-    scene_seed,
-    shard_of,
-)
+from falsework.execution.parts import scene_range, shard_of
+from falsework.scenario import Scenario, demo_scenario, given_files, load_scenario, scene_seed
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings, read_toml
 

@@ -8,8 +8,9 @@ import pytest
 
 from groundwork.errors import InputError
 from groundwork.progress import SILENT
-from learn.compare.experiment import ExperimentSettings, Part, experiment_settings, preset_names, read_part
+from learn.compare.experiment import ExperimentSettings, Part, experiment_settings, read_part
 from learn.compare.pieces import CloudSource, PieceCounts, counts_of, cut_pieces, read_window
+from learn.compare.preset import preset_names
 from learn.compare.selection import CutScene, check_bridges, losses_of, share_out, windows_of, windows_to_test
 from learn.compare.sources import HeldWindows, TrainingWindows, WindowPlace
 from learn.datasets.class_tables import class_table

@@ -1,0 +1,27 @@
+"""Progress in plain lines, by a clock that the test moves."""
+
+import pytest
+
+from falsework.commands import console
+from falsework.commands.console import ConsoleProgress
+
+
+def test_the_first_unit_does_not_foretell_the_rest(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It holds what was loaded and compiled: 95 s for it, 1 s for each of the others, and no word of 6,000 s."""
+    now = [0.0]
+    monkeypatch.setattr(console.time, "monotonic", lambda: now[0])
+    with ConsoleProgress() as progress:
+        for name in ("fuse", "depth"):  # a second stage begins anew
+            progress.stage(name, 65)
+            now[0] += 95.0
+            for done in range(1, 66):
+                progress.advance(done)
+                now[0] += 1.0
+    lines = capsys.readouterr().err.splitlines()
+    own = [line for line in lines if line.startswith("fuse")]
+    assert own[0] == "fuse: 1/65"
+    assert own[1] == "fuse: 11/65, about 54 s left"
+    assert own[-1] == "fuse: done in 160.0 s"
+    assert [line.replace("depth", "fuse") for line in lines if line.startswith("depth")] == own
