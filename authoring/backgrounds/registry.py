@@ -46,7 +46,7 @@ class BackgroundSettings(Settings):
 
     @model_serializer(mode="wrap")
     def _without_summer(self, spell: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Spell settings of summer as before there were seasons: hashes and keys of results stay the same."""
+        """Serialize settings of summer as before there were seasons: hashes and keys of results stay the same."""
         values = spell(self)
         return {key: value for key, value in values.items() if (key, value) != ("season", SUMMER)}
 

@@ -30,7 +30,7 @@ class Waterside:
         terrain: The terrain.
         basin: The water.
         reaches: Stations of the cross-sections of each stretch of quay [m], each of shape (N,), float64.
-        prefix: Put before the names of what stands here.
+        prefix: Prefix of the names of these components.
     """
 
     terrain: Terrain

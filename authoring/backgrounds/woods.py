@@ -146,7 +146,7 @@ def shrub_run(
 
 
 def clear_ground(terrain: Terrain, places: F64, plots: Plots, gap: float) -> B:
-    """Tell where plants may grow: off the ways, the site and the buildings.
+    """Find where plants may grow: outside the ways, the site and the buildings.
 
     Args:
         terrain: The terrain.

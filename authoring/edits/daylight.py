@@ -70,7 +70,7 @@ def harvest_sun(layer: Sdf.Layer, scene: Usd.Stage, prim: Usd.Prim | None, edite
 
 
 def _strength(prim: Usd.Prim) -> F64:
-    """Read colour times intensity; Blender says of every light that it has a colour temperature, of white."""
+    """Read color times intensity; Blender writes a color temperature, that of white, on every light."""
     light, time = UsdLux.LightAPI(prim), Usd.TimeCode.EarliestTime()
     color = np.array(light.GetColorAttr().Get(time)) * light.GetIntensityAttr().Get(time)
     kelvin = light.GetColorTemperatureAttr()

@@ -165,7 +165,7 @@ def _open(path: Path) -> Usd.Stage:
 
 
 def _placer(scene: Usd.Stage) -> Place:
-    """Say where edits of a prim go: those of materials and backgrounds into the variant that is selected."""
+    """Choose the target of edits of a prim: for materials and backgrounds, the selected variant."""
     homes = []
     for prim, name, scope in (
         (tokens.BRIDGE, "look", f"{tokens.BRIDGE}/BridgeLooks"),
@@ -186,7 +186,7 @@ def _placer(scene: Usd.Stage) -> Place:
 
 
 def _worn(place: Place, path: Sdf.Path) -> Sdf.Path:
-    """Say where the binding of a mesh goes: into the look, when it belongs to the bridge."""
+    """Choose the target of a mesh's binding: the look, when the mesh is part of the bridge."""
     bridge = Sdf.Path(tokens.BRIDGE)
     if not path.HasPrefix(bridge):
         return place(path)

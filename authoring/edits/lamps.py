@@ -15,7 +15,7 @@ _DECIMALS = 6
 
 
 def is_lamp(prim: Usd.Prim) -> bool:
-    """Tell whether a prim is a light of its own, and neither a sky nor a mesh that glows.
+    """Check whether a prim is a separate light, neither a sky nor an emissive mesh.
 
     Args:
         prim: Any prim.

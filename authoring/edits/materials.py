@@ -59,7 +59,7 @@ class Textures:
                 self._files.setdefault(path.name, []).append(path)
 
     def knows(self, file: str, named: str) -> bool:
-        """Tell whether a file is a texture of the scene, under its own name or that of the one it would replace.
+        """Check whether a file is a texture of the scene, under its own name or that of the one it would replace.
 
         Args:
             file: Texture of the edited stage.

@@ -46,7 +46,7 @@ def moved_prims(scene: Usd.Stage, edited: Usd.Stage, pairs: dict[Sdf.Path, Usd.P
 
 
 def differs(before: F64, after: F64) -> bool:
-    """Tell whether two transforms differ by more than a round trip does.
+    """Check whether two transforms differ by more than a round trip does.
 
     Args:
         before: Transform [stage units], shape (4, 4), float64.

@@ -32,7 +32,7 @@ class AtlasRaster:
         self._areas: dict[int, tuple[float, float]] = {}
 
     def footprint(self, number: int) -> float:
-        """Tell how much of the first UV set one texel shows, on average [m].
+        """Compute how much of the first UV set one texel shows, on average [m].
 
         Args:
             number: Owner.

@@ -65,7 +65,7 @@ class Carried:
         supports: Stations of the bearing lines, abutments first and last [m].
         half_width: Half the deck's width [m].
         service: `road` or `rail`.
-        straight: Arches and cables want a straight axis with square supports and no crest.
+        straight: Arches and cables need a straight axis with square supports and no crest.
     """
 
     supports: tuple[float, ...]

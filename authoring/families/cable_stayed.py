@@ -212,7 +212,7 @@ def _height(choice: Choice, values: dict[str, float]) -> float:
 def _deck(
     choice: Choice, width: float, depth: float, values: dict[str, float], chamfered: bool, plane: float = 0.0
 ) -> CableDeck:
-    """Lay out the cross-section: beams under the stays where these stand on the deck."""
+    """Design the cross-section: beams under the stays where these are anchored in the deck."""
     slab, share = values["slab"], values["share"]
     below = round(depth - slab, 2)
     half = 0.5 * width

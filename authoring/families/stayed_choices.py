@@ -204,7 +204,7 @@ def choose(settings: CableStayedSettings, top: DeckTop, randoms: RandomDraws, fi
         settings: What the user fixed.
         top: What lies on the deck.
         randoms: Random numbers that decide what the user left open.
-        fits: Tells whether legs and stays of such a bridge clear the traffic.
+        fits: Checks whether legs and stays of such a bridge clear the traffic.
     """
     divided = top.roadway is not None and top.roadway.lanes % 2 == 0
     if settings.shape is not None:

@@ -208,7 +208,7 @@ def stays_of(choice: Choice, frame: Frame, pylon: Pylon, plane: float) -> Stays:
 
 
 def clears_traffic(choice: Choice, frame: Frame, pylon: Pylon, stays: Stays) -> bool:
-    """Tell whether legs and stays stay out of the traffic's gauge.
+    """Check whether legs and stays stay out of the traffic's gauge.
 
     Args:
         choice: Kind of the bridge.

@@ -28,7 +28,7 @@ def mend(layer: Sdf.Layer) -> None:
 
 
 def _prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    """Walk every prim that the layer speaks of, prototypes too; those above are changed before those below."""
+    """Visit every prim that the layer defines, prototypes too; parents are changed before children."""
     yield from Usd.PrimRange(stage.GetPseudoRoot(), Usd.PrimAllPrimsPredicate)
 
 

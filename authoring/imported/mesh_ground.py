@@ -31,7 +31,7 @@ _SAMPLES = 6_000_000
 
 
 def ground_triangles(triangles: F64) -> NDArray[np.bool_]:
-    """Tell which triangles are ground.
+    """Find which triangles are ground.
 
     Args:
         triangles: Corners [m], z up, shape (T, 3, 3), float64.

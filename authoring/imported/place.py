@@ -34,7 +34,7 @@ class BuiltMap:
     built: NDArray[np.bool_]
 
     def at(self, xy: F64) -> NDArray[np.bool_]:
-        """Tell which places are built up; none is outside the map.
+        """Find which places are built up; none is outside the map.
 
         Args:
             xy: Plan positions in the world's own coordinates [m], shape (..., 2), float64.

@@ -181,7 +181,7 @@ def _set_down(building: Building, terrain: Terrain, place: CityPlace, ground: Ci
 def _land_covers(
     terrain: Terrain, place: CityPlace, built: BuiltMap, rng: np.random.Generator
 ) -> tuple[tuple[Cover, F64], ...]:
-    """Pave the ground round buildings; farther off, and beyond the world's edge, lay out fields and woods.
+    """Pave the ground around buildings; farther away, and beyond the world's edge, place fields and woods.
 
     Returns:
         Each cover with its signed field at the terrain's nodes [m], shape (S, L), float64.

@@ -95,7 +95,7 @@ class Clearance:
         return free
 
     def rigid(self, station: F64, left: F64, beyond: F64) -> F64:
-        """Tell how far a piece is left as it is: 0 where it follows the terrain, 1 where it is not bent.
+        """Compute how far a piece is left as it is: 0 where it follows the terrain, 1 where it is not bent.
 
         Args:
             station: Distance along the axis [m], shape (...), float64.

@@ -189,7 +189,7 @@ def _photographed(settings: LightSettings, picture: Path) -> tuple[F64, F64, F64
 
 
 def author_lighting(stage: Usd.Stage, lighting: Lighting, environment: str = tokens.ENVIRONMENT) -> None:
-    """Define `Sun` and `Sky`, and say how far one sees.
+    """Define `Sun` and `Sky`, and write the visibility.
 
     Args:
         stage: Stage whose edit target receives them; that layer must lie beside the sky's `textures` folder.

@@ -1,4 +1,4 @@
-"""What weathering knows of each member of a bridge, of each texel on it, and the noise that its marks are broken by."""
+"""Data for weathering: each member of a bridge, each texel on it, and the noise that breaks up its marks."""
 
 from dataclasses import dataclass
 
@@ -153,7 +153,7 @@ def draw_fields(rng: np.random.Generator) -> Fields:
 def read_spots(
     charts: Charts, members: Members, fields: Fields, texels: tuple[I32, np.ndarray, np.ndarray], edges: Floats
 ) -> Spots:
-    """Tell what is known of some texels.
+    """Return what is known of some texels.
 
     Args:
         charts: The atlas.

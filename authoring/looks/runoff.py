@@ -46,7 +46,7 @@ class Stains:
     strength: Floats
 
     def below(self, place: Floats) -> Floats:
-        """Tell how much of a stain each place has.
+        """Compute how much of a stain each place has.
 
         Args:
             place: World positions [m], shape (N, 3), float32.

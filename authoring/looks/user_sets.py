@@ -121,7 +121,7 @@ def place_set(one: MapSet, folder: Path, metres: float, texels: int) -> tuple[Sh
 
 
 def _roles(one: MapSet) -> tuple[str, ...]:
-    """Roles that a family's name suits; where it tells nothing, the set's own name may."""
+    """List the roles that a family's name suggests; otherwise those that the set's own name suggests."""
     for name in (one.family.lower(), one.name.lower()):
         for words, roles in FAMILIES:
             if any(word in name for word in words):
@@ -172,7 +172,7 @@ def _decode_exr(data: bytes, where: str) -> U8:
 
 
 def _stated_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height that a PNG says before anything is unpacked."""
+    """Read width and height from a PNG header before anything is decoded."""
     return struct.unpack(">II", data[16:24]) if data[:4] == b"\x89PNG" and len(data) > 24 else None
 
 

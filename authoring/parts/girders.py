@@ -21,7 +21,7 @@ from groundwork.settings import Settings
 
 Shape = Literal["i", "bulb_t", "t", "u", "box", "rectangle"]
 
-SPAN_TO_DEPTH = (10.0, 30.0)  # [1] of girders that a user may ask for
+SPAN_TO_DEPTH = (10.0, 30.0)  # [1] of girders that a user may set
 _SHORTER = 0.012  # [m] than the slab at either end, so that their end faces do not lie in one plane
 _WIDE_SHAPES = ("u", "box")
 _CLOSE = (1.8, 3.0, 0.6, 1.2)  # [m] least and largest spacing, least and largest overhang

@@ -244,7 +244,7 @@ def _with_cap(piers: Piers, taper: float) -> Piers:
     depth, arm = piers.cap_depth, 0.5 * (piers.cap_length - piers.column_width)
     if piers.kind == "wall":
         depth = max(0.55 * depth, 0.5)
-    elif piers.kind in ("single", "hammerhead"):  # cantilevers want depth
+    elif piers.kind in ("single", "hammerhead"):  # cantilevers need depth
         depth = max(depth, 0.28 * arm)
     elif piers.kind in ("y", "v"):
         depth = max(0.75 * depth, 0.6)

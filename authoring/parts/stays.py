@@ -110,7 +110,7 @@ def head_heights(arrangement: str, runs: Sequence[Run], zone: HeadZone) -> tuple
     even = (top - zone.lowest) / (len(runs) - 1) if arrangement == "semi_fan" else 0.0
     heads, least = [top], [run for _, run in runs[::-1]]
     for upper, lower in pairwise(least):
-        # The lower one is told by the upper one's height, from which it slants a little more than it does.
+        # The lower one uses the upper one's height, so it is a little steeper here than it is built.
         spread = [zone.collar * float(np.hypot(1.0, (heads[-1] - foot) / run)) for run in (upper, lower)]
         heads.append(heads[-1] - max(even, sum(spread) + _BETWEEN))
     return tuple(heads[::-1])

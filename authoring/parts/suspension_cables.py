@@ -251,7 +251,7 @@ def anchorage_volume(pull: float) -> float:
 
 
 def _growth(cables: SuspensionCables) -> tuple[float, float]:
-    """Find how long an anchor block has to be, and how much wider than its casting wants [m]."""
+    """Compute the length of an anchor block, and how much wider than its casting it has to be [m]."""
     side = anchorage_volume(cables.pull) ** (1.0 / 3.0)
     return min(1.1 * side, _LONGEST), min(0.55 * side, _WIDEST)
 

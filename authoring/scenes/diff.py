@@ -142,7 +142,7 @@ def _compare(before: Usd.Prim, after: Usd.Prim, looks: tuple["_Looks", "_Looks"]
 
 
 def _distance(before: Usd.Prim, after: Usd.Prim) -> float | None:
-    """Tell how far a prim's origin has gone [m], or that nothing about its transform has changed."""
+    """Compute how far a prim's origin has moved [m]; None where its transform has not changed."""
     poses = []
     for prim in (before, after):
         xform = UsdGeom.Xformable(prim)

@@ -19,7 +19,7 @@ _EDITS = "./edits/"
 
 
 def write_labels(settings: LabelSettings, folder: Path) -> None:
-    """Switch the label layers of a new scene as its settings say.
+    """Switch the label layers of a new scene according to its settings.
 
     Args:
         settings: Which of them.

@@ -135,7 +135,7 @@ def kind_findings(stage: Usd.Stage) -> Iterator[str]:
 
 
 def camera_findings(stage: Usd.Stage) -> Iterator[str]:
-    """Poses lie at the integer codes 0 to N - 1, and the lens says what the calibration says.
+    """Check that poses lie at the integer codes 0 to N - 1, and that the lens equals the calibration.
 
     Args:
         stage: Stage to look at.
@@ -242,7 +242,7 @@ def lens_values(lens: UsdLens) -> tuple[float, float, float, float, float]:
 
 
 def _is_elsewhere(error: UsdValidation.ValidationError) -> bool:
-    """Tell whether a finding says only that MaterialX is not installed here: the shader is for those that have it."""
+    """Check whether a finding is only that MaterialX is not installed here: the shader serves other programs."""
     return error.GetName() == "MissingShaderIdInRegistry" and "'ND_" in error.GetMessage()
 
 

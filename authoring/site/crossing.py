@@ -67,7 +67,7 @@ def choose_crossing(layout: Layout, rng: np.random.Generator) -> CrossingKind:
 
 
 def told_crossings() -> str:
-    """Say how often each crossing is drawn among those that suit a bridge, and which bridges suit it."""
+    """State how often each crossing is drawn among those that fit a bridge, and which bridges fit it."""
     return ", ".join(
         f"{kind} {rule.weight:g} (spans of {rule.spans[0]:g} to {rule.spans[1]:g} m, seats {rule.headroom:g} m high)"
         for kind, rule in _RULES.items()

@@ -90,7 +90,7 @@ def strip_lines(land: Land, run_out: float, half_width: float, fine: tuple[float
 def strip_ground(land: Land, stations: F64, lefts: F64) -> tuple[HeightField, Soup]:
     """Shape the site's ground on grid lines; heights are whole tenths of a millimetre.
 
-    One more line all round, `FIRST_STEP` outside, enters the normals, so that a background shades the joint alike.
+    One more line all around, `FIRST_STEP` outside, enters the normals, so that a background shades the joint alike.
 
     Args:
         land: The land.

@@ -70,7 +70,7 @@ def key_cameras(positions: F64, points: F64, components: NDArray[np.integer]) ->
 
 
 def _followed(rows: I64, looks: F64, distance: F64) -> list[int]:
-    """Choose the key cameras that a gimbal can follow; of two that ask for too fast a turn, the nearer one counts."""
+    """Choose the key cameras that a gimbal can follow; of two that need too fast a turn, the nearer one counts."""
     turns = look_along(looks)
     kept = [0]
     for key in range(1, len(rows)):

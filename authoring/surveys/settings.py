@@ -1,4 +1,4 @@
-"""What a scenario may say about surveys."""
+"""Settings of surveys in a scenario."""
 
 from typing import Annotated, Literal, Self
 

@@ -48,7 +48,7 @@ def hardly_seen(flights: Sequence[Mapping[int, int]]) -> dict[int, int]:
 
 
 def propose_legs(subject: Subject, few: Mapping[int, int], rng: np.random.Generator) -> Proposal:
-    """Find legs that show members often enough, and say what they would show.
+    """Find legs that show members often enough, and list what they would show.
 
     Args:
         subject: Bridge and site.

@@ -104,7 +104,7 @@ def equal_steps(way: F64, spacing: float) -> F64:
 
 
 def is_safe(way: F64, subject: Subject, safety: float) -> bool:
-    """Tell whether a way keeps its distance all along.
+    """Check whether a way keeps its distance all along.
 
     Args:
         way: Corners [m], shape (M, 3), float64.

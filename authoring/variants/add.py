@@ -160,7 +160,7 @@ def _check_origin(choices: dict[str, str], origin: Point | None) -> None:
 
 
 def _ensure(scene: Path, choices: dict[str, str], warn: Warn, origin: Point | None) -> dict[str, str]:
-    """Make sure that a scene offers some choices, and tell their names; where one is refused, nothing has changed."""
+    """Make sure that a scene offers some choices, and return their names; where one is refused, nothing has changed."""
     offer = offered(Usd.Stage.Open(str(scene), Usd.Stage.LoadNone))
     with ExitStack() as staged, space_errors(scene.parent):
         makers: dict[str, Callable[[], str]] = {}
@@ -208,7 +208,7 @@ def _maker(scene: Path, axis: str, value: str, known: tuple[str, ...]) -> Callab
 
 
 def _check_file(axis: str, file: Path) -> None:
-    """A value that no choice is called by: say so where it is the path of a file that cannot be used as it is."""
+    """Refuse an unknown choice that is the path of a file which cannot be used directly, or of no file."""
     if axis == "background" and file.is_file():
         hint = "Make a world first: falsework background import FILE -o DIR, then background=DIR"
         raise InputError("is no USD file", where=file, field=axis, hint=hint)
