@@ -372,7 +372,8 @@ class Layout:
         edge_line: From the axis to the middle of the road's edge lines [m]; 0 when not known.
         underlay: From the finished surface, or from the rails' top, down to the ground under the approaches [m].
         track: Cross-section of a railway, None for a road.
-        road: What of a road's cross-section the approaches take over; None for a railway, or where they have their own.
+        road: Part of a road's cross-section that the approaches continue; None for a railway, or where they have their
+            own.
         feet: Where arches stand on a valley's sides: station and height of the land there [m].
     """
 

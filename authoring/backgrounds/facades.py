@@ -18,7 +18,7 @@ PARAPET = 1.05  # height of parapets over the roof [m]
 SHOP_SILL, SHOP_HEAD = 0.55, 3.55  # of the shops' glazing [m]
 _FOOT = -1.6  # walls go down to here [m]
 _THICK = 0.35  # of parapets [m]
-_UNDER = 0.3  # part of a band that hangs below the floor [m]
+_UNDER = 0.3  # part of a band below the floor [m]
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ class NoneSettings(Settings):
 
 
 class BackgroundSettings(Settings):
-    """Which background surrounds the site, and what each looks like."""
+    """The background that surrounds the site, and the settings of each."""
 
     name: str = Field(
         default="countryside",

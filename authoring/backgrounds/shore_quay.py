@@ -29,7 +29,7 @@ def quay_reaches(terrain: Terrain, reach: float) -> list[F64]:
 
     Args:
         terrain: The terrain.
-        reach: How far it goes before and behind the site's middle [m].
+        reach: Length before and behind the site's middle [m].
 
     Returns:
         Stations of the cross-sections of each stretch [m], each of shape (N,), float64.

@@ -73,7 +73,7 @@ def causeway_share(land: Land, station: F64, left: F64) -> F64:
 
 
 def with_shore(land: Land, basin: Basin, dry: Hills, foreshore: float, slope: Hills) -> Hills:
-    """Let land at large fall to a shore and on below the water; a crossing road is carried to the shore.
+    """Lower the surrounding land to a shore and below the water; a crossing road is extended to the shore.
 
     Args:
         land: The land.

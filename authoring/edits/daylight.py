@@ -1,4 +1,4 @@
-"""What a DCC did to the sun: turned or dimmed, it comes home into the light that was selected."""
+"""Edits of the sun in a DCC: its direction and strength are written to the selected light."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ def find_sun(scene: Usd.Stage, edited: Usd.Stage) -> tuple[Usd.Prim | None, Usd.
 
     Args:
         scene: The scene without earlier edits.
-        edited: What a DCC made of it.
+        edited: The same stage as exported by a DCC.
     """
     ours, theirs = _suns(scene), _suns(edited)
     named = [prim for prim in theirs if ours and object_name(prim) == ours[0].GetName()]

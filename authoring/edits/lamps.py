@@ -31,7 +31,7 @@ def harvest_lamps(
     Args:
         layer: Edits layer, without the lights of earlier edits.
         scene: The scene without earlier edits.
-        edited: What a DCC made of it, in any unit and up axis.
+        edited: The same stage as exported by a DCC, in any unit and up axis.
         sun: The light of the edited stage that is the scene's sun.
         taken: Names of prims; those of the new lights are added to it.
 

@@ -38,7 +38,7 @@ def match_stages(scene: Usd.Stage, edited: Usd.Stage) -> Matches:
 
     Args:
         scene: The scene without earlier edits.
-        edited: What a DCC made of it.
+        edited: The same stage as exported by a DCC.
     """
     ours = {identity: prim.GetPath() for prim in _scene_prims(scene) if (identity := stable_id(prim))}
     candidates: dict[str, list[Usd.Prim]] = {}

@@ -48,7 +48,7 @@ _DRAWN = (
     "slenderness",
 )
 _DROP = 6.5  # [m] from a pylon's lower cross beam to the ground, for its proportions
-_GROWTH, _GROWTHS = 1.06, 40  # of a main span that an asked shape finds too short
+_GROWTH, _GROWTHS = 1.06, 40  # of a main span that is too short for a requested shape
 _ANCHORED, _ANCHOR_PITCH = 40.0, 36.0  # [m] side spans from here on may stand on anchor piers, so far apart at most
 _MEDIAN = 1.4  # [m] for the sockets of a single plane
 

@@ -61,7 +61,7 @@ class OwnDraws:
 
     Attributes:
         count: Number of spans where they are drawn.
-        fit: Brings a drawn inner span [m] to what goes with the rest of the bridge.
+        fit: Adapts a drawn inner span [m] to the rest of the bridge.
         continuous: Members are continuous over the piers; None: set by `continuous`, or drawn.
     """
 

@@ -162,7 +162,7 @@ def choose_suspension(settings: SuspensionSettings, draws: Draws) -> SuspensionC
 
 
 def check_sag(settings: SuspensionSettings, choice: SuspensionChoice) -> None:
-    """Refuse cables that hang through the deck or high above it, and towers that no sag between them and it suits.
+    """Refuse cables that pass through the deck or high above it, and towers without a possible sag between them and it.
 
     Args:
         settings: What the user fixed.

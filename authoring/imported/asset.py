@@ -24,7 +24,7 @@ from usd_schemas.apis import read_component
 
 F64 = NDArray[np.float64]
 
-MARK = "falsework:city"  # in the layer's custom data: what the world is made of, and whose it is
+MARK = "falsework:city"  # in the layer's custom data: contents of the world, and its owner
 IMAGES = "falsework:cityImages"  # there too: role, suffix and mean colour of each image
 TEXELS = 512
 _HEAD = 1 << 16  # [byte] of a layer, in which its custom data stands

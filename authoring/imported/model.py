@@ -17,7 +17,7 @@ class Building:
     """One building.
 
     Attributes:
-        name: Its name in the file that it comes from.
+        name: Its name in the source file.
         walls: Triangles of its walls [m], shape (T, 3, 3), float64.
         roofs: Triangles of its roofs [m], shape (T, 3, 3), float64.
     """

@@ -62,7 +62,7 @@ def _plane(normal: F64) -> F64:
 
 
 def _joined(plan: F64, order: list[int], hole: I64) -> list[int]:
-    """Join a hole to the polygon by a cut from its rightmost corner to a corner that it sees."""
+    """Join a hole to the polygon by a cut from its rightmost corner to a visible corner."""
     start = int(np.argmax(plan[hole, 0]))
     turned = np.roll(hole, -start)
     area = _twice_area(plan[turned])

@@ -1,4 +1,4 @@
-"""Root layer: metadata and composition arcs only, short enough to read and to change by hand."""
+"""Root layer: metadata and composition arcs only, short enough to read and edit."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""A photographed sky: read, and parted into a sun and the rest."""
+"""A photographed sky: read, and separated into the sun and the rest."""
 
 import re
 from dataclasses import dataclass
@@ -64,7 +64,7 @@ def read_panorama(path: Path) -> F32:
 
 
 def reduce_panorama(panorama: F32, rows: int) -> F32:
-    """Average a panorama down to a number of rows; a smaller one stays as it is.
+    """Average a panorama down to a number of rows; a smaller one is unchanged.
 
     Args:
         panorama: Linear radiance [1], shape (R, 2 R, 3), float32.

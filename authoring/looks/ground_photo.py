@@ -1,4 +1,4 @@
-"""The ground near a bridge as it is worn: one picture for each square, at 4 cm a texel, which nothing on it repeats.
+"""The worn ground near a bridge: one picture for each square, at 4 cm a texel, without repetition.
 
 It multiplies the tiled surfaces: a footpath, the ruts of a service vehicle, wet earth and a line of silt by the water,
 dust under the deck and the drip line at its edges, leaves, and mottle without a period.
@@ -36,7 +36,7 @@ class Enlarged:
     Attributes:
         coarse: Values [any unit], shape (N, N), float32.
         pixels: Texels along a side of the enlarged field.
-        limits: Values that a ramp is at its two ends at [any unit]; none leaves the values as they are.
+        limits: Values at the two ends of a ramp [any unit]; None leaves the values unchanged.
     """
 
     coarse: Floats

@@ -95,7 +95,7 @@ class Fields:
 
 
 def read_members(components: list[Component], age: float, rng: np.random.Generator) -> Members:
-    """Gather what weathering looks at.
+    """Collect the data that weathering uses.
 
     Args:
         components: Components with `st1`.
@@ -188,7 +188,7 @@ def _look_up(fields: Fields, members: Members, owner: I32, normal: Floats, place
 
 
 def _width(component: Component) -> float:
-    """Extent in plan across the longer direction, of a bend no more than a chord sees [m]."""
+    """Extent in plan across the longer direction [m]; for a bend, only that within a chord."""
     points = component.mesh.points
     x, y = direction(points)
     aside, along = points[:, :2] @ np.array([-y, x]), points[:, :2] @ np.array([x, y])

@@ -1,4 +1,4 @@
-"""Users' surfaces on a bridge: which roles a family suits, and its maps as the texture files of a material."""
+"""Users' surfaces on a bridge: the roles that a family fits, and its maps as the texture files of a material."""
 
 import struct
 import tempfile
@@ -23,7 +23,7 @@ _ROUGHNESS = 0.8  # of a surface without a map of it [1]
 
 _CONCRETE = tuple(role for role in ROLES if "Concrete" in role)
 _STEEL = ("Role_GirderSteel", "Role_RailingSteel", "Role_CableSteel")
-# Words of a family's or a set's name, and the roles that it suits. Source: materials by component in the Random
+# Words of a family's or a set's name, and the roles that it fits. Source: materials by component in the Random
 # Bridge Generator.
 FAMILIES: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...] = (
     (("asphalt", "pavement", "road", "tarmac"), ("Role_DeckAsphalt",)),
@@ -38,7 +38,7 @@ FAMILIES: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...] = (
 
 
 def suitable(sets: Iterable[MapSet]) -> dict[str, tuple[MapSet, ...]]:
-    """Sort surfaces by the roles that they suit.
+    """Group surfaces by the roles that they fit.
 
     Args:
         sets: Users' surfaces.

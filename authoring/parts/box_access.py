@@ -1,4 +1,4 @@
-"""How one gets into the box of a cable-supported deck, and what hangs beside it: hatches in its soffit, services."""
+"""Access to the box of a cable-supported deck, and its attachments: hatches in its soffit, services."""
 
 import numpy as np
 

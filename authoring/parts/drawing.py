@@ -14,7 +14,7 @@ from groundwork.settings import Settings
 
 @dataclass(frozen=True)
 class Draws:
-    """Where the open parameters of a bridge come from.
+    """Source of the open parameters of a bridge.
 
     Attributes:
         rng: Random stream of the bridge.

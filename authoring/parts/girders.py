@@ -1,4 +1,4 @@
-"""Concrete girders: which section suits a deck, where the lines lie, the girders and the diaphragms between them."""
+"""Concrete girders: the choice of section, the positions of the lines, the girders and the diaphragms between them."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -138,7 +138,7 @@ def draw_girders(settings: GirderSettings, width: float, longest_span: float, dr
 
 
 def shape_weights(longest_span: float, width: float) -> dict[str, float]:
-    """List the sections that suit a span, with their weights.
+    """List the sections that fit a span, with their weights.
 
     Args:
         longest_span: Longest span [m].

@@ -1,4 +1,4 @@
-"""Which kind of pier and cap suits a deck: the weights, and what excludes what."""
+"""The choice of pier and cap for a deck: the weights, and which combinations are excluded."""
 
 from typing import Literal
 

@@ -57,7 +57,7 @@ class Stays:
         """Find the distance from the pylon's axis to every foot in the side span [m].
 
         Args:
-            pylon: What the stays hang on.
+            pylon: The pylon that carries the stays.
         """
         faces = [pylon.face(height) for height in self.heights]
         return tuple(f + self.shrink * (x - f) for f, x in zip(faces, self.offsets, strict=True))
@@ -121,7 +121,7 @@ def stay_parts(stays: Stays, pylon: Pylon, pylons: tuple[tuple[int, float, int],
 
     Args:
         stays: Where they end.
-        pylon: What they hang on.
+        pylon: The pylon that carries them.
         pylons: Number of the support, station [m] and direction of the main span (1 or -1) of every pylon.
         place: Axis of the bridge.
     """

@@ -132,7 +132,7 @@ class _Run:
 
 
 def _cable_points(cables: SuspensionCables, run: _Run, left: float, place: Alignment) -> F64:
-    """Find points along a cable: at its ends, at its hangers, and so many between that the chords keep to the curve."""
+    """Find points along a cable: at its ends, at its hangers, and enough between that the chords follow the curve."""
     low, high, hung = run.low, run.high, run.hung
     fixed = np.concatenate([[low], hung[(hung > low + 0.1) & (hung < high - 0.1)], [high]])
     stations = [fixed[:1]]

@@ -200,7 +200,7 @@ class _Looks:
         self._known: dict[str, Any] = {}
 
     def name(self, prim: Usd.Prim) -> str:
-        """Name the material that a prim wears."""
+        """Return the name of the material bound to a prim."""
         material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
         return str(material.GetPath()) if material else ""
 

@@ -55,7 +55,7 @@ class Inventory:
 
 
 def take_inventory(path: Path, depth: int = 4) -> Inventory:
-    """Look through a stage.
+    """Examine a stage.
 
     Args:
         path: Root layer of a scene, or any other stage.

@@ -47,7 +47,7 @@ def validate_scene(path: Path) -> list[str]:
             stage.GetPrimAtPath(prim).GetVariantSet(name).SetVariantSelection(variant)
         label = f" ({selection[1]}={selection[2]})" if selection else ""
         for line in sorted({line for rule in RULES for line in rule(stage)}):
-            if line not in findings:  # what the scene has as it is need not be said again for each variant
+            if line not in findings:  # findings of the scene itself are not repeated for each variant
                 findings[line + label] += 1
     return sorted(findings)
 
@@ -165,7 +165,7 @@ def camera_findings(stage: Usd.Stage) -> Iterator[str]:
 
 
 def asset_findings(path: Path) -> Iterator[str]:
-    """Every arc and file that any layer names, in any variant, starts with ./ , never climbs, and exists.
+    """Check that every arc and file that any layer names, in any variant, starts with ./ , has no `..`, and exists.
 
     Args:
         path: Root layer.

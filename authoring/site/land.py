@@ -35,7 +35,7 @@ def draw_land(kind: CrossingKind | None, relief: float, layout: Layout, reach: f
     """Draw the land.
 
     Args:
-        kind: What the bridge leads over; None: what suits it.
+        kind: What the bridge crosses; None: chosen to fit it.
         relief: Scale of the natural relief [1].
         layout: The bridge.
         reach: Length on which the approach roads continue the bridge's axis [m].

@@ -30,7 +30,7 @@ LONG = 250.0  # [m] of bridge from which the fine mesh grows coarser
 
 
 class SiteSettings(Settings):
-    """What the site looks like."""
+    """Appearance of the site."""
 
     crossing: CrossingKind | None = Field(
         default=None,
@@ -98,7 +98,7 @@ def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) 
     """Draw a site for a bridge.
 
     Args:
-        settings: What the site looks like.
+        settings: Appearance of the site.
         layout: The bridge's axis, supports, width and depth.
         rng: Random stream `site`.
 

@@ -1,4 +1,4 @@
-"""A camera that is in a stage already, animated in a DCC: found, and taken as it is."""
+"""An existing camera of a stage, animated in a DCC: found, and used unchanged."""
 
 from authoring.surveys.path import Flown
 from authoring.surveys.settings import StageSettings

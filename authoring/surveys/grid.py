@@ -18,7 +18,7 @@ from usd_schemas.pinhole import Pinhole
 F64 = NDArray[np.float64]
 
 DECIMALS = 4  # positions are rounded to it [m], so that every CPU places the same cameras
-USUAL_DISTANCE = 10.0  # [m] from the bridge where no sampling is asked for
+USUAL_DISTANCE = 10.0  # [m] from the bridge where no ground sampling distance is set
 COLUMNS, ROWS = 24, 18  # rays that test whether an image shows the bridge
 TILT = np.radians(-90.0 + 1.0)  # over the deck: straight down, but for what keeps the heading defined
 

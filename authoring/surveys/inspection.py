@@ -25,7 +25,7 @@ I64 = NDArray[np.int64]
 
 LATTICE = 2.0  # [m] between the places that views are chosen from
 STAND_OFF = 1.5  # greatest distance of these to what is inspected, in distances that are flown at [1]
-MARGIN = 1.5  # by which a view must show more pixels than asked for, as samples only estimate them [1]
+MARGIN = 1.5  # by which a view must show more pixels than required, as samples only estimate them [1]
 WELL = 0.5  # share of the best view of a stretch that another one must show [1]
 MEMBER = 1000  # worth of a view that a member lacks, over that of a stretch [1]
 LOOKED_AT = 3000  # free places looked at for a member that the lattice hardly sees

@@ -74,7 +74,7 @@ def propose_legs(subject: Subject, few: Mapping[int, int], rng: np.random.Genera
 
 
 def proposed_settings(members: tuple[int, ...]) -> InspectionSettings:
-    """Give the settings of a flight that sees to some members alone.
+    """Return the settings of a flight for some members alone.
 
     Args:
         members: Their instance ids.

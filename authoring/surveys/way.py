@@ -14,7 +14,7 @@ _EASES = (0.8, 0.5, 0.3)  # [m] over which corners are eased, the first that is 
 
 
 def shortcut(way: F64, subject: Subject, safety: float) -> F64:
-    """Straighten a way: a leg replaces all corners between two that see each other over a safe line.
+    """Straighten a way: a leg replaces all corners between two that a safe straight line connects.
 
     Args:
         way: Corners [m], shape (M, 3), float64.

@@ -1,4 +1,4 @@
-"""More choices for a scene that is there: looks, backgrounds and lights authored from its recipe when asked for."""
+"""More choices for an existing scene: looks, backgrounds and lights authored from its recipe on request."""
 
 import difflib
 from collections.abc import Callable, Iterator
@@ -83,7 +83,7 @@ def _set_choices(scene: Path, choices: dict[str, str], warn: Warn, origin: Point
 
 
 def write_variant(scene: Path, name: str, choices: dict[str, str], warn: Warn, origin: Point | None = None) -> Path:
-    """Write a scene variant beside a scene, whose own selections stay as they are.
+    """Write a scene variant beside a scene, whose own selections are unchanged.
 
     Args:
         scene: Root layer of a scene.
@@ -225,7 +225,7 @@ def _settle(scene: Path, world: Path) -> str:
 
 
 def _wear(scene: Path, surfaces: Path) -> str:
-    """Dress the bridge in a user's folder of surfaces; what it does not suit stays as the scene's own look has it."""
+    """Apply a user's folder of surfaces to the bridge; roles without a fitting one keep that of the scene's look."""
     drawn, name = _draw(read_recipe(scene.parent)), Tf.MakeValidIdentifier(surfaces.stem)
     if name in LOOKS:
         raise InputError("has the name of a look of ours", where=surfaces, value=name, hint="Rename it")

@@ -60,7 +60,7 @@ def write_look(
         bridge: Pieces of the bridge.
         folder: Folder of the bridge.
         given: Users' folders of surfaces by the names that the settings have for them.
-        base: Look of the roles that the users' surfaces do not suit; the one of that name when empty.
+        base: Look of the roles without a fitting surface of the user; the one of that name when empty.
 
     Returns:
         Its file, relative to that folder.
