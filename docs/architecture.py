@@ -1,4 +1,4 @@
-"""The page of the house: its rooms and folders, and a figure drawn from what their modules import."""
+"""The architecture page: packages ("rooms") and their folders, and a figure drawn from the imports of their modules."""
 
 import ast
 from html import escape
@@ -9,33 +9,33 @@ FIGURE = "images/architecture.svg"
 
 # Lowest first: each room imports only from those above it in this table.
 ROOMS: dict[str, tuple[str, dict[str, str]]] = {
-    "groundwork": ("errors, settings, progress, child processes, files and folders that are written whole", {}),
+    "groundwork": ("errors, settings, progress, child processes, files and folders that are written atomically", {}),
     "usd_schemas": (
-        "what a stage says: names, component and class tables, camera convention, a stage as flat arrays",
+        "the content of a stage: names, component and class tables, camera convention, a stage as flat arrays",
         {
             "reading": "composes a stage and reads it: meshes, materials, lights, cameras, labels",
-            "guard": "what a stage from elsewhere must not do, before USD opens it",
+            "guard": "checks of imported stages before USD opens them",
         },
     ),
     "authoring": (
         "scenario → layered stage",
         {
-            "foreign": "opens models and textures from elsewhere",
+            "foreign": "opens models and textures of other programs",
             "shapes": "components, cross sections, the topology of surfaces",
             "axis": "alignment of the road or railway, clearances",
             "solids": "sweeps, extrusions, copies, texture atlas",
             "site": "the ground: valley, river, roads, rails, relief",
             "parts": "decks, girders, piers, bearings, cables, parapets",
-            "families": "puts parts together: beam, girder, slab, arch, suspension, cable-stayed",
+            "families": "assembles parts: beam, girder, slab, arch, suspension, cable-stayed",
             "looks": "materials and textures, weathering",
             "light": "sun, sky, panorama",
             "backgrounds": "countryside, hillside, lakeside, hamlet, harbour, city",
             "surveys": "flights of the virtual UAV: paths, coverage, calibration",
-            "layers": "writes what the rooms above drew as USD layers",
+            "layers": "writes the results of the folders above as USD layers",
             "imported": "worlds from files: glTF, meshes, CityJSON, USD",
-            "scenes": "what one does with a written scene: validate, compare, check out",
-            "variants": "looks and backgrounds that are added to a scene",
-            "edits": "brings home what an artist changed elsewhere",
+            "scenes": "work on written scenes: validate, compare, check out",
+            "variants": "looks and backgrounds added to a scene",
+            "edits": "imports changes that were made in other programs",
             "exchange": "flattens, bakes and packs a scene for other programs",
         },
     ),
@@ -54,13 +54,13 @@ ROOMS: dict[str, tuple[str, dict[str, str]]] = {
     "recon": (
         "capture, or photographs → cloud",
         {
-            "photos": "reads photographs and what they say of themselves",
+            "photos": "reads photographs and their metadata",
             "sfm": "Structure from Motion: features, matches, cameras, tie points",
             "dense": "a depth for every pixel, fused into points",
             "placing": "alignment to the truth, to GPS or to control points, with stated errors",
             "points": "placed points, their observations, precision, duplicates",
             "truth": "labels by vote, uncertainty, distance to the true surface",
-            "formats": "clouds of others: LAS, PLY, E57, COLMAP, …",
+            "formats": "cloud formats of other programs: LAS, PLY, E57, COLMAP, …",
             "sampling": "clouds without images: points on surfaces, laser scans",
         },
     ),
@@ -71,22 +71,22 @@ ROOMS: dict[str, tuple[str, dict[str, str]]] = {
             "datasets": "windows, tiles, splits, augmentation, class maps",
             "models": "PointNet++, PointNeXt, RandLA-Net, a forest",
             "scoring": "a class for every point, by votes of overlapping samples",
-            "training": "recipes, the loop, going on where it stopped",
+            "training": "recipes, the training loop, resuming",
             "compare": "ways of making training clouds, compared with intervals",
-            "demo": "thinned clouds that come with the package",
+            "demo": "thinned clouds in the package",
             "predict": "labels a scan of any size",
         },
     ),
     "falsework": (
-        "the door: scenario, store, runs, command line, report, Python API",
+        "the user interface: scenario, store, runs, command line, report, Python API",
         {
             "report": "pages: of a scene, a run, a data set, a training, a comparison",
-            "children": "work that is done in a process of its own",
+            "children": "work in separate processes",
             "view": "a scene in the browser: stage, cameras, pictures and cloud together",
             "store": "results under their keys: written once, verified, repaired",
-            "execution": "which results are wanted, who makes them, here or on a cluster",
+            "execution": "planning of results and their execution, locally or on a cluster",
             "gallery": "contact sheets of families, looks and worlds, one picture of a scenario",
-            "commands": "the verbs of the command line",
+            "commands": "the commands of the command line",
         },
     ),
 }
@@ -129,34 +129,34 @@ def _imports(path: Path) -> list[str]:
 def architecture_page() -> str:
     """Write the page as Markdown."""
     lines = [
-        "# The house",
+        "# Architecture",
         "",
         "Generated by `python -m docs.generate`; the figure is drawn from the imports of the modules.",
         "",
-        "One idea carries it: **the USD stage is the contract**. `authoring` writes stages, `render` reads stages, and",
-        "neither knows the other. What follows reads folders that the room before has written: a capture, a cloud, a",
-        "data set, a model. So each step can be replaced, and each can be fed with files from elsewhere.",
+        "Main idea: **the USD stage is the contract**. `authoring` writes stages, `render` reads stages, and neither",
+        "imports the other. Each later step reads a folder that the step before has written: a capture, a cloud, a",
+        "data set, a model. So each step can be replaced, and each accepts files of other programs.",
         "",
-        f"![Rooms from bottom to top, and who imports from whom]({FIGURE})",
+        f"![Rooms from bottom to top, and the imports between them]({FIGURE})",
         "",
-        "Rooms stand from bottom to top: none imports from one above it, and no folder from one that stands further",
-        "right or below in its room's list (`tests/house` holds both orders). All import from",
-        "`groundwork`, without arrows here.",
+        "A *room* is a top-level package. The figure shows the rooms from bottom to top: none imports from a room",
+        "above it, and no folder from a folder that is further right or below in its room's list (`tests/house`",
+        "checks both orders). All import from `groundwork`; these arrows are left out.",
         "",
     ]
     for room, (about, folders) in ROOMS.items():
         lines += [f"## `{room}/`: {about}", ""]
         if folders:
-            lines += ["| folder | what happens there |", "|---|---|"]
+            lines += ["| folder | task |", "|---|---|"]
             lines += [f"| `{name}/` | {text} |" for name, text in folders.items()]
             lines.append("")
     lines += [
-        "## One verb a stage",
+        "## Steps of a run",
         "",
-        "`falsework run` goes through `falsework/stages.py`: stage, capture, model, cloud, sample, report. Each is a",
-        "function from settings and input folders to one output folder, and its key in the store is the hash of",
-        "exactly these. `falsework/pipeline.py` is the conductor; [scale.md](scale.md) says who works on what, and",
-        "[formats.md](formats.md) what lies in the folders.",
+        "`falsework run` executes the steps of `falsework/stages.py`: stage, capture, model, cloud, sample, report.",
+        "Each is a function from settings and input folders to one output folder, and its key in the store is the",
+        "hash of exactly these. `falsework/pipeline.py` calls them in order; [scale.md](scale.md) describes the",
+        "scheduling, and [formats.md](formats.md) the contents of the folders.",
         "",
     ]
     return "\n".join(lines)

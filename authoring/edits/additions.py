@@ -1,4 +1,4 @@
-"""What was added: new objects and their materials, labelled, numbered, and kept together under one prim."""
+"""Additions: new objects and their materials, labelled, numbered, and grouped under one prim."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ LOOKS = f"{ADDITIONS}/AdditionsLooks"
 
 @dataclass(frozen=True)
 class Labeling:
-    """What new objects are called.
+    """Labels of new objects.
 
     Attributes:
         rules: Pattern of object names and component kind or class; the first that fits counts.
@@ -139,7 +139,7 @@ def write_material(layer: Sdf.Layer, material: UsdShade.Material) -> tuple[Sdf.P
 def _copy_input(
     spec: Sdf.PrimSpec, attribute: Usd.Attribute, home: Sdf.Path, path: Sdf.Path, copies: dict[str, str]
 ) -> None:
-    """Copy what an attribute of a material's network holds and what it is connected to, its texture too."""
+    """Copy the value of an attribute of a material's network and its connections, its texture too."""
     name, value = attribute.GetName(), attribute.Get(Usd.TimeCode.EarliestTime())
     if isinstance(value, Sdf.AssetPath):
         file = asset_file(value)

@@ -53,7 +53,7 @@ def harvest_cameras(
 
 
 def _ignore(line: str) -> None:
-    """What is odd about the scene itself is no news of the edited file."""
+    """Ignore warnings about the scene itself: they are not about the edited file."""
 
 
 def _on_flight(poses: F64, flight: F64) -> bool:

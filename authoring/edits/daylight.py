@@ -20,7 +20,7 @@ _STRENGTH = ("inputs:color", "inputs:intensity", "inputs:exposure", "inputs:enab
 
 
 def find_sun(scene: Usd.Stage, edited: Usd.Stage) -> tuple[Usd.Prim | None, Usd.Prim | None]:
-    """Find the sun of a scene, and what became of it: the light of its name, else the first that took its place.
+    """Find the sun of a scene and its edited counterpart: the light of its name, else the first that replaced it.
 
     Args:
         scene: The scene without earlier edits.

@@ -1,4 +1,4 @@
-"""Which point of which surface each texel of an atlas shows."""
+"""The surface point of each texel of an atlas."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +106,7 @@ class AtlasRaster:
 
 
 def _lasts(values: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Find where each value is for the last time."""
+    """Find the last position of each value."""
     return len(values) - 1 - np.unique(values[::-1], return_index=True)[1]
 
 

@@ -126,7 +126,7 @@ def _bake_group(baking: Baking, group: _Group, texels: int) -> list[Sdf.Path]:
 
 
 def _still_procedural(stage: Usd.Stage) -> list[Sdf.Path]:
-    """Find the materials in use that only our renderer shows whole."""
+    """Find the used materials that only our renderer draws completely."""
     return sorted(path for path in _worn(stage) if stage.GetPrimAtPath(path).HasAPI(DETAIL))
 
 

@@ -1,4 +1,4 @@
-"""Looking textures up while others are baked from them: tiled, in linear values, averaged over a texel."""
+"""Texture lookup for baking: tiled, in linear values, averaged over a texel."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -18,15 +18,15 @@ _ROWS = 32_000  # the library's images have at most 32,767 rows
 
 
 class TextureLookup:
-    """Textures of one scene: materials share files, and each is read and reduced as seldom as memory allows."""
+    """Textures of one scene: materials share files, and each is read and reduced as rarely as memory allows."""
 
     def __init__(self) -> None:
-        """Start with nothing read."""
+        """Start with an empty cache."""
         self._read = lru_cache(_READ)(read_picture)
         self._reduced = lru_cache(_REDUCED)(self._reduce)
 
     def colors(self, file: str, uv: F32, footprint: float, srgb: bool) -> F32:
-        """Look a tiled texture up, averaged over what one texel of the atlas shows.
+        """Sample a tiled texture, averaged over one texel of the atlas.
 
         Args:
             file: Texture.
@@ -40,7 +40,7 @@ class TextureLookup:
         return _remap(self._reduced(file, self._size(file, footprint), srgb, False), uv)[:, ::-1]
 
     def levels(self, file: str, uv: F32, footprint: float) -> F32:
-        """Look the first channel of a tiled texture up, averaged over what one texel of the atlas shows.
+        """Sample the first channel of a tiled texture, averaged over one texel of the atlas.
 
         Args:
             file: Texture, whose values are linear.

@@ -1,4 +1,4 @@
-"""Burning fine detail into tiled textures: a tile grows until it holds the periods of the detail nearly whole times."""
+"""Baking fine detail into tiled textures: a tile is enlarged until it contains nearly whole periods of the detail."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +55,7 @@ def bake_tile(baking: Baking, path: Sdf.Path, texels: int, patched: bool) -> Non
 
 
 def remove_detail(prim: Usd.Prim) -> None:
-    """Take the detail off a material.
+    """Remove the detail of a material.
 
     Args:
         prim: A material.
@@ -76,7 +76,7 @@ def whole_periods(periods: tuple[float, ...], side: float) -> tuple[int, ...]:
 
 
 def _repeats(sheet: float, periods: tuple[float, ...], wanted: float) -> int:
-    """Choose how many sheets a tile has along a side: what comes close to a side, else what bends periods least."""
+    """Choose how many sheets a tile has along a side: close to a given side, else with the least distorted periods."""
     if wanted:
         return max(round(wanted / sheet), 1)
 

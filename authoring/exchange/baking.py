@@ -1,4 +1,4 @@
-"""What every step of one baking works on."""
+"""The shared data of all steps of one baking."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""One layer out of a stage of many: the chosen variants, every arc resolved, textures still found beside it."""
+"""One layer from a stage of many: the selected variants, every arc resolved, textures still found beside it."""
 
 from pathlib import Path
 
@@ -41,7 +41,7 @@ def flatten_scene(scene: Path, out: Path) -> list[str]:
 
 
 def _flatten(stage: Usd.Stage, out: Path, temporary: Path) -> list[str]:
-    """Write the layer under a name beside the one that it will have."""
+    """Write the layer under a temporary name beside its final one."""
     home, missing = temporary.parent, []
 
     def move(path: str) -> str:
@@ -70,7 +70,7 @@ def _is_ours(path: Path) -> bool:
 
 
 def flat_layer(stage: Usd.Stage) -> Sdf.Layer:
-    """Flatten a stage, with the metadata that only count on a root layer, and nothing about where it was.
+    """Flatten a stage, with the metadata of a root layer, and without its location.
 
     Args:
         stage: Any stage.

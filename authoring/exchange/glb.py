@@ -23,7 +23,7 @@ MOST_TEXELS = 1024  # [px] along a side of a tiled texture: a web page is not a 
 
 
 def write_glb(stage: Path, out: Path, warn: Warn) -> list[str]:
-    """Write what a stage shows, with its base colours, roughness and labels.
+    """Write the visible surfaces of a stage, with base colours, roughness and labels.
 
     Args:
         stage: Any USD stage.

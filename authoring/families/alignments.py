@@ -25,7 +25,7 @@ _SQUARE = {"skewed": 0.4, "square": 0.6}
 
 
 class AlignmentSettings(Settings):
-    """The axis of a bridge; what is left out is drawn.
+    """The axis of a bridge; omitted values are drawn at random.
 
     Source: shares, radii, grades, crossfalls and skews by common road and rail practice; the wave by the public Random
     Bridge Generator.
@@ -59,7 +59,7 @@ class AlignmentSettings(Settings):
 
 @dataclass(frozen=True)
 class Carried:
-    """What bridge an axis carries.
+    """Data of a bridge for which an axis is drawn.
 
     Attributes:
         supports: Stations of the bearing lines, abutments first and last [m].
@@ -169,7 +169,7 @@ def _elements(kind: str, curvature: float, spiral: float, length: float) -> tupl
 
 
 def _falls(kind: str, fall: float, ramp: float, length: float, half_width: float) -> tuple[tuple[float, float], ...]:
-    """List where the crossfall changes: it grows on the approaches and the clothoids, and turns over amid an S.
+    """List where the crossfall changes: it grows on the approaches and the clothoids, and changes sides in an S.
 
     A deck's edge rises against the axis by no more than `EDGE_RISE`, as long as an S has room for it.
     """

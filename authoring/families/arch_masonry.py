@@ -109,7 +109,7 @@ def build_masonry(layout: Layout, arch: DrawnMasonry, ground: Ground) -> list[Pa
 
 
 def _as_masonry(part: Part) -> Part:
-    """Give parapets the masonry's material, and turn joints, which a filled arch has none of, into asphalt."""
+    """Give parapets the masonry's material, and replace joints, which a filled arch does not have, by asphalt."""
     if part.kind in ("parapet", "parapet_coping"):
         return replace(part, role=ROLE)
     if part.kind == "expansion_joint":

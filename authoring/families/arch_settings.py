@@ -15,7 +15,7 @@ _THROUGH_FORMS = {"concrete": 0.35, "steel": 0.65}
 
 
 class MasonrySettings(Settings):
-    """A masonry arch bridge with filled spandrels; what is left out is drawn."""
+    """A masonry arch bridge with filled spandrels; omitted values are drawn at random."""
 
     span_count: int | None = drawn(1, 5, "Number of arches [1]")
     span: float | None = drawn(6.0, 25.0, "Clear span of every arch [m]", ge=4.0, le=35.0)
@@ -38,7 +38,7 @@ class AboveSettings(Settings):
 
 
 class ArchSettings(Settings):
-    """An arch bridge; what is left out is drawn.
+    """An arch bridge; omitted values are drawn at random.
 
     For arches below the deck the shared `clearance` is kept by the intrados over the middle half of the span, and
     `springing` by the springings; the higher of both decides the level of the deck.
@@ -92,7 +92,7 @@ _DIMENSIONS = {  # that only some arrangements have
 
 @dataclass(frozen=True)
 class ArchChoice:
-    """What every arrangement needs.
+    """Values that every arrangement needs.
 
     Attributes:
         arrangement: A key of ARRANGEMENTS.

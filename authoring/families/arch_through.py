@@ -197,7 +197,7 @@ def _draw_columns(choice: ArchChoice, section: RibSection, width: float, share: 
 
 
 def _lines_under_deck(width: float) -> tuple[float, ...]:
-    """Share bearings out under the ends of a deck of some width [m]."""
+    """Distribute bearings under the ends of a deck of some width [m]."""
     inner = 0.5 * width - 0.8
     return tuple(np.linspace(-inner, inner, max(2, round(inner / 2.0))).round(3).tolist())
 
@@ -256,7 +256,7 @@ def _placed(arch: DrawnThroughArch, place: Alignment) -> Rib:
 
 
 def _panel_parts(arch: DrawnThroughArch, rib: Rib, number: int, place: Alignment, middle: Alignment) -> list[Part]:
-    """Build a floor beam and what joins it to the ribs."""
+    """Build a floor beam and its connections to the ribs."""
     station, levels = arch.pitch * number, arch.levels
     level = level_at(place, station)
     lift = middle.level - level.level

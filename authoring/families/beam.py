@@ -36,7 +36,7 @@ _SPANS = SpanRule("beam", "concrete girders", 6.0, 60.0, (14.0, 36.0), 0.0, one_
 
 
 class BeamSettings(SpanSettings):
-    """A concrete beam bridge; what is left out is drawn."""
+    """A concrete beam bridge; omitted values are drawn at random."""
 
     spans: tuple[float, ...] = Field(
         default=(),

@@ -20,7 +20,7 @@ from groundwork.settings import Settings
 
 @dataclass(frozen=True)
 class CableSupportedDeck:
-    """A deck on cables, and what carries its ends.
+    """A cable-supported deck, and the supports of its ends.
 
     Attributes:
         top: What lies on the deck.
@@ -88,7 +88,7 @@ def draw_supports(
 
 @dataclass(frozen=True)
 class Supports:
-    """What stands below a deck on cables.
+    """Substructure of a cable-supported deck.
 
     Attributes:
         spans: Stations of all bearing lines.

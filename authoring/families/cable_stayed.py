@@ -134,7 +134,7 @@ def _pier_stations(settings: CableStayedSettings, choice: Choice, draws: Draws) 
 
 @dataclass(frozen=True)
 class _Make:
-    """What a bridge is fitted from, whatever its kind.
+    """Drawn values from which a bridge of any kind is fitted.
 
     Attributes:
         settings: What the user fixed.

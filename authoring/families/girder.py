@@ -40,7 +40,7 @@ _PAPER_COUNTS = (8, 20)
 
 
 class SteelGirderSettings(SpanSettings):
-    """A steel girder bridge; what is left out is drawn."""
+    """A steel girder bridge; omitted values are drawn at random."""
 
     spans: tuple[float, ...] = Field(
         default=(),

@@ -18,7 +18,7 @@ _BY_ABUTMENTS = 3.0  # [m] where embankments may reach the road
 
 
 class SharedSettings(DeckTopSettings):
-    """Parts of a bridge that do not depend on its family; what is left out is drawn."""
+    """Parts of a bridge that do not depend on its family; omitted values are drawn at random."""
 
     clearance: float | None = drawn(5.0, 7.0, "Least height of the girders' soffit above z = 0 [m]", ge=3.0, le=30.0)
     grade: float | None = drawn(
@@ -43,7 +43,7 @@ class SharedSettings(DeckTopSettings):
 
 @dataclass(frozen=True)
 class AxisNeeds:
-    """What a bridge asks of its axis.
+    """Requirements of a bridge for its axis.
 
     Attributes:
         supports: Stations of the bearing lines, abutments first and last [m].
@@ -63,7 +63,7 @@ class AxisNeeds:
 
 
 def draw_layout_of(shared: SharedSettings, top: DeckTop, needs: AxisNeeds, draws: Draws) -> Layout:
-    """Draw the axis of a bridge and gather what the site has to know.
+    """Draw the axis of a bridge and collect the data for the site.
 
     Args:
         shared: What the user fixed.

@@ -41,7 +41,7 @@ _MOST_SPANS = 8
 
 
 class SlabSettings(SlabSectionSettings, SpanLengths):
-    """A slab bridge; what is left out is drawn."""
+    """A slab bridge; omitted values are drawn at random."""
 
     spans: tuple[float, ...] = Field(
         default=(),

@@ -19,7 +19,7 @@ _UNDER_PLINTH = 0.02  # [m] of a girder beyond its plinth
 
 @dataclass(frozen=True)
 class SpanRule:
-    """What a family's spans may be.
+    """Limits of a family's spans.
 
     Attributes:
         family: Key of the family in `[bridge]`.
@@ -50,14 +50,14 @@ class SpanLengths(Settings):
 
 
 class SpanSettings(SpanLengths):
-    """What the settings of beams and girders have in common."""
+    """Settings that beams and girders have in common."""
 
     continuous: bool | None = Field(default=None, description="Members run through over the piers")
 
 
 @dataclass(frozen=True)
 class OwnDraws:
-    """What a family draws of its spans by itself.
+    """Values of the spans that a family draws itself.
 
     Attributes:
         count: Number of spans where they are drawn.

@@ -1,4 +1,4 @@
-"""What a cable-stayed bridge may be: its settings, and the draw of its kind and its spans."""
+"""Settings of a cable-stayed bridge, and the random draw of its kind and its spans."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -45,7 +45,7 @@ _PAPER_HEIGHT = 36.0  # [m] of the paper's pylons
 
 
 class CableStayedSettings(Settings):
-    """A cable-stayed bridge; what is left out is drawn."""
+    """A cable-stayed bridge; omitted values are drawn at random."""
 
     size: Literal["compact", "realistic"] | None = chosen(
         {"compact": 0.7, "realistic": 0.3},
@@ -224,7 +224,7 @@ def choose(settings: CableStayedSettings, top: DeckTop, randoms: RandomDraws, fi
 
 
 def _choice(settings: CableStayedSettings, shape: str, randoms: RandomDraws, divided: bool) -> Choice:
-    """Put a bridge together that has one shape."""
+    """Assemble a bridge of one shape."""
     paper = randoms.profile == "paper"
     size = option_at(settings, "size", randoms.size, randoms.profile)
     pylons = option_at(settings, "pylons", randoms.pylons, randoms.profile)
@@ -292,7 +292,7 @@ def with_longer_spans(choice: Choice, factor: float) -> Choice:
 
 
 def with_median(top: DeckTop, width: float) -> DeckTop:
-    """Part the directions of a road for what stands between them; the family builds that strip itself.
+    """Separate the directions of a road for members between them; the family builds that strip itself.
 
     Args:
         top: What lies on the deck.

@@ -156,7 +156,7 @@ def _lowest_head(choice: Choice, frame: Frame, least: float = 0.0) -> float:
 
 
 def _heads(choice: Choice, frame: Frame, least: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Place feet and heads: the innermost stay's slope asks how low the lowest head is, so twice."""
+    """Place feet and heads, in two passes: the innermost stay's slope depends on the height of the lowest head."""
     top = _top_head(choice, frame)
     _, length = leg_size(frame)
     face = (0.5 * length + 0.010 * (frame.height - top), 0.010)
@@ -208,7 +208,7 @@ def stays_of(choice: Choice, frame: Frame, pylon: Pylon, plane: float) -> Stays:
 
 
 def clears_traffic(choice: Choice, frame: Frame, pylon: Pylon, stays: Stays) -> bool:
-    """Check whether legs and stays stay out of the traffic's gauge.
+    """Check whether legs and stays are outside the traffic's clearance gauge.
 
     Args:
         choice: Kind of the bridge.

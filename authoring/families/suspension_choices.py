@@ -1,4 +1,4 @@
-"""What a suspension bridge may be: its settings, and the draw of its kind, spans and cables."""
+"""Settings of a suspension bridge, and the random draw of its kind, spans and cables."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -20,7 +20,7 @@ _PAPER_PITCH = 2.0  # [m]
 
 
 class SuspensionSettings(Settings):
-    """A suspension bridge; what is left out is drawn."""
+    """A suspension bridge; omitted values are drawn at random."""
 
     size: Literal["compact", "realistic"] | None = chosen(
         {"compact": 70, "realistic": 30},

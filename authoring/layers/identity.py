@@ -1,4 +1,4 @@
-"""What an asset is called: `assetInfo` on its root prim, by which asset managers and outliners know it."""
+"""Name of an asset: `assetInfo` on its root prim, which asset managers and outliners read."""
 
 from pxr import Sdf
 

@@ -26,7 +26,7 @@ class IndexedUV:
 
 @dataclass(frozen=True)
 class MeshArrays:
-    """What a layer stores of one mesh.
+    """The stored arrays of one mesh.
 
     Attributes:
         origin: Where its points count from [m], shape (3,), float64.
@@ -110,7 +110,7 @@ def _bounds(points: NDArray[np.floating], starts: NDArray[np.int64]) -> tuple[ND
 
 
 def _piled(arrays: list[NDArray[Any]]) -> tuple[NDArray[np.int64], NDArray[Any]]:
-    """Put arrays on one pile: first row of each, and the pile."""
+    """Concatenate arrays: the first row of each, and the concatenation."""
     counts = np.array([len(array) for array in arrays])
     return np.cumsum(counts) - counts, np.concatenate(arrays)
 

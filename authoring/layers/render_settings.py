@@ -1,4 +1,4 @@
-"""Render layer: what shall be rendered, for our renderer and for any other that reads UsdRender."""
+"""Render layer: products to be rendered, for our renderer and any other that reads UsdRender."""
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender
 

@@ -1,4 +1,4 @@
-"""What repeats: native instances of shared prototypes where one picks them one by one, a PointInstancer else."""
+"""Repeated objects: native instances of shared prototypes where users select single ones, else a PointInstancer."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -38,7 +38,7 @@ def are_instances(scatter: Scatter) -> bool:
 
 
 def with_own_ids(pieces: tuple[Component | Scatter, ...], last: int) -> tuple[Component | Scatter, ...]:
-    """Give every repeat of what may be native instances an id of its own, after all others.
+    """Give every copy that may be a native instance its own id, after all others.
 
     Args:
         pieces: Components, and scatters of one id for the run or one for each repeat.

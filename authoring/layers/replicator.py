@@ -1,4 +1,4 @@
-"""Replicator compatibility layer: the labels once more, in the older `SemanticsAPI` that came before LabelsAPI."""
+"""Replicator compatibility layer: the labels again, in the older `SemanticsAPI` that preceded LabelsAPI."""
 
 from pxr import Sdf, Usd
 

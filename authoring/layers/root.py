@@ -23,7 +23,7 @@ def root_layer(
         backgrounds: File of each background relative to this layer; an empty string for an empty world.
         images: Number of images of the longest survey.
         frame: Least and largest corner of what a viewport frames [m], shape (2, 3), float64: the land goes on to the
-            horizon, where nobody would find the bridge.
+            horizon, too far to find the bridge.
 
     Returns:
         A layer in memory, to be written as `scene.usda`.
@@ -65,7 +65,7 @@ def bounds_of(pieces: Pieces) -> NDArray[np.float64]:
 
 
 def edits_layer() -> Sdf.Layer:
-    """Author the empty layer that waits for a user's edits, the strongest of all."""
+    """Author the empty layer for a user's edits, the strongest of all."""
     return new_layer("World")
 
 

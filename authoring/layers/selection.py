@@ -64,7 +64,7 @@ def choose(scene: Path, selections: dict[str, str]) -> None:
 
 
 def unknown_choice(scene: Path, axis: str, name: str, allowed: tuple[str, ...]) -> InputError:
-    """Word the error for a choice that there is not.
+    """Build the error for an unknown choice.
 
     Args:
         scene: Root layer.

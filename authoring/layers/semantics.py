@@ -1,4 +1,4 @@
-"""Semantics layer: what every leaf prim is called, and nothing else, so that another table is another file."""
+"""Semantics layer: only the labels of leaf prims, so that another table is another file."""
 
 from collections.abc import Iterator
 

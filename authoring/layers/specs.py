@@ -1,4 +1,4 @@
-"""Prims and attributes written straight into a layer: for thousands of prims, where a stage would compose each step."""
+"""Prims and attributes written directly into a layer: for thousands of prims, where a stage would compose each step."""
 
 from collections.abc import Iterable
 from functools import lru_cache
@@ -9,7 +9,7 @@ from usd_schemas.apis import Opinion
 
 
 def prim_spec(layer: Sdf.Layer, path: str, kind: str = "") -> Sdf.PrimSpec:
-    """Write a prim; its parents come into being as overrides unless they are there already.
+    """Write a prim; missing parents are created as overrides.
 
     Args:
         layer: Layer in memory.

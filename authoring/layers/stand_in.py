@@ -1,4 +1,4 @@
-"""What a viewport draws in place of a heavy plant: eight faces of the same extent (purpose `proxy`)."""
+"""The viewport's substitute for a heavy plant: eight faces of the same extent (purpose `proxy`)."""
 
 import numpy as np
 

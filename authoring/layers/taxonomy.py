@@ -1,9 +1,9 @@
-"""Taxonomy layer: another table of classes in force, switched in as a sublayer and out again.
+"""Taxonomy layer: another active table of classes, added and removed as a sublayer.
 
-The layer says nothing about any prim. It lays classes and the map from labels to them on the semantic render variable,
-and whoever reads the stage derives each class from the prim's `component`. So the labels stay as they are, one file
-fits every scene, a background or an edit that comes later is classed as well, and what a DCC brings back with nothing
-but the `userProperties:` mirrors is too.
+The layer contains no opinion about any prim. It stores classes and the map from labels to them on the semantic render
+variable; readers of the stage derive each class from the prim's `component`. So labels are unchanged, one file fits
+every scene, and later backgrounds and edits are classified as well, also prims that a DCC exported with nothing but the
+`userProperties:` mirrors.
 """
 
 from pxr import Sdf
@@ -15,7 +15,7 @@ from usd_schemas.taxonomies import Taxonomy
 
 
 def taxonomy_layer(table: Taxonomy) -> Sdf.Layer:
-    """Author the layer that puts a table in force.
+    """Author the layer that activates a table.
 
     Args:
         table: Classes, and the map from labels to them.

@@ -16,7 +16,7 @@ Selections = dict[str, str]
 
 
 class LightVariant(LightSettings):
-    """Another light; what it leaves out is as in `[light]`."""
+    """Another light; omitted values are those of `[light]`."""
 
     name: str = Field(pattern=NAME, max_length=40, description="Name of the light")
 

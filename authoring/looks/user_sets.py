@@ -58,7 +58,7 @@ def read_sets(folders: Iterable[Path]) -> dict[str, tuple[MapSet, ...]]:
         folders: Users' folders or zips.
 
     Raises:
-        InputError: A folder holds no set, or none of a family that anybody knows.
+        InputError: A folder holds no set, or none of a known family.
     """
     sets: list[MapSet] = []
     for folder in folders:

@@ -24,7 +24,7 @@ _LEAST_WALL = 1.0  # [m] between seat and footing
 
 
 class AbutmentSettings(Settings):
-    """Walls of both abutments; what is left out is drawn."""
+    """Walls of both abutments; omitted values are drawn at random."""
 
     seat_margin: float | None = drawn(0.15, 0.30, "Seat in front of the plinths [m]", ge=0.05, le=1.0)
     wing_length: float | None = drawn(6.0, 7.0, "Wing walls behind the wall [m]", le=12.0)

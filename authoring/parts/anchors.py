@@ -1,4 +1,4 @@
-"""What holds the ends of cables: sleeves of stays, clamps and sockets of hangers, saddles, anchor blocks."""
+"""Anchorages and supports of cables: sleeves of stays, clamps and sockets of hangers, saddles, anchor blocks."""
 
 from dataclasses import dataclass
 

@@ -31,7 +31,7 @@ _POT_EMBEDDED = 0.002  # [m] of the pot's pieces into each other
 
 
 class BearingSettings(Settings):
-    """Bearings and plinths; what is left out is drawn."""
+    """Bearings and plinths; omitted values are drawn at random."""
 
     kind: Literal["pad", "pot"] | None = chosen(
         {"pad": 0.7, "pot": 0.3}, "Laminated rubber pad or steel pot", paper={"pot": 1}

@@ -34,7 +34,7 @@ _BOX_PANELS = 2  # boxes are joined at every second frame
 
 
 class CrossFrameSettings(Settings):
-    """What joins the girders; what is left out is drawn."""
+    """What joins the girders; omitted values are drawn at random."""
 
     kind: Literal["x", "k", "solid", "plate"] | None = chosen(
         {"x": 42, "k": 36, "solid": 22},

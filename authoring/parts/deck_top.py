@@ -28,7 +28,7 @@ Runs = list[tuple[str, tuple[float, float]]]
 
 
 class DeckTopSettings(Settings):
-    """What lies on a deck; what is left out is drawn."""
+    """What lies on a deck; omitted values are drawn at random."""
 
     service: Literal["road", "rail_single", "rail_double"] | None = chosen(
         {"road": 60, "rail_single": 15, "rail_double": 25},

@@ -19,7 +19,7 @@ GROOVE = 0.020  # [m] depth and half the width of a drip groove
 
 
 class DeckEdgeSettings(Settings):
-    """Edges of the slab; what is left out is drawn."""
+    """Edges of the slab; omitted values are drawn at random."""
 
     groove: float | None = drawn(
         0.10, 0.15, "Drip groove from the slab's edge [m]; 0 for none", ge=0.0, le=0.30, paper=(0.0, 0.0)

@@ -36,7 +36,7 @@ _PAPER_LINES = 5
 
 
 class GirderSettings(Settings):
-    """Concrete girders; what is left out is drawn."""
+    """Concrete girders; omitted values are drawn at random."""
 
     shape: Shape | None = chosen(
         _SHAPES,

@@ -23,7 +23,7 @@ Shape = Literal["wall", "barrier", "railing", "wall_rail"]
 
 
 class ParapetSettings(RailingSettings):
-    """Parapets and railings along both edges; what is left out is drawn."""
+    """Parapets and railings along both edges; omitted values are drawn at random."""
 
     shape: Shape | None = chosen_by(
         {"on roads": _ROAD_WEIGHTS, "on railways": _RAIL_WEIGHTS},

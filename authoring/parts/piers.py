@@ -1,4 +1,4 @@
-"""Piers: what stands at an inner support, from the settings to cap, shafts and footing."""
+"""Piers at the inner supports, from the settings to cap, shafts and footing."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -29,7 +29,7 @@ _LEAST_ASKEW = 0.10  # [m] a narrower stem of an inverted T is left out on a ske
 
 
 class PierSettings(Settings):
-    """Caps, columns and footings; what is left out is drawn."""
+    """Caps, columns and footings; omitted values are drawn at random."""
 
     kind: PierKind | None = chosen_by(KINDS, "Kind of pier")
     cap: CapKind | None = chosen_by(CAPS, "Kind of cap, no inverted_t where the rows of bearings leave no room")
@@ -138,7 +138,7 @@ class Piers:
 
 @dataclass(frozen=True)
 class PierNeeds:
-    """What a bridge asks of its piers.
+    """Requirements of a bridge for its piers.
 
     Attributes:
         width: Deck width [m].

@@ -26,7 +26,7 @@ _BAR, _BAR_PITCH = 0.020, 0.12  # [m] bars and the distance between them: no chi
 
 
 class RailingSettings(Settings):
-    """Steel railings; what is left out is drawn."""
+    """Steel railings; omitted values are drawn at random."""
 
     infill: Literal["rails", "bars"] | None = chosen(
         {"rails": 50, "bars": 50}, "Below the top rail: rails along, or upright bars every 0.12 m"

@@ -26,7 +26,7 @@ _MARKING_CLEAR = 0.03  # [m] from the asphalt's ends
 
 
 class RoadwaySettings(Settings):
-    """Cross-section of a road deck, the same on both sides; what is left out is drawn."""
+    """Cross-section of a road deck, the same on both sides; omitted values are drawn at random."""
 
     lanes: int | None = chosen({1: 0.05, 2: 0.50, 3: 0.10, 4: 0.25, 5: 0.05, 6: 0.05}, "Traffic lanes", ge=1, le=6)
     lane_width: float | None = drawn(3.0, 3.75, "Width of a lane [m]", ge=2.5, le=4.5)

@@ -21,7 +21,7 @@ _LEAST_FORK = 0.4  # [m] a shallower fork is left out: the shaft only flares
 
 @dataclass(frozen=True)
 class Shafts:
-    """What carries the cap of one pier.
+    """The shafts of one pier.
 
     Attributes:
         kind: Kind of pier.

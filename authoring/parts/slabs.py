@@ -1,4 +1,4 @@
-"""Slabs that span by themselves: solid, voided and PK sections, and their bearing lines."""
+"""Slabs without girders: solid, voided and PK sections, and their bearing lines."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -30,7 +30,7 @@ Section = Literal["solid", "voided", "pk", "hexagon"]
 
 
 class SlabSectionSettings(Settings):
-    """Section of a slab; what is left out is drawn."""
+    """Section of a slab; omitted values are drawn at random."""
 
     section: Section | None = chosen(
         {"solid": 40, "voided": 25, "pk": 35},
@@ -91,7 +91,7 @@ class Slab:
 
 
 def draw_section(settings: SlabSectionSettings, draws: Draws) -> str:
-    """Draw which section a slab has, before its spans: voids pay on longer ones.
+    """Draw which section a slab has, before its spans: voids are economic on longer ones.
 
     Args:
         settings: What the user fixed.
@@ -102,7 +102,7 @@ def draw_section(settings: SlabSectionSettings, draws: Draws) -> str:
 
 @dataclass(frozen=True)
 class SlabNeeds:
-    """What a bridge asks of its slab.
+    """Requirements of a bridge for its slab.
 
     Attributes:
         width: Overall deck width [m].

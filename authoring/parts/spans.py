@@ -137,7 +137,7 @@ class Levels:
 
 
 def level_at(alignment: Alignment, station: float) -> Alignment:
-    """Take curve and grade out of an alignment around one support: caps and walls are built straight.
+    """Remove curve and grade from an alignment around one support: caps and walls are built straight.
 
     `left` runs along the support line, skewed where the supports are, and lines of girders meet it where they do on
     the bridge; a crossfall stays, so that caps slope under a superelevated road. What keeps its right angles there

@@ -1,4 +1,4 @@
-"""Stays: where fan, harp and semi-fan put their ends, and the stays with their sleeves."""
+"""Stays: the positions of their ends in fan, harp and semi-fan, and the stays with their sleeves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

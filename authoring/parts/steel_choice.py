@@ -21,7 +21,7 @@ _LEAST_DEPTH = 0.70  # [m]
 
 
 class PlateGirderSettings(Settings):
-    """Steel girders; what is left out is drawn."""
+    """Steel girders; omitted values are drawn at random."""
 
     arrangement: Literal["multi", "ladder", "box"] | None = chosen(
         _ARRANGEMENTS,

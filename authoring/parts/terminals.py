@@ -1,4 +1,4 @@
-"""How parapets end on the approaches: in a block that guardrails are bolted to."""
+"""Ends of parapets on the approaches: a block to which guardrails are bolted."""
 
 import numpy as np
 

@@ -33,7 +33,7 @@ _PAPER_WIDTH = 10.0  # [m] of every deck of the paper's generator
 
 
 class TrackSettings(Settings):
-    """Tracks and what lies beside them; what is left out is drawn."""
+    """Tracks and the strips beside them; omitted values are drawn at random."""
 
     bed: Literal["ballast", "slab"] | None = chosen(
         {"ballast": 65, "slab": 35}, "Ballast or ballastless track slab", paper={"slab": 1}
@@ -141,7 +141,7 @@ def draw_tracks(settings: TrackSettings, tracks: int, edge: float, draws: Draws)
 
 
 def track_parts(tracks: Tracks, spans: Spans, place: Alignment) -> list[Part]:
-    """Build what runs through over the whole bridge: its bed, sleepers and rails.
+    """Build the continuous track over the whole bridge: its bed, sleepers and rails.
 
     Rails are welded: one piece each, from where the site's track ends to where it begins again.
 

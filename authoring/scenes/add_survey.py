@@ -1,4 +1,4 @@
-"""One more survey for a scene that is there."""
+"""One more survey for an existing scene."""
 
 from pathlib import Path
 

@@ -12,7 +12,7 @@ ROOT = "scene.usda"
 
 
 def checkout_scene(source: Path, out: Path) -> Path:
-    """Copy the files that are a scene's own, free to be edited; what else lies beside them stays there.
+    """Copy a scene's own files so that they can be edited; other files beside them are not copied.
 
     Args:
         source: Scene folder, a folder of a run such as `OUT/scenes/0000`, or a root layer.

@@ -1,4 +1,4 @@
-"""How two scenes differ: what moved, changed shape or look, was relabelled, came and went."""
+"""Differences of two scenes: moved, reshaped, recoloured, relabelled, added and removed prims."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -194,7 +194,7 @@ def _plain(value: Any) -> Any:
 
 
 class _Looks:
-    """Materials of one scene, each looked at once."""
+    """Materials of one scene, each read once."""
 
     def __init__(self) -> None:
         self._known: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""What is in a scene: its tree, choices, counts, surveys, and the hash of every layer."""
+"""Contents of a scene: its tree, choices, counts, surveys, and the hash of every layer."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ _BACKGROUND = "background"  # class of what is no part of a bridge
 
 @dataclass(frozen=True)
 class Inventory:
-    """A scene at a glance.
+    """Summary of a scene.
 
     Attributes:
         tree: Prim path, type, kind and number of surfaces below, for the upper prims; an instance counts as one.

@@ -1,4 +1,4 @@
-"""Label layers of a scene folder: which table of classes is in force, and whether older software can read them."""
+"""Label layers of a scene folder: the active table of classes, and whether older software can read them."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Is a scene sound? USD's own validators and our rules, in every variant."""
+"""Validation of a scene: USD's own validators and our rules, in every variant."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -22,7 +22,7 @@ Rule = Callable[[Usd.Stage], Iterator[str]]
 
 
 def validate_scene(path: Path) -> list[str]:
-    """Look for everything that is wrong with a scene.
+    """Find every fault of a scene.
 
     Args:
         path: `scene.usda` or any other stage.
@@ -70,7 +70,7 @@ def usd_findings(stage: Usd.Stage) -> Iterator[str]:
 
 
 def label_findings(stage: Usd.Stage) -> Iterator[str]:
-    """Every visible surface has one component and one class, both in the tables and in agreement.
+    """Check that every visible surface has one component and one class, both in the tables and consistent.
 
     The class that a prim carries is always that of the base table; a taxonomy that the stage brings must be usable and
     have a row for each component.
@@ -98,7 +98,7 @@ def label_findings(stage: Usd.Stage) -> Iterator[str]:
 
 
 def id_findings(stage: Usd.Stage) -> Iterator[str]:
-    """Instance ids are over 0 and unique; leaf names and stable ids are unique, so that a DCC keeps them.
+    """Check that instance ids are positive and unique; leaf names and stable ids are unique, so that a DCC keeps them.
 
     Args:
         stage: Stage to look at.
@@ -123,7 +123,7 @@ def id_findings(stage: Usd.Stage) -> Iterator[str]:
 
 
 def kind_findings(stage: Usd.Stage) -> Iterator[str]:
-    """Model kinds leave no gap: a group or component stands under groups only.
+    """Check that model kinds have no gap: a group or component is below groups only.
 
     Args:
         stage: Stage to look at.
@@ -209,7 +209,7 @@ def surfaces(stage: Usd.Stage) -> Iterator[Usd.Prim]:
 
 
 def pickable_prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    """Walk what one picks on a stage: its surfaces and, in place of all surfaces of a native instance, the instance.
+    """Iterate over the selectable prims of a stage: its surfaces, but of a native instance the instance itself.
 
     Args:
         stage: Stage to walk.

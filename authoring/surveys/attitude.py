@@ -1,4 +1,4 @@
-"""What the drone's gimbal writes down: yaw, pitch and roll of the camera, with noise."""
+"""Angles recorded by a drone's gimbal: yaw, pitch and roll of the camera, with noise."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ UPRIGHT = 1e-9  # sine of the angle to the vertical below which a camera's own r
 
 
 def attitude_of(rotations: F64) -> F64:
-    """Measure yaw, pitch and roll as drones write them.
+    """Compute yaw, pitch and roll in the convention of drones.
 
     Args:
         rotations: Camera to world, axes right, down, forward [1], shape (N, 3, 3), float64.

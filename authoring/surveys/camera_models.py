@@ -1,4 +1,4 @@
-"""Cameras by name: what a pilot would choose from, as the table `cameras.toml`."""
+"""Cameras by name: the table `cameras.toml`."""
 
 import tomllib
 from collections.abc import Mapping

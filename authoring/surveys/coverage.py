@@ -17,7 +17,7 @@ PREFERRED = 3  # by which such a view counts more than one that begins anew [1]
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """What a choice of views is after.
+    """Targets of a choice of views.
 
     Attributes:
         shows: 1 where a view shows an element, shape (V, E), int64.

@@ -10,7 +10,7 @@ WIDTH = 1280  # [px] where neither survey nor stage names a size
 
 
 def existing_flight(settings: StageSettings, scene: FlatScene) -> Flown:
-    """Take the poses and the lens of a camera over.
+    """Copy the poses and the lens of a camera.
 
     Args:
         settings: Which camera, and the size of its images.

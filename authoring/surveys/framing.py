@@ -1,4 +1,4 @@
-"""What falls into the picture of a camera, its distortion considered."""
+"""Points inside the picture of a camera, with its lens distortion."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ class Eye:
     widest: float
 
     def rays(self, pixels: F64) -> F64:
-        """Find where pixels look.
+        """Compute the ray directions of pixels.
 
         Args:
             pixels: Pixel positions [px], shape (N, 2), float64.

@@ -1,4 +1,4 @@
-"""Every place round a whole bridge where a drone may be and can get to."""
+"""Every place around a whole bridge that is allowed for a drone and reachable."""
 
 import numpy as np
 from numpy.typing import NDArray

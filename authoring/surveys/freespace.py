@@ -1,4 +1,4 @@
-"""Where a drone may be: a box cut into cells, those far enough from bridge and ground, and ways between them."""
+"""Free space of a drone: the cells of a box that are far enough from bridge and ground, and paths between them."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Where the cameras of a flight look."""
+"""Viewing directions of the cameras of a flight."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""What the drone's receiver writes down: the true position, white noise, a bias that walks slowly, a wrong altitude."""
+"""Positions recorded by a drone's receiver: true position, white noise, a slowly drifting bias, an altitude error."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Grid survey: the rows that pilots fly along a bridge's sides, over its deck, at one distance and square to it."""
+"""Grid survey: rows along a bridge's sides and over its deck, at one distance and square to it."""
 
 from dataclasses import dataclass
 
@@ -117,7 +117,7 @@ def _bridge_share(poses: F64, eye: Eye, subject: Subject) -> F64:
 
 
 def _faces(settings: GridSettings, camera: Pinhole, box: OrientedBox, sampling: float) -> list[_Face]:
-    """List the two long sides, the deck, and the rows in between that tie them into one reconstruction."""
+    """List the two long sides, the deck, and the rows in between that connect them in one reconstruction."""
     between, distance = (1.0 - settings.side_overlap) * sampling, sampling * camera.fx
     heights = _spread(-box.half[2], box.half[2], between * camera.height)
     side = box.half[1] + distance

@@ -1,4 +1,4 @@
-"""Where the cameras of a local flight look: at the component nearest to them, turning evenly from one to the next."""
+"""Viewing directions of a local flight: at the nearest component, turning evenly from one to the next."""
 
 import numpy as np
 from numpy.typing import NDArray

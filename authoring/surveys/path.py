@@ -1,4 +1,4 @@
-"""What a survey hands to the layers: cameras in a row, and what the drone's receiver wrote down."""
+"""Result of a survey: cameras in order, and the positions that the drone's receiver recorded."""
 
 from dataclasses import dataclass
 

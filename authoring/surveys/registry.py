@@ -59,7 +59,7 @@ SURVEYS: dict[str, Survey] = {**_KINDS, "mix": Survey(MixSettings, _MIX)}
 
 
 def plan_survey(settings: AnySurvey, subject: Subject, seed: int) -> CameraPath:
-    """Fly one survey and note what the drone would note.
+    """Plan one survey and simulate the drone's records.
 
     Args:
         settings: Its settings.
@@ -88,7 +88,7 @@ def plan_survey(settings: AnySurvey, subject: Subject, seed: int) -> CameraPath:
 
 
 def record_flight(settings: AnySurvey, flown: Flown, seed: int) -> CameraPath:
-    """Note what a drone would note: times at its speed, and positions and attitudes with noise.
+    """Simulate the records of a drone: times at its speed, and positions and attitudes with noise.
 
     Args:
         settings: Settings of the survey.

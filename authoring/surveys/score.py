@@ -1,4 +1,4 @@
-"""What a flight is worth, found by casting rays before anything is rendered."""
+"""Coverage and quality of a flight, by ray casting before anything is rendered."""
 
 from dataclasses import dataclass, field
 
@@ -24,7 +24,7 @@ PITCH_EDGES = tuple(range(-90, 91, 15))  # [deg]
 
 @dataclass(frozen=True)
 class FlightScore:
-    """What a flight is worth.
+    """Coverage and quality of a flight.
 
     Attributes:
         images: Number of images.
@@ -56,7 +56,7 @@ class FlightScore:
 def score_flight(
     poses: F64, eye: Eye, duration: float, bridge: tuple[F64, NDArray[np.integer]], obstacles: RayScene
 ) -> FlightScore:
-    """Judge a flight.
+    """Compute the score of a flight.
 
     Args:
         poses: camera_to_world in the order of flight [m], shape (N, 4, 4), float64.

@@ -14,7 +14,7 @@ Reach = Annotated[float, Field(ge=0.5, le=100.0)]
 
 
 class RecordSettings(Settings):
-    """What every flight records, planned by us or elsewhere."""
+    """Records of every flight, planned by Falsework or not."""
 
     id: str = Field(default="global", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name, unique in the scene")
     width: int | None = Field(
@@ -40,7 +40,7 @@ class RecordSettings(Settings):
 
 
 class CameraSettings(RecordSettings):
-    """What every planned survey writes down, and with which camera."""
+    """Records and camera of every planned survey."""
 
     camera: str = Field(default=DEFAULT, description="Camera model, a name of authoring/surveys/cameras.toml")
 
@@ -53,13 +53,13 @@ class CameraSettings(RecordSettings):
 
 
 class SurveySettings(CameraSettings):
-    """What every kind of planned survey understands."""
+    """Settings of every kind of planned survey."""
 
     safety: float = Field(default=1.5, ge=0.3, le=10.0, description="Least distance to bridge and site [m]")
 
 
 class GlobalSettings(SurveySettings):
-    """A flight round the whole bridge: a loop of our own, or the paper's tour."""
+    """A flight around the whole bridge: a loop of our own, or the paper's tour."""
 
     kind: Literal["global"] = "global"
     images: int = Field(
@@ -139,7 +139,7 @@ class LocalSettings(SurveySettings):
 
 
 class GridSettings(SurveySettings):
-    """The rows that pilots fly along a facade: every side of the bridge at one distance, square to it."""
+    """Rows as along a facade: every side of the bridge at one distance, square to it."""
 
     kind: Literal["grid"]
     id: str = Field(default="grid", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name, unique in the scene")

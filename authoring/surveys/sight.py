@@ -1,4 +1,4 @@
-"""What a camera sees of a bridge's members: which samples of their surface, and how many pixels they fill."""
+"""Visibility of a bridge's members in a camera: the samples of their surface, and the pixels that they fill."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ _BATCH = 200_000  # rays cast at once
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """What views see.
+    """Visibility in views.
 
     Attributes:
         pixels: Pixels that each member fills in each view [px], shape (V, K), float64.

@@ -1,4 +1,4 @@
-"""What a survey may know: the triangles of bridge and site, never the background."""
+"""The input of a survey: the triangles of bridge and site, never the background."""
 
 from dataclasses import dataclass
 
@@ -65,7 +65,7 @@ class Subject:
 
 
 def make_subject(bridge: tuple[Component | Scatter, ...], site: tuple[Component | Scatter, ...]) -> Subject:
-    """Gather the triangles of a bridge and its site.
+    """Collect the triangles of a bridge and its site.
 
     Args:
         bridge: The bridge's pieces.

@@ -1,4 +1,4 @@
-"""Shaping a way: straightened, rounded off, and divided into equal steps, never nearer to anything than is safe."""
+"""Shaping a path: straightened, rounded, and divided into equal steps, always at a safe distance."""
 
 import numpy as np
 from numpy.typing import NDArray

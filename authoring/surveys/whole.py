@@ -1,4 +1,4 @@
-"""Global survey: round the whole bridge, in a loop that waves between under the deck and over it, or in rings."""
+"""Global survey: around the whole bridge, in a loop alternately below and above the deck, or in rings."""
 
 import numpy as np
 from numpy.typing import NDArray
