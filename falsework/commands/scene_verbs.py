@@ -114,6 +114,8 @@ def diff(first: File, second: File, *, allow_root: Roots = (), as_json: AsJson =
         _say(line)
     if found["same"]:
         _say("the scenes compose to the same" if lines else "no difference")
+    elif not any(found[word] for word in ("moved", "reshaped", "relabelled")):
+        _say("alike       all that both have stands where it stood: same places, shapes, cameras and labels")
     return 0
 
 
