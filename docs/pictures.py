@@ -136,7 +136,7 @@ def make(recipe: Recipe, given: dict[str, str]) -> None:
 
 
 def lines(recipes: Sequence[Recipe]) -> list[str]:
-    """Say what makes which pictures, and what that needs.
+    """List the recipes of pictures, and their requirements.
 
     Args:
         recipes: What to list.

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.compare.experiment import ExperimentSettings
+from learn.compare.statistics import class_iou, crossed_bootstrap, holm, paired_difference, signed_rank
 from learn.metrics import scores
-from learn.statistics import class_iou, crossed_bootstrap, holm, paired_difference, signed_rank
 
 I64 = NDArray[np.int64]
 

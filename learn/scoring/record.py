@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from learn.instances import connected_parts
 from learn.metrics import calibration_error, confusion_by_threshold, mean_iou, reliability, risk_coverage, scores
-from learn.panoptic import PanopticCounts, count_instances, panoptic_quality
+from learn.scoring.panoptic import PanopticCounts, count_instances, panoptic_quality
 from learn.scoring.votes import ScoredCloud, labeled
 
 F32 = NDArray[np.float32]
