@@ -72,6 +72,7 @@ docs: .venv/.stamp-dev .venv/.stamp-docs
 	@touch $@
 
 .venv/.stamp-core: .venv/.stamp-venv $(PINS)
+	@echo "falsework set-up: packages into .venv, about 1.5 GB: some minutes without a word"
 	$(PIP) --editable .
 	@.venv/bin/python bootstrap/system_libraries.py core
 	@touch $@

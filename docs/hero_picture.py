@@ -107,7 +107,8 @@ def tile(scene: Path, world: str, view: str, scratch: Path, progress: Progress) 
     cloud = next(each for each in clouds if each.source == SFM_DENSE)
     photograph = load_image(capture, 0)
     labels = painted(photograph, truth.semantic(0), truth.classes)
-    return cv2.resize(wiped([photograph, labels, cloud_from(cloud, camera, pose)]), TILE, interpolation=cv2.INTER_AREA)
+    whole = wiped([photograph, labels, cloud_from(cloud, camera, pose)])
+    return cv2.resize(whole, TILE, interpolation=cv2.INTER_AREA).astype(np.uint8)
 
 
 def painted(photograph: U8, labels: U8, classes: tuple[ClassRow, ...]) -> U8:

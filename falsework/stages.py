@@ -202,8 +202,8 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 STAGES: dict[str, Stage] = {
     "stage": Stage(14, author),
     "capture": Stage(14, capture, resumes=True),
-    "model": Stage(3, model, resumes=True),
+    "model": Stage(4, model, resumes=True),
     "cloud": Stage(15, cloud, resumes=True),
     "sample": Stage(1, sample),
-    "report": Stage(11, report),
+    "report": Stage(12, report),
 }

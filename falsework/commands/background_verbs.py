@@ -7,11 +7,14 @@ import tyro
 
 from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import USD_SUFFIXES
 from groundwork.child import run_child
+from groundwork.errors import InputError
 
 WORKER = "falsework.children.background_work"
 TIME_LIMIT = 1800.0  # [s]
 MEMORY_LIMIT = 12.0  # [GB]
+_SUFFIXES = (".json", ".jsonl", ".glb", ".gltf", ".obj", ".ply", ".zip", *USD_SUFFIXES)
 
 File = tyro.conf.Positional[Path]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
@@ -42,6 +45,8 @@ def import_background(
         license: Licence of the data, if the file does not state it.
         as_json: Print one JSON object instead of lines.
     """
+    if file.is_file() and file.suffix.lower() not in _SUFFIXES:
+        raise InputError("no city model", where=file, value=file.suffix, allowed=", ".join(_SUFFIXES))
     from groundwork.output_folder import fresh_output
 
     said = {name: text for name, text in (("attribution", attribution), ("license", license)) if text}

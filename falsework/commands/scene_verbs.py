@@ -20,6 +20,7 @@ WORKER = "falsework.children.scene_work"
 LONG_WORK = ("choose", "flatten", "package")  # no time limit: they author and bake
 TIME_LIMIT = 3600.0  # [s]
 MEMORY_LIMIT = 16.0  # [GB]
+_FEW = 3  # names of one parent, or of one material, that a line of `diff` holds
 
 File = tyro.conf.Positional[Path]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
@@ -107,13 +108,15 @@ def diff(first: File, second: File, *, allow_root: Roots = (), as_json: AsJson =
     lines += [f"look        {line}" for line in _looks(found["look"])]
     for path, (before, after) in found["relabelled"].items():
         lines.append(f"relabelled  {path}  {' '.join(filter(None, before))} -> {' '.join(filter(None, after))}")
-    lines += [f"{word:<11} {path}" for word in ("light", "added", "removed") for path in found[word]]
+    lines += [f"{word:<11} {line}" for word in ("light", "added", "removed") for line in _together(found[word])]
     folders = Counter((name.rpartition("/")[0] or ".", what) for name, what in found["layers"].items())
     lines += [f"files       {folder}: {count} {what}" for (folder, what), count in sorted(folders.items())]
     for line in lines:
         _say(line)
     if found["same"]:
         _say("the scenes compose to the same" if lines else "no difference")
+    elif not any(found[word] for word in ("moved", "reshaped", "relabelled")):
+        _say("alike       all that both have stands where it stood: same places, shapes, cameras and labels")
     return 0
 
 
@@ -242,9 +245,21 @@ def _looks(changed: dict[str, list[str]]) -> list[str]:
         line = after if before == after else f"{before or 'none'} -> {after or 'none'}"
         bound.setdefault(line, []).append(path.rpartition("/")[2])
     return [
-        f"{line}: {', '.join(names[:3])}" + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+        f"{line}: {', '.join(names[:_FEW])}" + (f" and {len(names) - _FEW} more" if len(names) > _FEW else "")
         for line, names in sorted(bound.items())
     ]
+
+
+def _together(paths: list[str]) -> list[str]:
+    """Write a line for each path; one for all of a parent that has more than a few: a world has hundreds."""
+    below: dict[str, list[str]] = {}
+    for path in paths:
+        below.setdefault(path.rpartition("/")[0], []).append(path)
+    lines = list[str]()
+    for parent, own in below.items():
+        names = ", ".join(path.rpartition("/")[2] for path in own[:_FEW])
+        lines += own if len(own) <= _FEW else [f"{parent}: {names} and {len(own) - _FEW} more"]
+    return lines
 
 
 def _work(work: str, scene: Path, request: dict[str, Any], roots: Roots, *others: Path) -> Any:

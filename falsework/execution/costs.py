@@ -14,7 +14,7 @@ from groundwork.files import MANIFEST, read_json
 # Default seconds and bytes of a result, before any was measured: those of the demo, with a dense cloud; samples
 # guessed.
 DEFAULT_SECONDS = {"stage": 13.7, "capture": 19.7, "model": 160.0, "cloud": 56.1, "sample": 60.0, "report": 2.0}
-DEFAULT_BYTES = {"stage": 137e6, "capture": 36e6, "model": 18e6, "cloud": 158e6, "sample": 200e6, "report": 36e6}
+DEFAULT_BYTES = {"stage": 103e6, "capture": 65e6, "model": 21e6, "cloud": 144e6, "sample": 200e6, "report": 8.5e6}
 
 
 @dataclass

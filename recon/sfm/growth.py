@@ -2,7 +2,7 @@
 
 Where a flight turns between two images, the pair may have 40 matches, and fewer of them become points than COLMAP
 requires to register an image. Growth requires fewer. Images that so few points connect may lose their common scale: the
-model then folds.
+model then folds. And so few points do not distinguish two towers that look alike: without GPS, nothing is registered.
 """
 
 from pathlib import Path
@@ -12,7 +12,8 @@ import pycolmap
 from numpy.typing import NDArray
 
 from recon.sfm.colmap_model import check_whole
-from recon.sfm.runaways import runaways
+from recon.sfm.misplaced import Fixes, misplaced_images
+from recon.sfm.runaways import leave_out, runaways
 
 F64 = NDArray[np.float64]
 
@@ -35,10 +36,12 @@ def grow(
     images: Path,
     scratch: Path,
     options: pycolmap.IncrementalPipelineOptions,
+    fixes: Fixes,
 ) -> tuple[pycolmap.Reconstruction, dict[str, float]]:
-    """Register more images with fewer inliers; remove loosely connected ones, and discard a round that bent the model.
+    """Register more images with fewer inliers; remove those that GPS does not confirm and loosely connected ones.
 
-    Two-view points do not fix the scale across a gap: with them, one model shrank to a ten-millionth of its size.
+    A round that bent the model is discarded. Two-view points do not fix the scale across a gap: with them, one model
+    shrank to a ten-millionth of its size.
 
     Args:
         model: The model; not changed.
@@ -46,16 +49,18 @@ def grow(
         images: Folder of the photographs.
         scratch: Existing folder for temporary files.
         options: Those that the model was made with; changed in place.
+        fixes: GPS position by name of image [m].
 
     Returns:
-        The grown model, or `model` itself if nothing was gained; and figures: `added`: images gained; `loose`: images
-        removed again in the last round; `moved`: result of `shift` in the last round [1], 0 where nothing was gained. A
-        round is discarded if `moved` exceeds `MOST_MOVED`.
+        The grown model, or `model` itself if nothing was gained; and figures: `added`: images gained; `misplaced` and
+        `loose`: images removed again in the last round, because of their GPS position or too few points; `moved`:
+        result of `shift` in the last round [1], 0 where nothing was gained. A round is discarded if `moved`
+        exceeds `MOST_MOVED`.
     """
     options.multiple_models = False
     options.mapper.abs_pose_min_num_inliers = FEW_INLIERS
     options.triangulation.ignore_two_view_tracks = True
-    grown, loose, moved = model, 0, 0.0
+    grown, misplaced, loose, moved = model, 0, 0, 0.0
     for number in range(_ROUNDS):
         before, after = (scratch / f"{name}{number}" for name in ("before", "after"))
         for path in (before, after):
@@ -64,23 +69,24 @@ def grow(
         check_whole(before)
         found = pycolmap.incremental_mapping(database, images, after, options, input_path=before)
         larger = next((other for other in found.values() if other.num_reg_images() > grown.num_reg_images()), None)
-        loose = 0 if larger is None else _drop_loose(larger, set(grown.reg_image_ids()))
+        known = set(grown.reg_image_ids())
+        misplaced = 0 if larger is None else _drop(larger, misplaced_images(larger, known, fixes))
+        loose = 0 if larger is None else _drop(larger, loose_images(larger, known))
         if larger is None or larger.num_reg_images() <= grown.num_reg_images():
             break
         moved = shift(grown, larger)
         if moved > MOST_MOVED:
             break
         grown = larger
-        if not loose:
+        if not misplaced + loose:
             break
-    return grown, {"added": grown.num_reg_images() - model.num_reg_images(), "loose": loose, "moved": moved}
+    added = grown.num_reg_images() - model.num_reg_images()
+    return grown, {"added": added, "misplaced": misplaced, "loose": loose, "moved": moved}
 
 
-def _drop_loose(grown: pycolmap.Reconstruction, known: set[int]) -> int:
-    loose = loose_images(grown, known)
-    for image in loose:
-        grown.deregister_frame(grown.image(image).frame_id)
-    return len(loose)
+def _drop(grown: pycolmap.Reconstruction, images: list[int]) -> int:
+    leave_out(grown, images)
+    return len(images)
 
 
 def loose_images(grown: pycolmap.Reconstruction, known: set[int]) -> list[int]:

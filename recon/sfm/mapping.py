@@ -208,14 +208,17 @@ def _grow_largest(
 ) -> dict[str, float]:
     """Where images are missing, replace the largest model by the grown one; return the figures of `grow`."""
     total = len(capture.images)
-    if not ranked or ranked[0].num_reg_images() == total or not ranked[0].num_points3D():
+    fixes = {image.file: image.gps for image in capture.images if image.gps is not None}
+    if not ranked or ranked[0].num_reg_images() == total or not ranked[0].num_points3D() or not fixes:
         return {}
     progress.stage("mapping, by fewer matches", 0)
     before = ranked[0].num_reg_images()
-    ranked[0], facts = grow(ranked[0], database, capture.folder, scratch, options)
+    ranked[0], facts = grow(ranked[0], database, capture.folder, scratch, options, fixes)
     after = ranked[0].num_reg_images()
     if facts["added"]:
         progress.note(f"growth by fewer matches: {before} of {total} images became {after}")
+    if facts["misplaced"]:
+        progress.note(f"growth by fewer matches: {facts['misplaced']:.0f} images removed that GPS does not confirm")
     if facts["moved"] > MOST_MOVED:
         progress.note(f"growth by fewer matches bent the model of {after} images (by {facts['moved']:.1%}): not taken")
     return facts
