@@ -60,7 +60,7 @@ def test_the_help_is_silent_of_defaults_that_say_nothing(capsys: pytest.CaptureF
     with pytest.raises(SystemExit):
         main(["render", "--help"])
     text = re.sub(r" *│\n│ +", " ", capsys.readouterr().out)
-    assert "a number of stops from gain 1, or `auto`" in text
+    assert "a number of stops relative to gain 1, or `auto`" in text
     assert "(default: standard)" in text
 
 

@@ -348,7 +348,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         ((tmp_path / "a.xyz", "-o", tmp_path / "c.xyz", "--unit", "m", *model), "no column color"),
         ((folder, "-o", tmp_path / "c.txt", *model), "can be copied as"),
         ((tmp_path / "a.xyz", "-o", tmp_path / "c.ply", *model), "another format"),
-        ((tmp_path / "a.xyz", "-o", tmp_path / "a.xyz", *model), "what the output is made from"),
+        ((tmp_path / "a.xyz", "-o", tmp_path / "a.xyz", *model), "the scan itself"),
         ((tmp_path / "nothing.laz", "-o", tmp_path / "c.laz", *model), "no such file"),
         ((folder, "-o", tmp_path / "c.laz", "--model", "nowhere:x"), "no such model"),
         ((folder, "-o", tmp_path / "c.laz", "--model", "json:dumps"), "model"),
