@@ -44,7 +44,7 @@ from usd_schemas.taxonomies import BASE, taxonomy
 
 @dataclass(frozen=True)
 class GivenFiles:
-    """Files and folders of the user's, by the names under which the settings ask for them.
+    """Files and folders of the user, by their names in the settings.
 
     Attributes:
         worlds: Imported worlds of `[background]` and `[variants]`.
@@ -70,7 +70,7 @@ def author_scene(
     """Author a whole scene.
 
     Args:
-        settings: What the scenario says.
+        settings: Settings of the scenario.
         seed: Seed of the scene; each layer draws from a stream of its own.
         folder: Existing empty folder; afterwards it holds `scene.usda` and can be moved as a whole.
         progress: Listener.

@@ -1,4 +1,4 @@
-"""What a scenario may say about the scene: one section a layer."""
+"""Settings of the scene in a scenario: one section for each layer."""
 
 from typing import Literal, Self
 

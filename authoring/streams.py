@@ -38,7 +38,7 @@ def weighted_choice(weights: Mapping[Option, float], share: float) -> Option:
 
 
 def told_shares(weights: Mapping[Any, float]) -> str:
-    """Say how often each option is drawn: "ballast 65 %, slab 35 %", "true 40 %", "1: 20 %, 2: 80 %", "always pot".
+    """State how often each option is drawn: "ballast 65 %, slab 35 %", "true 40 %", "1: 20 %, 2: 80 %", "always pot".
 
     Args:
         weights: How often each option is drawn, any scale [1].

@@ -1,4 +1,4 @@
-"""A benchmark's page: what it says, and which code it speaks of."""
+"""Pages of benchmarks: their text, and the code that they describe."""
 
 import re
 import subprocess
@@ -12,11 +12,11 @@ _READ = re.compile(_STAMP.format(module="(?P<module>[^`]+)", code="(?P<code>[0-9
 
 
 def write_page(page: Path, text: str, module: str, root: Path = ROOT) -> None:
-    """Write a page that ends with the hash of the code that it speaks of, and the commit.
+    """Write a page that ends with the hash of the code that it describes, and the commit.
 
     Args:
         page: The file.
-        text: What the page says.
+        text: Text of the page.
         module: File of the benchmark, its `__file__`.
         root: Folder of the repository.
     """
@@ -26,7 +26,7 @@ def write_page(page: Path, text: str, module: str, root: Path = ROOT) -> None:
 
 
 def words_of(page: Path) -> str:
-    """Read what a page says, without what it says of its code: to write it again with other rows.
+    """Read the text of a page, without the lines about its code: to write it again with other rows.
 
     Args:
         page: The file.
@@ -35,7 +35,7 @@ def words_of(page: Path) -> str:
 
 
 def state_of_page(page: Path, root: Path = ROOT) -> str:
-    """Tell what a page is worth today.
+    """Compute the state of a page: fresh, stale or unknown.
 
     Args:
         page: The file.
@@ -55,7 +55,7 @@ def state_of_page(page: Path, root: Path = ROOT) -> str:
 
 
 def _commit(root: Path) -> str:
-    """Name the commit, and say where files differ from it."""
+    """Name the commit, and the files that differ from it."""
     command = ["git", "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
     done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
     return done.stdout.strip() if not done.returncode else "none"

@@ -97,7 +97,7 @@ def speed_unit() -> dict[Task, float]:
 
 
 def slower(task: Task) -> float:
-    """Tell how many times longer a task takes here than on the reference machine [1].
+    """Measure how many times longer a task takes here than on the reference machine [1].
 
     Args:
         task: Which.

@@ -127,7 +127,7 @@ def _imports(path: Path) -> list[str]:
 
 
 def architecture_page() -> str:
-    """Spell the page as Markdown."""
+    """Write the page as Markdown."""
     lines = [
         "# The house",
         "",

@@ -1,4 +1,4 @@
-"""The reference of the command line, spelt from the functions that the verbs are."""
+"""Generator of the command-line reference, from the functions of the verbs."""
 
 import inspect
 import types
@@ -12,9 +12,9 @@ import tyro
 from falsework.cli import all_verbs
 from falsework.commands.examples import EXAMPLES
 
-_POSITIONAL: object = tyro.conf.Positional  # the marker that it leaves in an annotation
+_POSITIONAL: object = tyro.conf.Positional  # its marker in an annotation
 _TOPICS = {
-    "To begin with": ("doctor", "demo", "completion"),
+    "First steps": ("doctor", "demo", "completion"),
     "Whole runs": ("plan", "run", "verify", "clean", "report", "view"),
     "Stages": ("author", "preview", "scene", "background", "survey", "gallery"),
     "Photographs and clouds": ("render", "reconstruct", "sample", "export"),
@@ -23,7 +23,7 @@ _TOPICS = {
 
 
 def commands_page() -> str:
-    """Spell every verb as Markdown: what it does, an example, its options."""
+    """Format every verb as Markdown: description, example, options."""
     lines = [
         "# The command line",
         "",
@@ -32,16 +32,16 @@ def commands_page() -> str:
     ]
     lines += [
         "`falsework VERB --help` says the same. Results go to stdout, progress and errors to stderr.",
-        "`falsework completion bash` writes what completes verbs and options on Tab.",
+        "`falsework completion bash` prints a script that completes verbs and options in a shell.",
         "",
         "| exit code | meaning |",
         "|---|---|",
-        "| 0 | done; in `run`, rejected scenes are results, and counted |",
-        "| 1 | an error of ours; `doctor` found a failure; `verify` found damage |",
+        "| 0 | done; in `run`, rejected scenes are results and are counted |",
+        "| 1 | an internal error; `doctor` found a failure; `verify` found damage |",
         "| 2 | bad input: one line names file, field, value, what is allowed, and what to do |",
         "| 3 | some scenes failed, or the result of a single verb was rejected |",
-        "| 4 | out of space; the same command goes on once there is room |",
-        "| 130, 143 | interrupted; the same command goes on |",
+        "| 4 | the disk is full; repeat the command when there is room: it continues |",
+        "| 130, 143 | interrupted; repeat the command: it continues |",
         "",
     ]
     verbs = all_verbs()
@@ -53,7 +53,7 @@ def commands_page() -> str:
 
 
 def _listed(verbs: dict[str, Callable[..., int]]) -> dict[str, list[str]]:
-    """Sort the verbs by topic; what no topic names comes last, so that a new verb is never missing."""
+    """Sort the verbs by topic; verbs without a topic come last, so that no new verb is missing."""
     order = {head: topic for topic, heads in _TOPICS.items() for head in heads}
     found: dict[str, list[str]] = {topic: [] for topic in [*_TOPICS, "Others"]}
     for name in sorted(verbs, key=lambda name: list(order).index(name.split()[0]) if name.split()[0] in order else 99):
@@ -76,7 +76,7 @@ def _parameters(verb: Callable[..., int]) -> list[tuple[inspect.Parameter, objec
 
 
 def _row(parameter: inspect.Parameter, hint: object, meaning: dict[str, str]) -> str:
-    """One row of the table: the option as one types it, its default, what it does."""
+    """Format one row of the table: the option as typed, its default, its meaning."""
     notes = typing.get_args(hint)[1:] if typing.get_origin(hint) is typing.Annotated else ()
     plain = typing.get_args(hint)[0] if notes else hint
     given = next((note.name for note in notes if getattr(note, "name", None)), None)
@@ -92,7 +92,7 @@ def _row(parameter: inspect.Parameter, hint: object, meaning: dict[str, str]) ->
 
 
 def _value(plain: object) -> str:
-    """Spell what an option takes: its choices, or the kind of thing."""
+    """Format the value of an option: its choices, or its type."""
     inside = [part for part in typing.get_args(plain) if part is not type(None)]
     origin = typing.get_origin(plain)
     if origin is typing.Literal:

@@ -29,7 +29,7 @@ _INTRODUCTION = (
 
 
 def samplers_page() -> str:
-    """Spell every setting of `falsework sample` as Markdown tables, one for each sampler."""
+    """Write every setting of `falsework sample` as Markdown tables, one for each sampler."""
     lines = [
         "# Settings of the samplers",
         "",
@@ -48,7 +48,7 @@ def samplers_page() -> str:
 
 
 def classes_page() -> str:
-    """Spell every table of classes and the components of each class as Markdown."""
+    """Write every table of classes and the components of each class as Markdown."""
     lines = ["# Classes and components", "", "Generated from `usd_schemas/tables` by `python -m docs.generate`.", ""]
     lines += [*_INTRODUCTION, ""]
     for name in TAXONOMIES:
@@ -78,7 +78,7 @@ PAGES = {
 
 
 def main(arguments: list[str]) -> int:
-    """Write the pages, or with `--check` tell which of them are not what the code says.
+    """Write the pages, or with `--check` list those that differ from the code.
 
     Args:
         arguments: Words of the command line.

@@ -43,7 +43,7 @@ def cells(script: str) -> list[Cell]:
 
 
 def notebook(name: str) -> str:
-    """Spell a notebook, without outputs, as Jupyter reads it.
+    """Write a notebook, without outputs, in Jupyter's format.
 
     Args:
         name: One of `SCRIPTS`.
@@ -65,7 +65,7 @@ def notebook(name: str) -> str:
 
 
 def notebook_page(name: str) -> str:
-    """Spell the same as a page of the site.
+    """Write the same as a page of the site.
 
     Args:
         name: One of `SCRIPTS`.

@@ -1,4 +1,4 @@
-"""Compose the picture of what a model says of clouds whose classes are known: truth, prediction, and what is wrong.
+"""Compose a picture of a model's predictions for clouds of known classes: truth, prediction, and errors.
 
 Usage: python -m docs.prediction_picture CLOUD… [--model FOLDER] [--table falsework] [--out picture.png]
 
@@ -42,7 +42,7 @@ def panels(found: Labeled, table: str, title: str) -> U8:
     """Draw truth, prediction and errors of one cloud side by side.
 
     Args:
-        found: What a model says of the cloud.
+        found: A model's predictions for the cloud.
         table: Classes.
         title: What made the cloud.
 

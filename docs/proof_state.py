@@ -1,4 +1,4 @@
-"""Tell which rows of docs/proof.json, and which pages of benchmarks, speak of the code as it is.
+"""List which rows of docs/proof.json, and which pages of benchmarks, describe the current code.
 
 Usage: python -m docs.proof_state [--all]
 """

@@ -1,4 +1,4 @@
-"""The reference of the scenario by topic: which section stands on which page, and what each page says first."""
+"""The reference of the scenario by topic: the page of each section, and the introduction of each page."""
 
 from dataclasses import dataclass
 
@@ -101,7 +101,7 @@ def topic_of(section: str) -> list[str]:
 
 
 def topic_page(name: str) -> str:
-    """Spell one page of the reference as Markdown.
+    """Write one page of the reference as Markdown.
 
     Args:
         name: A key of `TOPICS`.
@@ -125,7 +125,7 @@ def topic_page(name: str) -> str:
 
 
 def index_page() -> str:
-    """Spell the page that leads to the topics: every section with its page."""
+    """Write the index of the topics: every section with its page."""
     lines = ["# Keys of the scenario", ""]
     lines += [
         "A scenario is one TOML file. Every section and every key is optional: what it leaves out is drawn from the",

@@ -1,4 +1,4 @@
-"""Spell settings models as Markdown: one table a model, one row a key."""
+"""Write settings models as Markdown: one table a model, one row a key."""
 
 import types
 import typing
@@ -10,7 +10,7 @@ from groundwork.settings import Settings
 
 
 def table(model: type[Settings]) -> list[str]:
-    """Spell the keys of a model that hold a value, not further settings.
+    """Write the keys of a model that hold a value, not further settings.
 
     Args:
         model: The settings model.
@@ -61,7 +61,7 @@ def kind_of(model: type[Settings]) -> str:
 
 
 def _toml(value: object) -> str:
-    """Spell a default as one would type it in a scenario."""
+    """Write a default as it would appear in a scenario."""
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_toml, value))}]"
     if isinstance(value, dict):
@@ -70,7 +70,7 @@ def _toml(value: object) -> str:
 
 
 def _is_list_of_kinds(annotation: object) -> bool:
-    """Tell whether a field lists sections of several kinds that the page shows anyway, such as the legs of a mix."""
+    """Check whether a field lists sections of several kinds that the page shows anyway, such as the legs of a mix."""
     return {model.__name__ for model in _models_in(annotation)} == {model.__name__ for model in _models_in(LegSettings)}
 
 
@@ -81,7 +81,7 @@ def _models_in(annotation: object) -> list[type[Settings]]:
 
 
 def _type_name(annotation: object) -> str:
-    """Spell a type as a reader of a TOML file would: choices one after the other, lists of something, tables."""
+    """Describe a type for a reader of a TOML file: choices one after the other, lists of something, tables."""
     origin = typing.get_origin(annotation)
     inside: tuple[typing.Any, ...] = typing.get_args(annotation)
     if annotation is type(None):

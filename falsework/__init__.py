@@ -5,12 +5,12 @@
     scene = falsework.author({"bridge": {"family": "beam"}}, "scene")  # a layered USD stage
     flight = falsework.render(scene, "captures")["local"]  # photographs, cameras, truth
     cloud = falsework.reconstruct(flight, "cloud")  # labelled points, each with its uncertainty
-    scan = falsework.sample(scene, "scan", falsework.TerrestrialSettings())  # the bridge as a laser sees it
+    scan = falsework.sample(scene, "scan", falsework.TerrestrialSettings())  # a simulated laser scan
 
     points, classes = cloud.columns["coord"], cloud.columns["segment"]  # [m], shape (N, 3); shape (N,)
     names = {row.id: row.name for row in cloud.classes}
 
-Make; each writes one folder as a whole and gives back what lies in it:
+Functions that make something; each writes one output folder and returns its content:
 
     author(scenario, out)           a scenario, or its sections as a dict  ->  path of scene.usda
     render(stage, out)              any USD stage                          ->  {name: Capture}
@@ -19,7 +19,7 @@ Make; each writes one folder as a whole and gives back what lies in it:
     run(scenario, out)              many scenes, as `falsework run` does   ->  Outcome
     save_cloud(cloud, out)          a cloud of your own making             ->  a folder that every command reads
 
-Read what is there already:
+Functions that read:
 
     read_stage(path)                USD file           ->  FlatScene: triangles, looks, lights, cameras, labels
     read_capture(folder)            folder of render   ->  Capture: photographs and their cameras
@@ -32,11 +32,10 @@ Settings: RenderSettings (SensorSettings) for render, ReconSettings (SparseSetti
 for reconstruct; MeshSettings, TerrestrialSettings, MobileSettings or AirborneSettings for sample; StageChoices for
 read_stage. ConsoleProgress() as `progress` draws a bar.
 
-Errors: whatever is wrong with a path, a file, a folder or a scenario is an InputError of one line. Photographs that
-cannot become a cloud raise RejectedSceneError, and a settings class with a wrong value raises pydantic's
-ValidationError.
+Errors: a wrong path, file, folder or scenario raises InputError with a message of one line. Photographs that do not
+suffice for a cloud raise RejectedSceneError. A settings class with a wrong value raises pydantic's ValidationError.
 
-`help(falsework.render)` tells every argument of one function; docs/python.md shows all of it in blocks that run.
+`help(falsework.render)` describes the arguments of one function; docs/python.md has examples of all of them.
 """
 
 from importlib import import_module

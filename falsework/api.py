@@ -1,7 +1,7 @@
-"""The verbs as functions: what `falsework author`, `render`, `reconstruct`, `sample` and `run` do, for scripts.
+"""The Python API: `author`, `render`, `reconstruct`, `sample` and `run` as functions, for scripts.
 
-Each writes one folder as a whole, in place of a former one of ours, and gives back what lies in it. The readers open
-what lies there already. Wherever a path is asked for, a `str` and a `pathlib.Path` are equally good.
+Each writes one output folder, replacing an earlier one that Falsework wrote, and returns its content. The readers open
+existing folders. Every path may be a `str` or a `pathlib.Path`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def author(
     """Author the layered USD stage of one scene.
 
     Args:
-        scenario: What to make: of `load_scenario`, or the sections and keys of its file.
+        scenario: A scenario from `load_scenario`, or a dict of its sections and keys.
         out: Folder to write: the scene folder itself.
         scene: Number of the scene.
         progress: Listener.
@@ -47,7 +47,8 @@ def author(
         Path of `scene.usda`.
 
     Raises:
-        InputError: A key or value that is not allowed, or a folder that is not ours or was edited since.
+        InputError: A key or value that is not allowed, or an output folder that Falsework did not write or that was
+            edited since.
 
     Example:
         >>> scene = falsework.author({"bridge": {"family": "beam"}, "background": {"name": "none"}}, "scene")
@@ -67,22 +68,22 @@ def render(
     allow_roots: str | PathLike[str] | Iterable[str | PathLike[str]] = (),
     progress: Progress = SILENT,
 ) -> dict[str, Capture]:
-    """Render any USD stage: a capture for each of its RenderProducts, or for each camera where it has none.
+    """Render any USD stage: one capture for each of its RenderProducts or, if it has none, for each camera.
 
     Args:
         stage: USD file.
-        out: Folder to write, a folder for each capture in it.
+        out: Folder to write; it gets one folder for each capture.
         survey: Only this product or camera.
-        settings: How to draw it; `RenderSettings()` when None.
+        settings: Settings of the renderer; `RenderSettings()` if None.
         seed: Seed of the sensor's noise.
-        allow_roots: A folder, or several, beside that of the stage from which it may take layers and textures.
+        allow_roots: One or more further folders from which the stage may load layers and textures.
         progress: Listener.
 
     Returns:
-        Name of each product to its capture.
+        Dict from the name of each product to its capture.
 
     Raises:
-        InputError: No such file or product, nothing to render, or an output folder that is not ours.
+        InputError: No such file or product, nothing to render, or an output folder that Falsework did not write.
 
     Example:
         >>> flight = falsework.render(scene, "captures")["global"]
@@ -105,23 +106,25 @@ def reconstruct(
     model: str | PathLike[str] | None = None,
     progress: Progress = SILENT,
 ) -> Cloud:
-    """Reconstruct a capture, or a folder of photographs, into a cloud; annotated where the capture has its truth.
+    """Reconstruct a cloud from a capture or a folder of photographs; with labels if the capture has its truth.
 
     Args:
         capture: A capture, its folder, or a folder of JPEG or PNG files.
         out: Folder to write.
-        settings: What to do; `ReconSettings()` when None. For both a sparse and a dense cloud, call twice: the second
-            time with the folder of the first as `model`, so that the cameras are not looked for again.
+        settings: Settings of the reconstruction; `ReconSettings()` if None. For both a sparse and a dense cloud, call
+            twice: the second time with the folder of the first as `model`, so that structure from motion is not
+            repeated.
         control: File of ground control points and scale bars.
-        model: Cloud whose cameras are taken over.
+        model: Cloud whose cameras are reused.
         progress: Listener.
 
     Returns:
         The cloud.
 
     Raises:
-        InputError: The capture is damaged, the settings ask for several clouds, or an output folder that is not ours.
-        RejectedSceneError: The images cannot become a cloud; its reason says why.
+        InputError: The capture is damaged, the settings ask for several clouds, or Falsework did not write the output
+            folder.
+        RejectedSceneError: The images do not suffice for a cloud; its reason says why.
 
     Example:
         >>> cloud = falsework.reconstruct(flight, "cloud", settings=falsework.ReconSettings(mode="dense"))
@@ -154,20 +157,20 @@ def sample(
     allow_roots: str | PathLike[str] | Iterable[str | PathLike[str]] = (),
     progress: Progress = SILENT,
 ) -> Cloud:
-    """Make a cloud from a stage without any image: points on its surface, or the scan of a laser.
+    """Make a cloud from a stage without images: points on its surface, or a simulated laser scan.
 
     Args:
         stage: USD file.
         out: Folder to write.
         settings: The sampler: `MeshSettings`, `TerrestrialSettings` (a tripod), `MobileSettings` or `AirborneSettings`.
-        allow_roots: A folder, or several, beside that of the stage from which it may take files.
+        allow_roots: One or more further folders from which the stage may load files.
         progress: Listener.
 
     Returns:
         The cloud.
 
     Raises:
-        InputError: No such file, nothing to sample, or an output folder that is not ours.
+        InputError: No such file, nothing to sample, or an output folder that Falsework did not write.
 
     Example:
         >>> scan = falsework.sample(scene, "scan", falsework.TerrestrialSettings(reach=40.0))
@@ -192,14 +195,14 @@ def run(
     cluster: str | None = None,
     progress: Progress = SILENT,
 ) -> Outcome:
-    """Run the whole chain for many scenes, or what is left of it; several processes may do so in one folder.
+    """Run the whole chain for many scenes; finished results are reused, and several processes may share one folder.
 
     Args:
-        scenario: What to make: of `load_scenario`, or the sections and keys of its file.
+        scenario: A scenario from `load_scenario`, or a dict of its sections and keys.
         out: Output folder.
-        scenes: Their numbers; all when None.
-        retry_failed: Try again what failed before.
-        workers: Processes of this machine; 0 works in this one.
+        scenes: Numbers of the scenes to run; None: all.
+        retry_failed: Retry tasks that failed in an earlier run.
+        workers: Number of worker processes on this machine; 0: run in this process.
         cluster: Address of a Dask scheduler.
         progress: Listener.
 
@@ -207,7 +210,8 @@ def run(
         Counts, paths, failures and warnings.
 
     Raises:
-        InputError: A value that is not allowed, an output folder that is not ours, or no room on the disk.
+        InputError: A value that is not allowed, or an output folder that Falsework did not write.
+        FalseworkError: The disk is full, or the cluster does not answer any more.
 
     Example:
         >>> outcome = falsework.run(falsework.load_scenario("bridges.toml"), "out", workers=2)
@@ -221,14 +225,14 @@ def run(
 
 
 def save_cloud(cloud: Cloud, out: str | PathLike[str]) -> None:
-    """Write a cloud into a folder of its own.
+    """Write a cloud to a folder.
 
     Args:
-        cloud: What to write.
-        out: Folder to write; a former one of ours is replaced.
+        cloud: The cloud.
+        out: Folder to write; an earlier output of Falsework there is replaced.
 
     Raises:
-        InputError: A column is missing or of a wrong shape or type, or an output folder that is not ours.
+        InputError: A column is missing or of a wrong shape or type, or Falsework did not write the output folder.
 
     Example:
         >>> falsework.save_cloud(cloud, "copy")
@@ -242,18 +246,18 @@ def save_cloud(cloud: Cloud, out: str | PathLike[str]) -> None:
 def read_stage(
     path: str | PathLike[str], *, survey: str | None = None, choices: StageChoices | None = None
 ) -> FlatScene:
-    """Read a stage: everything that is drawn, its looks, lights, cameras and labels.
+    """Read a stage as arrays: geometry, materials, lights, cameras and labels.
 
     Args:
         path: A USD file (usda, usdc, usd or usdz).
-        survey: Name of the one product to keep, with its camera; all when None.
-        choices: Camera, frames, purposes, variants and the like where they shall not be those of the stage.
+        survey: Name of the only product to read, with its camera; None: all.
+        choices: Camera, frames, purposes, variants and the like, to override those of the stage.
 
     Returns:
-        The stage in meters with z up; what moves, at the time of each image.
+        The stage in meters with z up; moving objects at the time of each image.
 
     Raises:
-        InputError: There is no such file, it is not a USD file, shows nothing, or has no such product.
+        InputError: There is no such file, it is not a USD file, it contains nothing to draw, or it has no such product.
 
     Example:
         >>> flat = falsework.read_stage(scene)
@@ -265,14 +269,13 @@ def read_stage(
 
 
 def read_capture(folder: str | PathLike[str]) -> Capture:
-    """Read what lies outside the `truth/` of a capture; no image is decoded yet.
+    """Read a capture without its `truth/`; images are decoded later.
 
     Args:
         folder: A capture.
 
     Raises:
-        InputError: Not a capture, a wrong value, a name twice, an image that is not there, or a path that leaves the
-            folder.
+        InputError: Not a capture, a wrong value, a duplicate name, a missing image, or a path that leaves the folder.
 
     Example:
         >>> flight = falsework.read_capture("captures/global")
@@ -283,13 +286,13 @@ def read_capture(folder: str | PathLike[str]) -> Capture:
 
 
 def read_truth(capture: Capture | str | PathLike[str]) -> Truth | None:
-    """Open the truth beside a capture, if there is any.
+    """Open the truth of a capture.
 
     Args:
         capture: A capture, or its folder.
 
     Returns:
-        The truth, or None for real photographs.
+        The truth; None for real photographs.
 
     Raises:
         InputError: The truth does not belong to these images.
@@ -303,7 +306,7 @@ def read_truth(capture: Capture | str | PathLike[str]) -> Truth | None:
 
 
 def read_cloud(folder: str | PathLike[str]) -> Cloud:
-    """Read a cloud and check that it is whole.
+    """Read a cloud and check that it is complete.
 
     Args:
         folder: A cloud.
@@ -324,10 +327,10 @@ def load_scenario(path: str | PathLike[str]) -> Scenario:
     """Read a scenario file.
 
     Args:
-        path: TOML file; what it names is looked for beside it.
+        path: TOML file; relative paths in it are relative to its folder.
 
     Returns:
-        The scenario, its paths absolute: they hold in every process of a run, wherever that works.
+        The scenario, with absolute paths, which are valid in every process of a run.
 
     Raises:
         InputError: Missing, not TOML, or a key or value that is not allowed.
@@ -341,14 +344,14 @@ def load_scenario(path: str | PathLike[str]) -> Scenario:
 
 
 def scenario_of(values: Mapping[str, Any], path: str | PathLike[str] = "scenario") -> Scenario:
-    """Check a scenario that a program has put together: the sections and keys of the file.
+    """Validate a scenario given as a dict of sections and keys.
 
     Args:
-        values: Sections and keys, as TOML would give them.
-        path: What errors call it; what it names is looked for beside that: by default in the current folder.
+        values: Sections and keys, as in a TOML file.
+        path: Name of the scenario in errors; relative paths are relative to its folder, by default the current one.
 
     Returns:
-        The scenario, its paths absolute.
+        The scenario, with absolute paths.
 
     Raises:
         InputError: A key or value that is not allowed.
@@ -368,7 +371,7 @@ def _scenario(given: Scenario | Mapping[str, Any]) -> Scenario:
 
 
 def _path(given: object, name: str) -> Path:
-    """Take a str or a Path; anything else, and a path of bytes, is an error of one line that names the argument."""
+    """Convert a str or a Path; anything else, bytes included, is an error that names the argument."""
     spelled = fspath(given) if isinstance(given, str | PathLike) else None
     if not isinstance(spelled, str):
         raise InputError("not a path", field=name, value=type(given).__name__, allowed="a str or a pathlib.Path")
@@ -376,7 +379,7 @@ def _path(given: object, name: str) -> Path:
 
 
 def _roots(allowed: str | PathLike[str] | Iterable[str | PathLike[str]]) -> tuple[Path, ...]:
-    """Take one folder for what it is: the letters of its name are none."""
+    """Accept a single folder too: a str must not be read as a list of letters."""
     several = allowed if isinstance(allowed, Iterable) and not isinstance(allowed, str | PathLike) else (allowed,)
     return tuple(_path(root, "allow_roots") for root in several)
 

@@ -35,7 +35,7 @@ World = Literal["countryside", "city", "lakeside", "hillside"]  # so, too
 
 
 def doctor(*, as_json: AsJson = False) -> int:
-    """Check what works here (Python, packages, EGL, GPU, memory, disk) and say how to mend what does not.
+    """Check what works on this machine (Python, packages, EGL, GPU, memory, disk) and give a hint for what does not.
 
     Args:
         as_json: Print one JSON object instead of lines.
@@ -81,14 +81,14 @@ def gallery(
     world: tuple[World, ...] = (),
     as_json: AsJson = False,
 ) -> int:
-    """Show random bridges on contact sheets, one sheet for each family, for each world, or for all looks.
+    """Render contact sheets of random bridges: one sheet for each family, for each world, or for all looks.
 
-    Families: photograph, classes, close-up. Worlds: from eye height, under the deck, beside a pier and the air, look
-    and light in turn, with a table of what was measured. Looks: one girder bridge in every look.
+    Families: photograph, classes, close-up. Worlds: from eye height, under the deck, beside a pier and from the air,
+    with varying look and light, and a table of measurements. Looks: one girder bridge in every look.
 
     Args:
         subject: What to show.
-        output: Folder to write: the sheets, and an index.
+        output: Folder to write: the sheets and an index.
         count: Bridges on each sheet.
         seed: Seed of the first bridge; the others follow. A scenario with this `seed` makes the same bridge.
         family: Only these families.
@@ -128,13 +128,13 @@ def _check_gallery(subject: str, count: int, given: dict[str, tuple[tuple[str, .
 
 
 def completion(shell: tyro.conf.Positional[Literal["bash", "zsh", "fish"]]) -> int:
-    """Print the script with which a shell completes verbs, options and their choices on Tab.
+    """Print the script for the completion of verbs, options and their values in a shell.
 
     Write it to `~/.local/share/bash-completion/completions/falsework` for bash, to a file `_falsework` in a folder of
     `fpath` for zsh, to `~/.config/fish/completions/falsework.fish` for fish; then start a new shell.
 
     Args:
-        shell: The shell that will read it.
+        shell: Name of the shell.
     """
     from falsework.commands.completion import completion_script
 
@@ -142,34 +142,34 @@ def completion(shell: tyro.conf.Positional[Literal["bash", "zsh", "fish"]]) -> i
     return 0
 
 
-# Verbs that have verbs of their own, each group in a module that is loaded only then.
+# Groups of verbs, each in a module that is loaded only when needed.
 GROUPS = {
-    "scene": "Look into a scene, choose its look and light, compare, copy, package: falsework scene --help.",
-    "background": "Turn a city model into surroundings for scenes: falsework background --help.",
-    "survey": "Plan flights, and judge them before they are rendered: falsework survey --help.",
-    "sample": "Make a cloud from a stage without any image: falsework sample --help.",
+    "scene": "Inspect a scene, choose its look and light, compare, copy, package: falsework scene --help.",
+    "background": "Import a city model as a background for scenes: falsework background --help.",
+    "survey": "Plan flights, and score them before rendering: falsework survey --help.",
+    "sample": "Make a cloud from a stage without images: falsework sample --help.",
     "dataset": "Make training sets from clouds: falsework dataset --help.",
 }
-# Verbs whose arguments a module of their own describes: the module, and what the verb does.
+# Verbs in modules of their own: the module, and the help text.
 SINGLE = {
-    "demo": ("run_verbs", "Make one small bridge from nothing to an annotated dense point cloud and a report."),
+    "demo": ("run_verbs", "Run the whole chain on one small bridge, up to an annotated dense cloud and a report."),
     "run": ("run_verbs", "Run the whole chain of a scenario; a second call makes only what is missing."),
-    "preview": ("preview_verb", "Show a scenario: one picture of its bridge in its world, and nothing else is kept."),
-    "plan": ("plan_verbs", "Tell what a run would do, how long it takes and what disk space it needs."),
+    "preview": ("preview_verb", "Preview a scenario: render one picture of its bridge in its surroundings."),
+    "plan": ("plan_verbs", "Show what a run would do, how long it takes and what disk space it needs."),
     "report": ("report_verb", "Write a page of a scene, a run, a data set, a training or a comparison."),
     "view": ("view_verb", "Look at a scene in the browser: stage, cameras, pictures and cloud together."),
-    "verify": ("store_verbs", "Find what is not as it was written in the folder of a run: falsework verify --help."),
-    "clean": ("store_verbs", "Remove what killed runs left in the folder of a run, and results of no scene if asked."),
+    "verify": ("store_verbs", "Find changed, missing and foreign files in a run's folder: falsework verify --help."),
+    "clean": ("store_verbs", "Remove leftovers of killed runs and, on request, unused results from a run's folder."),
     "train": ("train_verbs", "Train a network on a data set: falsework train --help."),
     "evaluate": ("train_verbs", "Score a model on a data set: falsework evaluate --help."),
-    "compare": ("compare_verbs", "Compare ways of making training clouds, with intervals: falsework compare --help."),
+    "compare": ("compare_verbs", "Compare methods of making training clouds: falsework compare --help."),
     "predict": ("predict_verbs", "Label a scan with a trained model: falsework predict --help."),
 }
 ELSEWHERE = {**GROUPS, **{name: about for name, (_, about) in SINGLE.items()}}
 
 
 def _elsewhere(about: str) -> Callable[[], int]:
-    """A line of the help for a verb of another module."""
+    """Make a placeholder with the help text of a verb in another module."""
 
     def verb() -> int:
         return 0
@@ -179,7 +179,7 @@ def _elsewhere(about: str) -> Callable[[], int]:
 
 
 HELP = {"-h", "--help"}
-EXTRAS = {  # package that may be missing → extra that brings it
+EXTRAS = {  # package that may be missing → extra that installs it
     **dict.fromkeys(("torch", "lightning", "safetensors", "sklearn"), "learn"),
     "viser": "view",
 }
@@ -196,7 +196,7 @@ def all_verbs() -> dict[str, Callable[..., int]]:
     """Collect every verb and the function behind it.
 
     Returns:
-        Name as one types it, two words for a verb of a group, and the function.
+        Name as typed, two words for a verb of a group, and the function.
     """
     found = {name: verb for name, verb in VERBS.items() if name not in ELSEWHERE}
     for name, (module, _) in SINGLE.items():
@@ -241,7 +241,7 @@ def main(arguments: list[str] | None = None) -> None:
             f"or pip install 'falsework[{extra}]'\n"
         )
         code = InputError.exit_code
-    except BrokenPipeError:  # `falsework scene info SCENE | head`: whoever read has gone
+    except BrokenPipeError:  # `falsework scene info SCENE | head`: the reader has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = PIPE_CLOSED
     except KeyboardInterrupt:
@@ -268,7 +268,7 @@ def _check_here() -> None:
 
 
 def _call(words: list[str]) -> Callable[[], int]:
-    """Find the verb, in a module that is loaded only now, and read its arguments."""
+    """Find the verb, load its module, and parse its arguments."""
     name, *rest = words or [""]
     if name in GROUPS:
         module = import_module(f"falsework.commands.{name}_verbs")

@@ -1,4 +1,4 @@
-"""What works on this machine, found by trying it, and how to mend what does not."""
+"""Checks of this machine: what works, found by trying it, and a hint for what does not."""
 
 import os
 import shutil
@@ -44,18 +44,18 @@ VIEW = {"viser": "viser"}
 MEMORY_NEEDED = 4.0  # [GB] the demo's limit
 DISK_NEEDED = 2.0  # [GB]
 FRAME_TIME_LIMIT = 120.0  # [s]
-FRAME_ROOMS = ("groundwork", "usd_schemas", "render")  # what drawing a frame imports of ours
+FRAME_ROOMS = ("groundwork", "usd_schemas", "render")  # our packages that the check of the renderer imports
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was tried.
+    """Result of one check.
 
     Attributes:
-        name: What was tried.
+        name: Name of the check.
         verdict: OK, WARN (works with less) or FAIL (does not work).
-        found: What was seen.
-        hint: What to do, empty when nothing.
+        found: What was found.
+        hint: What to do; empty if nothing.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Check:
 
 
 def examine() -> list[Check]:
-    """Try everything that the chain needs.
+    """Check everything that the chain needs.
 
     Returns:
         One row per check, in a fixed order.
@@ -88,7 +88,7 @@ def examine() -> list[Check]:
 
 
 def _python() -> Check:
-    return Check("python", "OK", sys.version.split()[0])  # an older one does not get this far
+    return Check("python", "OK", sys.version.split()[0])  # an older Python fails earlier
 
 
 def _packages() -> list[Check]:
@@ -114,7 +114,7 @@ def _open3d() -> Check:
 
 
 def learn_packages() -> Check:
-    """Look for what the extra `learn` brings, without loading it.
+    """Check the packages of the extra `learn`, without importing them.
 
     Returns:
         One row for all of it.
@@ -123,7 +123,7 @@ def learn_packages() -> Check:
 
 
 def view_packages() -> Check:
-    """Look for what the extra `view` brings, without loading it.
+    """Check the packages of the extra `view`, without importing them.
 
     Returns:
         One row for all of it.
@@ -146,7 +146,7 @@ def _extra(extra: str, packages: dict[str, str], users: str) -> Check:
 
 
 def _graphics(taken: list[str]) -> list[Check]:
-    """Draw a frame in a child, unless what would draw it is not ours: its failure would say nothing of the drivers."""
+    """Render a frame in a child process, unless foreign code shadows ours: its error would say nothing of drivers."""
     if taken:
         row = f"not tried: the Python package {', '.join(taken)} is not the one of Falsework"
         return [Check("gl", "WARN", row, "First mend what stands under package names")]
@@ -194,20 +194,20 @@ def _disk() -> Check:
 
 
 def package_names(taken: dict[str, list[Check]] | None = None) -> list[Check]:
-    """Look whether our folders are the ones that `import` finds.
+    """Check that `import` finds our packages, and not foreign ones of the same names.
 
     Args:
-        taken: What is known of each name that is taken by something else; None looks for it.
+        taken: Checks of each name that is taken by another package; None: find them.
 
     Returns:
-        A row or two for each such name, or one that says that all is well.
+        One or two rows for each such name, or one row if there is none.
     """
     rows = [row for found in (_taken_names() if taken is None else taken).values() for row in found]
     return rows or [Check("package names", "OK", "no other package or folder takes the place of ours")]
 
 
 def _taken_names() -> dict[str, list[Check]]:
-    """Find the rooms whose names something else takes: what it is, and how to mend it."""
+    """Find the names of our packages that another package takes, with a hint."""
     owners, home = packages_distributions(), Path(__file__).resolve().parents[1]
     rows: dict[str, list[Check]] = {room: [] for room in ROOMS}
     for room, found in rows.items():
@@ -222,7 +222,7 @@ def _taken_names() -> dict[str, list[Check]]:
 
 
 def _file_of(room: str) -> str:
-    """Name the file that `import` takes for a room, without running it: one of somebody else may do anything."""
+    """Find the file that `import` would load for a package, without running it: foreign code may do anything."""
     if room in sys.modules:
         return str(sys.modules[room].__file__)
     spec = find_spec(room)

@@ -1,4 +1,4 @@
-"""The chain as the paper draws it: for every scene its stage, a capture and a cloud for each survey, and the report."""
+"""Conductor of the chain: for every scene its stage, a capture and a cloud for each survey, and the report."""
 
 import os
 from collections import deque
@@ -31,24 +31,24 @@ def run_scenario(
     cluster: str | None = None,
     board: Board = NO_BOARD,
 ) -> Outcome:
-    """Run the whole chain, or what is left of it; several processes may do so in one folder.
+    """Run the whole chain; finished results are reused, and several processes may share one folder.
 
     Args:
-        scenario: What to make.
+        scenario: The scenario.
         out: Output folder: absent, empty, or of a former run.
         progress: Listener.
-        scenes: Which scenes; all of the scenario when None.
-        retry_failed: Try again what failed in an earlier run.
-        workers: Worker processes that share the scenes; 0 runs one after the other in this process.
-        cluster: Address of a standing Dask scheduler whose workers share the scenes instead.
+        scenes: Numbers of the scenes; None: all of the scenario.
+        retry_failed: Retry what failed in an earlier run.
+        workers: Number of worker processes that share the scenes; 0: one scene after the other in this process.
+        cluster: Address of an existing Dask scheduler whose workers share the scenes instead.
         board: Listener for the steps of the scenes.
 
     Returns:
         Counts and paths.
 
     Raises:
-        InputError: The folder is not ours or not writable; no cluster has such an address, or answers there; or what is
-            wrong with the only scene of the scenario.
+        InputError: Falsework did not write the folder, or it is not writable; the cluster's address is invalid, or it
+            does not answer; or the error of the only scene of the scenario.
         OutOfSpaceError: The disk is full; finished results stay.
     """
     if workers < 0 or (workers and cluster):
@@ -81,7 +81,7 @@ def run_scenario(
 
 
 def _wanted(scenario: Scenario, scenes: Iterable[int] | None) -> list[int]:
-    """List the scenes to run, all of which the scenario has."""
+    """List the scenes to run; all must exist in the scenario."""
     indices = list(range(scenario.scenes) if scenes is None else scenes)
     unknown = sorted(set(indices) - set(range(scenario.scenes)))
     if unknown:
@@ -97,7 +97,7 @@ def _run_here(
     manner: RunOptions,
     listeners: tuple[Progress, Board],
 ) -> Outcome:
-    """Run scenes one after the other in this process; those that another process works on come last."""
+    """Run scenes one after the other in this process; those that another process is making come last."""
     outcome, store, (progress, board) = Outcome(), Store(out), listeners
     if indices:
         steps = steps_of(scene_chain(scenario, indices[0], sources), scenario.keep)
@@ -106,13 +106,13 @@ def _run_here(
     busy = 0
     while waiting:
         index = waiting.popleft()
-        how = replace(manner, wait=busy > len(waiting))  # every scene that is left is in the hands of others
+        how = replace(manner, wait=busy > len(waiting))  # every remaining scene is being made by another process
         try:
             outcome.add(run_scene(scenario, sources, index, store, how, progress, board=board))
             busy = 0
         except BusySceneError as error:
             outcome.made += error.made
-            outcome.reused -= error.made  # so they will be counted when the scene's turn comes again
+            outcome.reused -= error.made  # so they are counted when the scene is retried
             waiting.append(index)
             busy += 1
     return outcome

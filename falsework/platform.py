@@ -1,4 +1,4 @@
-"""What a capture or a cloud depends on besides its settings: package versions, the processor, the GL renderer."""
+"""The platform, on which captures and clouds depend: package versions, the processor, the GL renderer."""
 
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -16,16 +16,16 @@ SAMPLE_PACKAGES = ("numpy", "opencv-python-headless", "usd-core")
 
 @cache
 def render_platform(device: str = "auto") -> dict[str, str]:
-    """List what a capture's bytes depend on; opens a GL context in a child once.
+    """List the facts of the platform that a capture depends on; opens a GL context in a child process once.
 
     Args:
-        device: Which device draws, as in `render.settings`.
+        device: Device of the renderer, as in `render.settings`.
 
     Returns:
         Package name to version, `cpu`, and `gl_renderer` and `gl_version`.
 
     Raises:
-        InputError: No GL driver works here; the text holds the mend.
+        InputError: No GL driver works here; the message says what to do.
     """
     request = {"device": device}
     driver = run_child("render.views.probe", request, time_limit=PROBE_TIME_LIMIT, memory_limit=PROBE_MEMORY_LIMIT)
@@ -36,7 +36,7 @@ def render_platform(device: str = "auto") -> dict[str, str]:
 
 @cache
 def recon_platform() -> dict[str, str]:
-    """List what a cloud's bytes depend on.
+    """List the facts of the platform that a cloud depends on.
 
     Returns:
         Package name to version, and `cpu`.
@@ -46,10 +46,10 @@ def recon_platform() -> dict[str, str]:
 
 @cache
 def sample_platform() -> dict[str, str]:
-    """List what a sampled cloud's bytes depend on.
+    """List the facts of the platform that a sampled cloud depends on.
 
     Returns:
-        Package name to version, `open3d` (which casts the rays) under whichever name it is installed, and `cpu`.
+        Package name to version, `open3d` (which casts the rays) under either package name, and `cpu`.
     """
     caster = next((found for found in map(_version, ("open3d-cpu", "open3d")) if found), "none")
     return {**{name: version(name) for name in SAMPLE_PACKAGES}, "open3d": caster, "cpu": processor()}
@@ -63,7 +63,7 @@ def _version(package: str) -> str:
 
 
 def processor() -> str:
-    """Name the processor; libraries choose their kernels by it, and kernels differ in the last bits."""
+    """Name the processor: libraries choose their kernels by it, and results differ in the last bits."""
     for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
         if line.startswith("model name"):
             return line.partition(":")[2].strip()

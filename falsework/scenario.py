@@ -1,4 +1,4 @@
-"""The scenario: every room's settings in one TOML file; what is not fixed there is drawn from its seed."""
+"""The scenario: the settings of all stages in one TOML file; values that are not set are drawn from its seed."""
 
 import hashlib
 import os
@@ -85,14 +85,14 @@ class Scenario(AuthoringSettings):
         return self.model_dump(mode="json", include=set(AuthoringSettings.model_fields))
 
     def rendering(self) -> dict[str, Any]:
-        """Return what the renderer is told, as JSON."""
+        """Return the settings of the renderer, as JSON."""
         return {**self.render.model_dump(mode="json"), "sensor": self.sensor.model_dump(mode="json")}
 
     def as_toml(self, folder: Path | None = None) -> str:
-        """Spell the scenario as TOML, defaults included.
+        """Format the scenario as TOML, including defaults.
 
         Args:
-            folder: Where the file will stand, if its paths shall hold from there.
+            folder: Folder of the file, to which its paths become relative; None: absolute paths.
         """
         values = self.model_dump(mode="json", exclude_none=True, exclude=None if self.sample else {"sample"})
         if folder is not None:
@@ -112,10 +112,10 @@ def load_scenario(path: Path | str) -> Scenario:
     """Read a scenario file.
 
     Args:
-        path: TOML file; what it names is looked for beside it.
+        path: TOML file; relative paths in it are relative to its folder.
 
     Returns:
-        The scenario, its paths absolute: they hold in every process of a run, wherever that works.
+        The scenario, with absolute paths, which are valid in every process of a run.
 
     Raises:
         InputError: Missing, not TOML, or a key or value that is not allowed.
@@ -124,14 +124,14 @@ def load_scenario(path: Path | str) -> Scenario:
 
 
 def scenario_of(values: Mapping[str, Any], path: Path = Path("scenario")) -> Scenario:
-    """Check a scenario that a program has put together: the sections and keys of the file.
+    """Validate a scenario given as a dict of sections and keys.
 
     Args:
-        values: Sections and keys, as TOML would give them.
-        path: What errors call it; what it names is looked for beside that: by default in the current folder.
+        values: Sections and keys, as in a TOML file.
+        path: Name of the scenario in errors; relative paths are relative to its folder, by default the current one.
 
     Returns:
-        The scenario, its paths absolute.
+        The scenario, with absolute paths.
 
     Raises:
         InputError: A key or value that is not allowed.
@@ -148,7 +148,7 @@ def scenario_of(values: Mapping[str, Any], path: Path = Path("scenario")) -> Sce
 
 
 def _with_stage(scenario: Scenario, path: Path) -> Scenario:
-    """Give the stage that the scenario starts from, if any, a path that holds from anywhere."""
+    """Make the path of the scenario's stage, if any, absolute."""
     if scenario.stage is None:
         return scenario
     if scenario.variants.combinations():
@@ -166,12 +166,12 @@ def _with_stage(scenario: Scenario, path: Path) -> Scenario:
 
 
 def _beside(scenario: Path, place: str) -> Path:
-    """Tell where a path of a scenario leads; the name of a link stays what the user calls it."""
+    """Make a path of a scenario absolute; links are not resolved, so that their names are kept."""
     return Path(os.path.abspath(scenario.parent / place))  # noqa: PTH100 - `resolve` would follow links
 
 
 def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
-    """Give every imported world that the scenario names a path that holds from anywhere, and a name."""
+    """Give every imported world of the scenario an absolute path and a name."""
     from authoring.imported.asset import claims_city
 
     worlds = {name: str(_beside(path, place)) for name, place in scenario.worlds.items()}
@@ -197,7 +197,7 @@ def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
     for world in map(Path, worlds.values()):
         if not world.exists():
             raise MissingError("no such world", where=path, field="worlds", value=str(world))
-        if world.is_file() and not claims_city(world):  # else all of its folder would count as the world
+        if world.is_file() and not claims_city(world):  # otherwise its whole folder would count as the world
             from authoring.variants.add import USD_FILES
 
             hint = "Make one: falsework background import FILE -o DIR"
@@ -214,7 +214,7 @@ def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
 
 
 def _with_skies(scenario: Scenario, path: Path) -> Scenario:
-    """Give every photographed sky that the scenario names a path that holds from anywhere, and a name."""
+    """Give every photographed sky of the scenario an absolute path and a name."""
     skies = {name: str(_beside(path, place)) for name, place in scenario.skies.items()}
 
     def named(sky: str) -> str:
@@ -225,7 +225,7 @@ def _with_skies(scenario: Scenario, path: Path) -> Scenario:
 
     base = scenario.light.model_copy(update={"sky": named(scenario.light.sky)})
     lights = tuple(light.model_copy(update={"sky": named(light.sky)}) for light in scenario.variants.light)
-    # A copy counts `sky` as said: a light that says nothing about it keeps to the base's.
+    # A copy would count `sky` as set: a light that does not set it uses that of the base.
     lights = tuple(
         new if "sky" in old.model_fields_set else old for new, old in zip(lights, scenario.variants.light, strict=True)
     )
@@ -237,7 +237,7 @@ def _with_skies(scenario: Scenario, path: Path) -> Scenario:
 
 
 def _with_surfaces(scenario: Scenario, path: Path) -> Scenario:
-    """Give every folder of surfaces that the scenario names a path that holds from anywhere, and a name."""
+    """Give every folder of surfaces of the scenario an absolute path and a name."""
     surfaces = {name: str(_beside(path, place)) for name, place in scenario.surfaces.items()}
     names = []
     for folder in scenario.look.folders:
@@ -256,10 +256,10 @@ def _with_surfaces(scenario: Scenario, path: Path) -> Scenario:
 
 @contextmanager
 def values_of(path: Path) -> Iterator[None]:
-    """Name the scenario in errors that its values meet later, such as a bridge that cannot be drawn.
+    """Add the scenario's path to errors that its values cause later, such as a bridge that cannot be built.
 
     Args:
-        path: TOML file that the values come from.
+        path: TOML file of the values.
     """
     try:
         yield
@@ -269,16 +269,16 @@ def values_of(path: Path) -> Iterator[None]:
 
 
 def demo_scenario() -> Scenario:
-    """Read the demo's scenario, which is package data."""
+    """Read the demo's scenario from the package."""
     with as_file(files("falsework").joinpath("scenarios/demo.toml")) as path:
         return load_scenario(path)
 
 
 def given_files(scenario: Scenario) -> dict[str, Path]:
-    """List the imported worlds, photographed skies and folders of surfaces: inputs of the task that authors a stage.
+    """List the imported worlds, photographed skies and folders of surfaces: inputs of the authoring task.
 
     Args:
-        scenario: What to make.
+        scenario: The scenario.
     """
     places = {name: Path(place) for name, place in sorted(scenario.worlds.items())}
     worlds = {f"world/{name}": place if place.is_dir() else place.parent for name, place in places.items()}
@@ -300,7 +300,7 @@ def scene_seed(seed: int, index: int) -> int:
 
 
 def scene_title(index: int, seed: int) -> str:
-    """Name a scene as its user knows it: by its number, and the seed that stands in the scenario.
+    """Name a scene by its number and the seed of the scenario.
 
     Args:
         index: Number of the scene.

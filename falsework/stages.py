@@ -1,4 +1,4 @@
-"""The stages of the chain: for each, what its result depends on and how it is made from its inputs."""
+"""The stages of the chain: each is a function from settings and inputs to a result."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,9 +29,9 @@ class Stage:
     """One kind of task.
 
     Attributes:
-        version: Raised by hand whenever the same settings would give another result.
-        run: Called with the task's settings, the folders of its inputs, an empty folder to fill, and a listener.
-        resumes: Whether it goes on in a folder that an interrupted run of the same task left.
+        version: Increased by hand whenever the same settings would give another result.
+        run: Function of the task's settings, the folders of its inputs, an empty folder to fill, and a listener.
+        resumes: Whether it can continue in a folder that an interrupted run of the same task left.
     """
 
     version: int
@@ -62,7 +62,7 @@ def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
 
 
 def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
-    """Render one survey of a stage; in a child, because a graphics driver may crash and belongs to one process.
+    """Render one survey of a stage, in a child process, because a graphics driver may crash and belongs to one process.
 
     Args:
         settings: `{seed, render, survey, platform}`, `variant` where one of the scene's variants is rendered, `choices`
@@ -90,7 +90,7 @@ def capture(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, pro
 
 
 def model(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
-    """Find the cameras of a capture, from which its clouds are made.
+    """Run structure from motion for a capture; its clouds are made from the model.
 
     Args:
         settings: `{recon, platform}`, and `limits` of time and memory.
@@ -118,7 +118,7 @@ def cloud(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progr
 
 
 def _recon(settings: dict[str, Any]) -> "ReconSettings":
-    """Put together what a result depends on and the limits of the work."""
+    """Combine the settings of a result and the limits of the work."""
     from recon.settings import ReconSettings
 
     values = dict(settings["recon"])
@@ -128,7 +128,7 @@ def _recon(settings: dict[str, Any]) -> "ReconSettings":
 
 
 def sample(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
-    """Sample the surface of a stage as a cloud; in a child, because the stage may come from anywhere.
+    """Sample the surface of a stage as a cloud, in a child process, because the stage is untrusted.
 
     Args:
         settings: `{kind, sample, platform}`: mesh, terrestrial, mobile or airborne, and the settings of that sampler;
@@ -155,7 +155,7 @@ def sample(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
 
 
 def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
-    """Write the page that shows one scene.
+    """Write the report page of one scene.
 
     Args:
         settings: `{title}`.
@@ -182,7 +182,7 @@ def clouds_of(survey: str, clouds: dict[str, Path]) -> dict[str, Path]:
         clouds: Folder of each cloud by its name.
 
     Returns:
-        Folder of each of its clouds by what tells them apart: empty where there is one only.
+        Folder of each of its clouds by the suffix of its name, which is empty for a single cloud.
     """
     apart = {name: name.partition(SEVERAL) for name in sorted(clouds)}
     return {mode: clouds[name] for name, (own, _, mode) in apart.items() if own == survey}
@@ -193,7 +193,7 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
     Args:
         stage: A USD file, or a scene folder.
-        variant: Name of a variant of the scene, or empty for the scene as it is.
+        variant: Name of a variant of the scene, or empty for none.
     """
     name = f"variant_{variant}.usda" if variant else "scene.usda"
     return inside(stage, name) if stage.is_dir() else stage
@@ -202,8 +202,8 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 STAGES: dict[str, Stage] = {
     "stage": Stage(14, author),
     "capture": Stage(14, capture, resumes=True),
-    "model": Stage(3, model, resumes=True),
+    "model": Stage(4, model, resumes=True),
     "cloud": Stage(15, cloud, resumes=True),
     "sample": Stage(1, sample),
-    "report": Stage(11, report),
+    "report": Stage(12, report),
 }

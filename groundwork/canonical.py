@@ -1,4 +1,4 @@
-"""One spelling for every value: canonical JSON and the hashes taken from it."""
+"""Canonical JSON, and hashes of values, files and source code."""
 
 import ast
 import hashlib
@@ -12,7 +12,7 @@ from groundwork.marks import content_files, outputs_below
 
 
 def canonical_json(value: object) -> str:
-    """Spell a value as JSON in one way only: sorted keys, no spaces, no NaN.
+    """Encode a value as canonical JSON: sorted keys, no spaces, no NaN.
 
     Args:
         value: Nested dicts, lists, tuples, strings, numbers, booleans, None, paths and pydantic models.
@@ -53,11 +53,11 @@ def file_digest(path: Path) -> str:
 
 
 def folder_digest(folder: Path, without: str = "") -> str:
-    """Hash every file below a folder, names included, in sorted order; marks of outputs do not count.
+    """Hash every file below a folder, including names, in sorted order; marks of outputs are ignored.
 
     Args:
         folder: Folder to read; links are followed.
-        without: Kind of the outputs below it that do not count, such as `run`; empty for none.
+        without: Kind of the outputs below it that are ignored, such as `run`; empty for none.
 
     Returns:
         SHA-256 in 64 hexadecimal digits.
@@ -69,12 +69,12 @@ def folder_digest(folder: Path, without: str = "") -> str:
 
 
 def source_digest(files: list[Path]) -> str:
-    """Hash what Python modules do: blind to where they lie, to where their imports come from, and to their docstrings.
+    """Hash the behavior of Python modules: independent of their paths, of import paths, docstrings and comments.
 
-    So a module may move to another folder, and its text be put in better words, without staling what it made.
+    So a module may be moved, and its documentation improved, without invalidating its results.
 
     Args:
-        files: Modules to read; neither their order nor their names matter, and an empty one is as good as none.
+        files: Modules to read; their order and names do not matter, and empty ones are ignored.
 
     Returns:
         SHA-256 in 64 hexadecimal digits.

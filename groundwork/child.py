@@ -1,4 +1,4 @@
-"""Work that may crash, hang or eat the memory runs in a child process with limits, and dies with its parent."""
+"""Child processes with limits of time and memory, for work that may crash or hang; they end with their parent."""
 
 import ctypes
 import json
@@ -18,10 +18,10 @@ from groundwork.canonical import canonical_json
 from groundwork.errors import ChildError, FalseworkError, InputError, OutOfSpaceError, RejectedSceneError, passing_code
 from groundwork.progress import SILENT, Progress
 
-_POLL = 0.1  # [s] how often limits are looked at
-_STACK = ("@ ", "***", "PC: @")  # how glog begins the lines of a stack, which it prints below its last words
-_LAST_LINES = 20  # of what a child said, kept with its error
-_PREFIX = "\x1efalsework "  # marks a child's messages among whatever native libraries print
+_POLL = 0.1  # [s] interval between checks of the limits
+_STACK = ("@ ", "***", "PC: @")  # prefix of glog's stack lines, which follow its error message
+_LAST_LINES = 20  # lines of a child's output kept with its error
+_PREFIX = "\x1efalsework "  # prefix of a child's messages, to separate them from the output of native libraries
 
 
 def run_child(
@@ -38,7 +38,7 @@ def run_child(
     Args:
         module: Module that calls `answer_parent` under `__main__`.
         request: JSON for the child.
-        time_limit: Wall time after which it is killed, without what its main thread waited for a core [s].
+        time_limit: Wall time after which it is killed, excluding the time its main thread waited for a core [s].
         memory_limit: Resident memory above which it is killed [GB].
         progress: Listener for the child's progress.
         environment: Variables to add to the child's environment.
@@ -50,7 +50,7 @@ def run_child(
         ChildError: Killed at a limit, died of a signal, or failed; the text ends in its last error line.
         InputError: The child found bad input.
         OutOfSpaceError: The child found the disk full.
-        RejectedSceneError: The child found that the scene cannot go on.
+        RejectedSceneError: The child rejected the scene.
     """
     with tempfile.TemporaryFile() as errors:
         process = subprocess.Popen(
@@ -80,10 +80,10 @@ def run_child(
 
 
 def _safe_path() -> list[str]:
-    """Keep a child from taking a file of the current folder for one of ours, such as a user's `render.py`."""
+    """Prevent a child from importing a file of the current folder instead of ours, such as a user's `render.py`."""
     home = Path(__file__).resolve().parents[1]
-    with suppress(OSError):  # a current folder that is gone holds nothing
-        if Path.cwd() == home:  # a checkout that is not installed is found by no other way
+    with suppress(OSError):  # the current folder was deleted
+        if Path.cwd() == home:  # an uninstalled checkout is found only through this path
             return []
     return ["-P"]
 
@@ -128,13 +128,13 @@ def _send(process: subprocess.Popen[bytes], request: dict[str, Any]) -> None:
         process.stdin.write(canonical_json(request).encode() + b"\n")
         process.stdin.close()
     except BrokenPipeError:
-        pass  # it died before listening; its exit code tells why
+        pass  # it died before reading; its exit code tells why
 
 
 def _listen(
     process: subprocess.Popen[bytes], replies: list[dict[str, Any]], progress: Progress, raised: list[BaseException]
 ) -> None:
-    """Hear a child out; what its listener raises ends the child, and is for the thread that waits for it."""
+    """Read a child's messages; an exception of the listener ends the child and is raised in the waiting thread."""
     try:
         _hear(process, replies, progress)
     except BaseException as error:
@@ -174,7 +174,7 @@ def _watch(process: subprocess.Popen[bytes], time_limit: float, memory_limit: fl
 
 
 def _waited(pid: int) -> float:
-    """How long a process' main thread waited for a core [s]; 0 where the kernel does not say."""
+    """Return how long a process' main thread waited for a core [s]; 0 if the kernel does not say."""
     try:
         return int(Path(f"/proc/{pid}/schedstat").read_text(encoding="ascii").split()[1]) / 1e9
     except (OSError, IndexError, ValueError):

@@ -1,4 +1,4 @@
-"""The errors that Falsework raises on purpose, each with the exit code that the command line gives it."""
+"""Errors that Falsework raises on purpose, each with its exit code of the command line."""
 
 import errno
 from typing import ClassVar
@@ -41,7 +41,7 @@ class InputError(FalseworkError, ValueError):
         allowed: str | None = None,
         hint: str | None = None,
     ) -> None:
-        """Put the parts together in a fixed order.
+        """Combine the parts in a fixed order.
 
         Args:
             what: What is wrong, a short sentence without a full stop.
@@ -64,7 +64,7 @@ class InputError(FalseworkError, ValueError):
         super().__init__(_one_line(": ".join(parts)))
 
     def found_in(self, where: object) -> None:
-        """Say where the value came from, unless that has been said.
+        """Set the file that the value came from, unless it is known.
 
         Args:
             where: File, folder or stage that holds it.
@@ -88,32 +88,32 @@ class ChildError(FalseworkError, RuntimeError):
 
     Attributes:
         signal: Name of the signal that it died of, such as `SIGABRT`, or empty.
-        last_lines: What it said last on standard error.
+        last_lines: Its last lines on standard error.
     """
 
     def __init__(self, text: str, *, signal: str = "", last_lines: tuple[str, ...] = ()) -> None:
-        """Keep the circumstances beside the sentence.
+        """Store the message with its circumstances.
 
         Args:
             text: One line for people.
             signal: Name of the signal that it died of, or empty.
-            last_lines: What it said last on standard error.
+            last_lines: Its last lines on standard error.
         """
         super().__init__(text)
         self.signal, self.last_lines = signal, last_lines
 
 
 class RejectedSceneError(FalseworkError):
-    """A scene cannot become a cloud (too few cameras, no texture …): a result that is counted, not a crash.
+    """A scene does not suffice for a cloud (too few cameras, no texture …): a counted result, not a crash.
 
     Attributes:
         reason: Short reason code, e.g. `too_few_cameras`.
     """
 
-    exit_code: ClassVar[int] = 3  # of a verb that makes one thing; `run` counts rejections and ends with 0
+    exit_code: ClassVar[int] = 3  # of a single verb; `run` counts rejections and ends with 0
 
     def __init__(self, reason: str, message: str) -> None:
-        """Keep the reason code beside the sentence.
+        """Store the message with its reason code.
 
         Args:
             reason: Short reason code in snake_case.
@@ -127,13 +127,13 @@ class RejectedSceneError(FalseworkError):
 
 
 def passing_code(error: BaseException) -> int:
-    """Find what a device, a network or a full table of the system said behind an error: another try may end otherwise.
+    """Find a temporary system error (device, network, full system table) behind an error: a retry may succeed.
 
     Args:
-        error: What was raised, from or while handling another error.
+        error: The exception, raised from or while handling another error.
 
     Returns:
-        The system's error number; 0 where the same input must end in the same way.
+        The system's error number; 0 if a retry must fail in the same way.
     """
     seen: set[int] = set()
     behind: BaseException | None = error
@@ -146,7 +146,7 @@ def passing_code(error: BaseException) -> int:
 
 
 def _shown(value: object) -> str:
-    """Spell a value found; of one that a file made enormous, the two ends."""
+    """Format a value; of a very long one, only its two ends."""
     try:
         text = repr(value)
     except ValueError:  # an integer of more digits than Python spells
@@ -155,7 +155,7 @@ def _shown(value: object) -> str:
 
 
 def _one_line(text: str) -> str:
-    """Join the words by single blanks; what would steer a terminal, or has no UTF-8 form, becomes a question mark."""
+    """Join the words by single blanks; control characters and invalid UTF-8 become question marks."""
     words = " ".join(text.split())
     if len(words) > _LONGEST_LINE:
         words = f"{words[: _LONGEST_LINE // 2]} … {words[-_LONGEST_LINE // 3 :]}"

@@ -1,4 +1,4 @@
-"""Files that are whole or absent: atomic writes, atomic folders, and the manifest that proves a folder whole."""
+"""Atomic writing of files and folders, and the manifest that verifies a folder."""
 
 import ctypes
 import errno
@@ -21,12 +21,12 @@ _HERE, _EXCHANGE = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of renameat2
 
 
 def write_bytes(path: Path, data: bytes, *, durable: bool = True) -> None:
-    """Write a file so that a reader sees the old content or the new, never a part.
+    """Write a file atomically: a reader sees the old content or the new, never a part.
 
     Args:
         path: Where to write; its folder must exist.
         data: The whole content.
-        durable: Wait until it is on the disk; a power cut may otherwise leave an empty file under its name.
+        durable: Wait until it is on the disk; otherwise a power cut may leave an empty file.
 
     Raises:
         OutOfSpaceError: The disk is full.
@@ -42,11 +42,11 @@ def write_bytes(path: Path, data: bytes, *, durable: bool = True) -> None:
 
 
 def temporary_name(path: Path, suffix: str = "") -> Path:
-    """Choose a unique temporary name beside a file; `sweep` finds what a killed writer left.
+    """Choose a unique temporary name beside a file; `sweep` finds leftovers of killed writers.
 
     Args:
         path: The file that will be replaced.
-        suffix: How the name shall end.
+        suffix: Suffix of the name.
     """
     return path.with_name(f"{TEMPORARY}{secrets.token_hex(8)}{suffix}")
 
@@ -76,10 +76,10 @@ def _write(path: Path, data: bytes, durable: bool) -> None:
 
 @contextmanager
 def writing(path: Path) -> Iterator[BinaryIO]:
-    """Open a file to be written piece by piece, where the bytes of all would take as much memory once more.
+    """Open a file to be written piece by piece, to save memory.
 
     Args:
-        path: A new file in a folder that nobody else reads: a kill leaves it half written.
+        path: A new file in a folder that no other process reads: a kill leaves it incomplete.
 
     Yields:
         The open file.
@@ -102,7 +102,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, value: object) -> None:
-    """Write JSON for people and programs: sorted keys, two spaces, a final line end.
+    """Write readable JSON: sorted keys, two spaces, a final line end.
 
     Args:
         path: Where to write.
@@ -126,7 +126,7 @@ def read_json(path: Path) -> Any:
 
 @contextmanager
 def space_errors(where: Path) -> Iterator[None]:
-    """Turn a full disk or a forbidden folder into an error that says so.
+    """Convert OSErrors of a full disk or a folder without permission to our errors.
 
     Args:
         where: What was being written.
@@ -155,11 +155,11 @@ def space_errors(where: Path) -> Iterator[None]:
 
 @contextmanager
 def whole_file(path: Path, check: Callable[[], object] | None = None) -> Iterator[Path]:
-    """Write a large file piece by piece; it appears under its name when it is whole, or not at all.
+    """Write a large file piece by piece; it gets its name only when it is complete.
 
     Args:
         path: Where it will be; its folder must exist.
-        check: Called before the file gets its name; what it raises leaves a former file as it is.
+        check: Called before the file gets its name; if it raises, an existing file is not changed.
 
     Yields:
         An empty file beside it, of the same suffix, to write meanwhile.
@@ -185,10 +185,10 @@ def whole_file(path: Path, check: Callable[[], object] | None = None) -> Iterato
 
 @contextmanager
 def whole_folder(place: Path) -> Iterator[Path]:
-    """Fill a folder under a unique name; then it takes the place of a former one.
+    """Fill a folder with a unique name, then replace an existing one by it.
 
     Args:
-        place: Where it will be; folders above it are made.
+        place: Its final path; parent folders are made.
 
     Yields:
         An empty folder beside it.
@@ -209,9 +209,9 @@ def whole_folder(place: Path) -> Iterator[Path]:
 
 
 def put_in_place(fresh: Path, place: Path) -> None:
-    """Let a finished folder take the place of a former one, which goes; killed at any moment, one of them is there.
+    """Replace a folder by a finished one; if killed at any moment, one of them exists.
 
-    Where the file system cannot exchange two names (the old NFS, some overlays), there is a moment with neither.
+    If the file system cannot exchange two names (old NFS, some overlays), there is a moment without either.
 
     Args:
         fresh: The finished folder, beside its place.
@@ -242,14 +242,14 @@ def put_in_place(fresh: Path, place: Path) -> None:
 
 
 def exchange(one: Path, other: Path) -> bool:
-    """Let two files or folders exchange their names at once.
+    """Exchange the names of two files or folders atomically.
 
     Args:
         one: The first.
         other: The second, on the same file system.
 
     Returns:
-        Whether they did; not where one of them is missing, or the system cannot.
+        Whether it succeeded; not if one of them is missing, or the system does not support it.
     """
     try:
         rename = ctypes.CDLL(None).renameat2
@@ -259,11 +259,11 @@ def exchange(one: Path, other: Path) -> bool:
 
 
 def sweep_folders(folder: Path, name: str = "*") -> None:
-    """Remove what killed writers of whole folders left.
+    """Remove leftovers of killed calls of `whole_folder`.
 
     Args:
-        folder: Where the whole ones lie; no other process fills one of that name now.
-        name: Name of the whole one, or a pattern.
+        folder: Folder of the complete ones; no other process may be filling one of that name.
+        name: Name of the complete one, or a pattern.
     """
     for left in folder.glob(f"{TEMPORARY}*-{name}"):
         if left.is_dir() and not left.is_symlink():
@@ -288,11 +288,11 @@ def write_manifest(folder: Path, record: dict[str, Any], name: str = MANIFEST) -
 
 
 def commit_folder(partial: Path, final: Path) -> None:
-    """Make a finished folder appear under its final name with one rename, durable against power loss.
+    """Rename a finished folder to its final name, durable against power loss.
 
     Args:
         partial: The finished folder, on the same file system.
-        final: Its name from now on; must not exist.
+        final: Its final path; must not exist.
     """
     with space_errors(final):
         sweep(partial)
@@ -303,7 +303,7 @@ def commit_folder(partial: Path, final: Path) -> None:
 
 
 def sync_tree(folder: Path) -> None:
-    """Wait until a folder and everything below it is on the disk; where links lead is not looked at.
+    """Wait until a folder and everything below it is on the disk; links are not followed.
 
     Args:
         folder: A finished folder.

@@ -1,7 +1,7 @@
-"""Files from elsewhere: only regular ones are opened, none larger than expected, and no text breaks a parser.
+"""Safe opening of untrusted files: only regular files, up to a size, and checks before text is parsed.
 
-A file that a user names, or that such a file names, is read through here, or checked by `check_regular` first
-and hands the path to a library.
+Every file named by a user, or by such a file, is read by this module, or checked with `check_regular` before its path
+is passed to a library.
 """
 
 import json
@@ -16,10 +16,10 @@ from typing import Any, NoReturn
 
 from groundwork.errors import InputError, MissingError
 
-MOST_BYTES = 4_000_000_000  # of any file that is read as a whole
+MOST_BYTES = 4_000_000_000  # [bytes] largest file that is read at once
 MOST_TEXT = 1_000_000_000  # [bytes] of JSON: parsed, it takes some ten times as much memory
 MOST_TOML = 10_000_000  # [bytes] a scenario has some thousands
-_PICTURES = (b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"II*\0", b"MM\0*", b"RIFF", b"BM")  # how image files begin
+_PICTURES = (b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"II*\0", b"MM\0*", b"RIFF", b"BM")  # signatures of image files
 _ESCAPE = re.compile(rb"\\u(?:0000|[dD][89a-fA-F])|\0")  # of what `_check_strings` refuses in JSON
 _HUGE = re.compile(rb"[eE]\+?\d{3}|\d{300}")  # what a number beyond double precision has
 _MOST_DIGITS, _MOST_BITS = 20, 64  # of an integer
@@ -33,15 +33,15 @@ _KINDS = {
 
 
 def open_regular(path: Path, most: int | None = None) -> BufferedReader:
-    """Open a regular file to read its bytes; a pipe or a device, which would never end, is refused and not waited for.
+    """Open a regular file for reading; a pipe or a device is refused without waiting.
 
     Args:
         path: File to read; links are followed.
-        most: Bytes above which it is refused; None for any number.
+        most: Largest size [bytes]; None: no limit.
 
     Raises:
         MissingError: There is no such file.
-        InputError: No file can have such a name, or it is not a regular file, not readable, or too large.
+        InputError: An invalid name, not a regular file, not readable, or too large.
     """
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -55,18 +55,18 @@ def open_regular(path: Path, most: int | None = None) -> BufferedReader:
 
 
 def check_regular(path: Path, most: int | None = None) -> int:
-    """Look at a file before a library opens it by its name.
+    """Check a file before a library opens it by its name.
 
     Args:
-        path: File that will be read; links are followed.
-        most: Bytes above which it is refused; None for any number.
+        path: File to check; links are followed.
+        most: Largest size [bytes]; None: no limit.
 
     Returns:
         Its size [bytes].
 
     Raises:
         MissingError: There is no such file.
-        InputError: No file can have such a name, or it is not a regular file, or too large.
+        InputError: An invalid name, not a regular file, or too large.
     """
     try:
         found = Path(path).stat()
@@ -78,10 +78,10 @@ def check_regular(path: Path, most: int | None = None) -> int:
 
 
 def is_regular(path: Path) -> bool:
-    """Tell whether there is a regular file of this name, whatever the name is.
+    """Tell whether a path is a regular file; invalid names are not an error.
 
     Args:
-        path: Any path, names from a file among them.
+        path: Any path, also from a file.
     """
     try:
         return stat.S_ISREG(Path(path).stat().st_mode)
@@ -90,11 +90,11 @@ def is_regular(path: Path) -> bool:
 
 
 def read_regular(path: Path, most: int = MOST_BYTES) -> bytes:
-    """Read a regular file as a whole.
+    """Read all bytes of a regular file.
 
     Args:
         path: File to read; links are followed.
-        most: Bytes above which it is refused.
+        most: Largest size [bytes].
 
     Raises:
         MissingError: There is no such file.
@@ -105,7 +105,7 @@ def read_regular(path: Path, most: int = MOST_BYTES) -> bytes:
 
 
 def read_picture(path: Path) -> bytes:
-    """Read the bytes of an image file to hand them on; a file that only bears such a name stays where it is.
+    """Read the bytes of an image file to copy it; a file that is not an image is refused.
 
     Args:
         path: JPEG, PNG, TIFF, WebP or BMP; links are followed.
@@ -121,38 +121,38 @@ def read_picture(path: Path) -> bytes:
 
 
 def parse_json(text: str | bytes, where: object) -> Any:
-    """Parse JSON from elsewhere.
+    """Parse untrusted JSON.
 
     Args:
         text: The document.
-        where: What holds it, for the error.
+        where: Its file, for the error message.
 
     Raises:
-        InputError: Not JSON, not UTF-8, nested too deep, with a number that is none or beyond 64 bits, or with NUL.
+        InputError: Not JSON, not UTF-8, nested too deeply, a number that is not finite or beyond 64 bits, or NUL.
     """
     try:
         data = text if isinstance(text, bytes) else text.encode("utf-8", "surrogatepass")
-        real = _finite if _HUGE.search(data) else None  # asked for each number, this would take a third more time
+        real = _finite if _HUGE.search(data) else None  # a check of each number takes a third more time
         value = json.loads(text, parse_constant=_refuse_constant, parse_int=_integer, parse_float=real)
         if _ESCAPE.search(data):
             _check_strings(value)
         return value
     except RecursionError:
         reason = "nested too deep"
-    except ValueError as error:  # among them what UTF-8 cannot decode, and integers beyond Python's limit
+    except ValueError as error:  # also for invalid UTF-8, and integers beyond Python's limit
         reason = _first_sentence(error)
     raise InputError(f"not readable as JSON: {reason}", where=where, hint="Write it anew")
 
 
 def parse_toml(text: bytes, where: object) -> dict[str, Any]:
-    """Parse TOML from elsewhere.
+    """Parse untrusted TOML.
 
     Args:
         text: The document, UTF-8.
-        where: What holds it, for the error.
+        where: Its file, for the error message.
 
     Raises:
-        InputError: Not TOML, not UTF-8, nested too deep, or with a number of thousands of digits.
+        InputError: Not TOML, not UTF-8, nested too deeply, or a number of thousands of digits.
     """
     try:
         value = tomllib.loads(text.decode("utf-8"))
@@ -178,13 +178,13 @@ def _finite(text: str) -> float:
 
 
 def _check_strings(value: object) -> None:
-    """Refuse text that no file system or terminal takes, and integers beyond 64 bits, anywhere in nested values.
+    """Refuse NUL and invalid Unicode in strings, and integers beyond 64 bits, anywhere in nested values.
 
     Args:
         value: Nested dicts and lists.
 
     Raises:
-        ValueError: NUL or half a surrogate pair in a text, or such an integer.
+        ValueError: NUL or an unpaired surrogate in a string, or such an integer.
     """
     pending = [value]
     while pending:
@@ -204,7 +204,7 @@ def _refuse_constant(name: str) -> NoReturn:
 
 
 def _first_sentence(error: ValueError) -> str:
-    """Drop Python's advice on its limit of digits: it names a function that a user cannot call."""
+    """Remove Python's advice on its digit limit, which names a function that a user cannot call."""
     return str(error).partition("; use sys.")[0]
 
 

@@ -1,4 +1,4 @@
-"""One process at a time: kernel locks on files, which fall with their holder and can be asked for without waiting."""
+"""Kernel locks on files, which are released when their process ends."""
 
 import errno
 import fcntl
@@ -11,7 +11,7 @@ from pathlib import Path
 
 from groundwork.errors import FalseworkError, InputError
 
-_NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)  # what file systems without locks answer
+_NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)  # errors of file systems without locks
 
 
 class BusyError(FalseworkError):
@@ -20,21 +20,21 @@ class BusyError(FalseworkError):
 
 @contextmanager
 def hold_lock(path: Path, *, wait: bool = True) -> Iterator[bool]:
-    """Hold a kernel lock on a file; whoever holds it may remove the file.
+    """Hold a kernel lock on a file; the holder may remove the file.
 
-    On a file system without locks this is noted once. There no process may remove what another may have left, and what
-    is made needs a unique name.
+    A file system without locks is reported once. There, leftovers of other processes must not be removed, and new files
+    need unique names.
 
     Args:
-        path: The lock file; made where it is not there. Its folder must exist.
-        wait: Wait for another holder to end.
+        path: The lock file; made if missing. Its folder must exist.
+        wait: Wait until another holder releases it.
 
     Yields:
         True, or False on a file system without locks.
 
     Raises:
         BusyError: Another process holds it, and we do not wait.
-        InputError: Something else stands there.
+        InputError: The path exists and is not a lock file.
     """
     try:
         handle, held = open_locked(path, wait=wait)
@@ -53,14 +53,14 @@ def hold_lock(path: Path, *, wait: bool = True) -> Iterator[bool]:
 
 
 def open_locked(path: Path, *, wait: bool = True) -> tuple[int, bool]:
-    """Open a file and lock it; closing the handle gives the lock back.
+    """Open a file and lock it; closing the handle releases the lock.
 
     Args:
-        path: The lock file; made where it is not there, and never a link.
-        wait: Wait for another holder to end.
+        path: The lock file; made if missing, and never a link.
+        wait: Wait until another holder releases it.
 
     Returns:
-        A handle of the file that has this name now, and whether it is locked: False on a file system without locks.
+        A handle of the file at this path, and whether it is locked: False on a file system without locks.
 
     Raises:
         BusyError: Another process holds it, and we do not wait.
@@ -83,7 +83,7 @@ def open_locked(path: Path, *, wait: bool = True) -> tuple[int, bool]:
         except BaseException:  # interrupted while it waited
             os.close(handle)
             raise
-        os.close(handle)  # its former holder removed it between our two calls
+        os.close(handle)  # its holder removed it between our two calls
 
 
 def _is_at(handle: int, path: Path) -> bool:

@@ -1,4 +1,4 @@
-"""What lies in a folder only to say whose it is and what is being made of it: never content of the folder."""
+"""Marks of output folders: files that state the kind and owner of a folder, and are not part of its content."""
 
 import json
 import os
@@ -6,13 +6,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-MARK = ".falsework"  # in a finished output: what it is, and which files of it we wrote
-TEMPORARY = f"{MARK}-"  # how the name of every file begins that a killed writer may leave
-NEXT = ".next"  # in an output: the one that is being made; it has a mark of its own
+MARK = ".falsework"  # in a finished output: its kind, and the files that we wrote
+TEMPORARY = f"{MARK}-"  # prefix of temporary files, which a killed writer may leave
+NEXT = ".next"  # in an output: folder of the unfinished new output, with its own mark
 
 
 def is_work(folder: Path) -> bool:
-    """Tell whether a folder is one in which an output is being made, and not a folder of the user's of that name.
+    """Tell whether a folder is a work folder of an unfinished output, and not a user's folder of that name.
 
     Args:
         folder: Any path.
@@ -21,7 +21,7 @@ def is_work(folder: Path) -> bool:
 
 
 def content_files(folder: Path) -> list[Path]:
-    """List the files below a folder, in sorted order, without marks, temporary files and outputs in the making.
+    """List the files below a folder, in sorted order, without marks, temporary files and unfinished outputs.
 
     Args:
         folder: Folder to read.
@@ -35,8 +35,8 @@ def outputs_below(folder: Path, kind: str) -> set[Path]:
     """Find the outputs of one kind that lie below a folder.
 
     Args:
-        folder: Folder to look through; it is not counted itself.
-        kind: What such an output's mark says, e.g. `run`.
+        folder: Folder to search; it is not included itself.
+        kind: Kind in the mark of such an output, e.g. `run`.
     """
     marks = (path for path in folder.rglob(MARK) if path.is_file() and path.parent not in (folder, folder / NEXT))
     return {path.parent for path in marks if read_listing(path).kind == kind}
@@ -56,11 +56,11 @@ class Listing:
     """The files and folders of an output, as paths relative to it, in sorted order.
 
     Attributes:
-        kind: What the output is, e.g. `capture`.
+        kind: Kind of the output, e.g. `capture`.
         files: Every file and link.
-        folders: Every folder, those above others first.
-        is_marked: Whether the output stays ours; else it is the user's from the moment that it is there.
-        is_complete: Whether it names the files at all; marks of earlier versions do not.
+        folders: Every folder, parents first.
+        is_marked: Whether the output belongs to Falsework; else to the user, from its completion on.
+        is_complete: Whether it lists the files; marks of earlier versions do not.
     """
 
     kind: str
@@ -70,7 +70,7 @@ class Listing:
     is_complete: bool = True
 
     def as_text(self) -> str:
-        """Write it as a mark: the kind on a line of its own, then the names as JSON."""
+        """Format it as a mark: the kind on its own line, then the names as JSON."""
         names = {"files": self.files, "folders": self.folders, "marked": self.is_marked}
         return f"{self.kind}\n{json.dumps(names, sort_keys=True)}\n" if self.is_complete else f"{self.kind}\n"
 
@@ -82,7 +82,7 @@ def read_listing(mark: Path) -> Listing:
         mark: The mark's file.
 
     Returns:
-        What it says. Names that lead out of the folder, and whatever else we would not have written, are left out.
+        Its content. Names that leave the folder, and anything else that we would not have written, are left out.
     """
     kind, _, names = mark.read_text(encoding="utf-8", errors="replace").partition("\n")
     try:
@@ -96,13 +96,13 @@ def read_listing(mark: Path) -> Listing:
 
 
 def list_folder(folder: Path, kind: str, *, is_marked: bool = True, but: Iterable[str] = ()) -> Listing:
-    """List what lies in a folder; links are listed, not followed.
+    """List the content of a folder; links are listed, not followed.
 
     Args:
         folder: Folder to read.
-        kind: What it is.
+        kind: Its kind.
         is_marked: As in `Listing`.
-        but: Names at its top that are left out.
+        but: Names at its top level that are left out.
     """
     files: list[str] = []
     folders: list[str] = []
@@ -119,7 +119,7 @@ def list_folder(folder: Path, kind: str, *, is_marked: bool = True, but: Iterabl
 
 
 def _inner(names: object) -> tuple[str, ...]:
-    """Keep the names that stay in the folder: a mark may come from elsewhere."""
+    """Keep the names that stay in the folder: a mark is untrusted."""
     if not isinstance(names, list):
         return ()
     paths = [Path(name) for name in names if isinstance(name, str) and name and "\0" not in name]

@@ -1,4 +1,4 @@
-"""Single files for the user: made beside their name, put there with one rename, and never over a file of others."""
+"""Atomic writing of single output files, which never overwrites a file that Falsework did not write."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -8,15 +8,15 @@ from groundwork.errors import InputError
 from groundwork.files import space_errors, whole_file
 from groundwork.output_place import output_place
 
-SIGNATURE = "made by falsework"  # stands in every single file that we write, where its format has room for it
-_FORMER = "· Falsework</title>"  # in pages of the version before signatures
-_ENDS = 1 << 16  # [byte] at the beginning and at the end of a file, where formats have their remarks
+SIGNATURE = "made by falsework"  # signature in every single file that we write, if its format has room for it
+_FORMER = "· Falsework</title>"  # in pages before signatures were introduced
+_ENDS = 1 << 16  # [bytes] searched at the beginning and at the end of a file, where formats have comments
 
 IsOurs = Callable[[Path], bool]
 
 
 def is_signed(path: Path) -> bool:
-    """Tell whether a file carries our signature near its beginning or its end.
+    """Tell whether a file has our signature near its beginning or its end.
 
     Args:
         path: Any file.
@@ -29,18 +29,18 @@ def is_signed(path: Path) -> bool:
 
 
 def check_output_file(path: Path, inputs: Iterable[Path] = (), is_ours: IsOurs = is_signed) -> Path:
-    """Refuse to write a file over anything that we did not write, before any work is done.
+    """Refuse to overwrite anything that we did not write, before any work is done.
 
     Args:
         path: The file that the user named.
         inputs: Files and folders that it is made from.
-        is_ours: Tells a former one of ours from a file of others.
+        is_ours: Tells an earlier file of ours from other files.
 
     Returns:
-        The place of the file, free of links.
+        The path of the file, with links resolved.
 
     Raises:
-        InputError: It is a folder or a device, a file that Falsework did not write, or lies where no output may.
+        InputError: It is a folder or a device, a file that Falsework did not write, or in a place that is not allowed.
     """
     place = output_place(path, inputs)
     if place.is_dir():
@@ -57,42 +57,42 @@ def check_output_file(path: Path, inputs: Iterable[Path] = (), is_ours: IsOurs =
 
 @contextmanager
 def fresh_file(path: Path, inputs: Iterable[Path] = (), is_ours: IsOurs = is_signed) -> Iterator[Path]:
-    """Write a file as a whole: give a name beside it to write to, and put it in its place afterwards.
+    """Write a file atomically: yield a temporary file beside it, and rename it afterwards.
 
     Args:
-        path: The file that the user named; folders above it are made.
+        path: The file that the user named; parent folders are made.
         inputs: Files and folders that it is made from.
-        is_ours: Tells a former one of ours, which is replaced, from a file of others, which is not.
+        is_ours: Tells an earlier file of ours, which is replaced, from other files, which are not.
 
     Returns:
         An empty file beside it, of the same suffix.
 
     Raises:
         InputError: As `check_output_file`.
-        OutOfSpaceError: The disk is full; a former file stays.
+        OutOfSpaceError: The disk is full; an earlier file is kept.
     """
     inputs = tuple(inputs)
     place = check_output_file(path, inputs, is_ours)
     with space_errors(place), suppress(FileNotFoundError):
         place.parent.mkdir(parents=True, exist_ok=True)
     with ExitStack() as held:
-        # Once more before it gets its name: somebody may have put a file there meanwhile.
+        # Checked again before the rename: another file may have appeared meanwhile.
         writer = whole_file(place, lambda: check_output_file(path, inputs, is_ours))
         try:
             temporary = held.enter_context(writer)
-        except FileNotFoundError:  # such as /proc: its rights say that one may write, and one may not
+        except FileNotFoundError:  # such as /proc: not writable despite its permissions
             raise InputError("not writable", where=place.parent, hint="Name another file with -o") from None
         yield temporary
 
 
 def write_fresh_file(path: Path, data: bytes, inputs: Iterable[Path] = (), is_ours: IsOurs = is_signed) -> None:
-    """Write a file as a whole, as `fresh_file` does.
+    """Write a file atomically, as `fresh_file` does.
 
     Args:
         path: The file that the user named.
-        data: All of it.
+        data: Its content.
         inputs: Files and folders that it is made from.
-        is_ours: Tells a former one of ours from a file of others.
+        is_ours: Tells an earlier file of ours from other files.
     """
     with fresh_file(path, inputs, is_ours) as temporary:
-        temporary.write_bytes(data)  # inside an atomic folder: the name is nobody's yet
+        temporary.write_bytes(data)  # inside an atomic folder: a temporary name

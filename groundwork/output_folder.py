@@ -1,6 +1,6 @@
-"""Folders that appear as a whole: claimed first, made inside themselves, and then put into place.
+"""Output folders that are replaced as a whole: claimed first, made in a work folder inside, then moved into place.
 
-Nothing beside the folder is touched, and nothing in it that we did not write. `docs/formats.md` tells what lies where.
+Nothing outside the folder is changed, and nothing in it that we did not write. `docs/formats.md` describes the files.
 """
 
 from collections.abc import Callable, Iterable
@@ -14,8 +14,8 @@ from groundwork.output_lock import sole_writer
 from groundwork.output_place import RUN, output_place
 from groundwork.output_swap import FILES, discard, is_ready, make_ready, roll_forward
 
-_NOBODYS = {"lost+found"}  # what a file system has at its own top
-_RESUMES = " resumes"  # work that another command must not throw away
+_NOBODYS = {"lost+found"}  # at the top of a file system
+_RESUMES = " resumes"  # kinds of unfinished work that another command must not discard
 _ELSEWHERE = "Choose another folder with -o"
 
 
@@ -29,26 +29,27 @@ def fresh_output(
     resume: bool = False,
     is_marked: bool = True,
 ) -> None:
-    """Write an output folder as a whole, in place of a former one of ours; files of others in it stay.
+    """Write an output folder as a whole, replacing an earlier one of ours; other files in it are kept.
 
     Args:
         folder: The folder that the user named.
-        kind: What is in it, e.g. `capture`; an output of another kind is not replaced.
+        kind: Its kind, e.g. `capture`; an output of another kind is not replaced.
         write: Called with an empty folder to fill.
         inputs: Files and folders that it is made from.
-        asked: JSON value that says what was asked for. Work on anything else that an interrupted run left is not
-            taken over.
-        resume: Call `write` with what an interrupted run left instead; it then checks what of that is still right.
-        is_marked: Whether the output stays ours; else it is the user's from the moment that it is there, and the
+        asked: JSON value that describes the request. Unfinished work of an interrupted run is resumed only for the same
+            request.
+        resume: Call `write` with the unfinished folder of an interrupted run instead; it must check which files are
+            valid.
+        is_marked: Whether the output belongs to Falsework; else it belongs to the user from its completion on, and the
             folder must be empty before.
 
     Raises:
-        InputError: The folder holds something that Falsework did not write, is not writable, is being written, or
-            lies where no output may.
+        InputError: The folder holds something that Falsework did not write, is not writable, is being written, or is in
+            a place that is not allowed.
     """
     place, code = output_place(folder, inputs), digest(asked) + (_RESUMES if resume else "")
     with space_errors(place):
-        _refuse_filled(place, kind, is_marked)  # so that not even a lock is put into a stranger's folder
+        _refuse_filled(place, kind, is_marked)  # so that not even a lock is put into a foreign folder
         with sole_writer(place) as work:
             if is_ready(place):
                 is_same = _said(work) == (kind, code)
@@ -83,7 +84,7 @@ def check_run(folder: Path, inputs: Iterable[Path] = ()) -> Path:
         The same folder, absolute.
 
     Raises:
-        InputError: It holds anything else, or lies where no output may.
+        InputError: It holds anything else, or is in a place that is not allowed.
     """
     place = output_place(folder, inputs)
     with space_errors(place):
@@ -92,20 +93,20 @@ def check_run(folder: Path, inputs: Iterable[Path] = ()) -> Path:
 
 
 def claim_run(folder: Path, inputs: Iterable[Path] = ()) -> None:
-    """Make the folder of a run ours, so that the processes that share it may write into it.
+    """Claim the folder of a run, so that the processes that share it may write into it.
 
     Args:
         folder: The folder that the user named; absent, empty, or of a run.
         inputs: Files and folders that the run is made from.
 
     Raises:
-        InputError: It holds anything else, is not writable, or lies where no output may.
+        InputError: It holds anything else, is not writable, or is in a place that is not allowed.
     """
     place = check_run(folder, inputs)
     with space_errors(place):
         try:
             place.mkdir(parents=True, exist_ok=True)
-        except FileNotFoundError:  # such as /proc: its rights say that one may write, and one may not
+        except FileNotFoundError:  # such as /proc: not writable despite its permissions
             raise InputError("not writable", where=place.parent, hint=_ELSEWHERE) from None
         if not (place / MARK).is_file():
             write_bytes(place / MARK, Listing(RUN, is_complete=False).as_text().encode())
@@ -113,7 +114,7 @@ def claim_run(folder: Path, inputs: Iterable[Path] = ()) -> None:
 
 
 def _refuse_filled(place: Path, kind: str, is_marked: bool) -> None:
-    """Refuse a folder with anything in it that is not a former output of the same kind."""
+    """Refuse a folder that is not empty and not an earlier output of the same kind."""
     if not place.exists() or is_ready(place):
         return
     if not place.is_dir():
@@ -137,7 +138,7 @@ def _refuse_filled(place: Path, kind: str, is_marked: bool) -> None:
 
 
 def _has_other_work(work: Path, kind: str) -> bool:
-    """Tell whether hours of another command's work wait to be gone on with."""
+    """Tell whether the folder holds unfinished work of another command that can be resumed."""
     said = _said(work)
     return (
         said is not None
@@ -148,7 +149,7 @@ def _has_other_work(work: Path, kind: str) -> bool:
 
 
 def _former(place: Path) -> Listing:
-    """List what a folder holds of ours; all of it, where its mark is of a version that did not say."""
+    """List our files in a folder; all files if its mark is of a version without a list."""
     mark = place / MARK
     if not mark.is_file():
         return Listing("")
@@ -157,7 +158,7 @@ def _former(place: Path) -> Listing:
 
 
 def _said(work: Path) -> tuple[str, str] | None:
-    """Read what the work was begun for: the kind of the output, and the hash of what was asked."""
+    """Read the request of unfinished work: the kind of the output, and the hash of the request."""
     mark = work / MARK
     if not mark.is_file():
         return None
@@ -166,7 +167,7 @@ def _said(work: Path) -> tuple[str, str] | None:
 
 
 def _enter(work: Path, kind: str, code: str, resume: bool) -> Path:
-    """Open the folder to fill, empty unless the same was asked for before."""
+    """Open the folder to fill, which is empty unless the same request was interrupted."""
     files = work / FILES
     if not resume or _said(work) != (kind, code) or files.is_symlink():
         discard(work)

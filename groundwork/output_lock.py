@@ -1,4 +1,4 @@
-"""One writer at a time: the kernel lock inside an output, taken with the folder in which the output is made."""
+"""The lock of an output folder, so that it has one writer at a time."""
 
 import errno
 import os
@@ -13,24 +13,24 @@ from groundwork.locks import BusyError, open_locked
 from groundwork.marks import MARK, NEXT, TEMPORARY
 
 LOCK = f"{TEMPORARY}lock"
-_TRIES = 100  # against other commands that come and go; nobody is that unlucky
+_TRIES = 100  # attempts while other commands create and remove the folder
 _ELSEWHERE = "Choose another folder with -o"
 
 
 @contextmanager
 def sole_writer(place: Path) -> Iterator[Path]:
-    """Make an output's folder and the one inside it for the next output, and hold the lock that lies there.
+    """Make an output folder and the work folder inside it, and hold its lock.
 
-    What was made goes again when nothing was left in it.
+    Folders that are empty afterwards are removed again.
 
     Args:
-        place: Folder of the output, free of links.
+        place: Folder of the output, with links resolved.
 
     Returns:
         The folder `.next`, inside it.
 
     Raises:
-        InputError: Another command holds the lock, or something of the user's is in the way.
+        InputError: Another command holds the lock, or a file of the user is in the way.
     """
     made = [folder for folder in (place, *place.parents) if not folder.exists()]
     work = place / NEXT
@@ -46,15 +46,15 @@ def sole_writer(place: Path) -> Iterator[Path]:
 
 
 def leave(work: Path, handle: int, made: Iterable[Path] = ()) -> None:
-    """Give the lock back, and take the folder away where nothing is left in it.
+    """Release the lock, and remove the folder if it is empty.
 
     Args:
         work: The folder `.next`.
         handle: The lock.
-        made: Folders above it that go with it, innermost first.
+        made: Parent folders to remove with it, innermost first.
     """
     try:
-        with suppress(OSError):  # somebody came in
+        with suppress(OSError):  # another process has added something
             if [path.name for path in work.iterdir()] == [LOCK]:
                 (work / LOCK).unlink()
                 for folder in (work, *made):
@@ -64,17 +64,17 @@ def leave(work: Path, handle: int, made: Iterable[Path] = ()) -> None:
 
 
 def lock_if_free(work: Path) -> int | None:
-    """Take the lock of an output that is there, for a reader.
+    """Take the lock of an existing output, for a reader.
 
     Args:
         work: Its folder `.next`.
 
     Returns:
-        A handle to `leave` with, or None where another process holds the lock, or nothing can be locked.
+        A handle for `leave`, or None if another process holds the lock, or it cannot be locked.
     """
     try:
         handle, is_held = open_locked(work / LOCK, wait=False)
-    except (OSError, BusyError):  # also on a disk that may only be read; or finished meanwhile
+    except (OSError, BusyError):  # also on a read-only disk; or finished meanwhile
         return None
     if is_held:
         return handle
@@ -83,14 +83,14 @@ def lock_if_free(work: Path) -> int | None:
 
 
 def _enter(place: Path, work: Path) -> tuple[int, bool]:
-    """Open the lock and lock it; tell whether this file system knows locks."""
+    """Open the lock file and lock it; tell whether the file system supports locks."""
     for _ in range(_TRIES):
         try:
             place.mkdir(parents=True, exist_ok=True)
             _make_work(work)
             return open_locked(work / LOCK, wait=False)
         except FileNotFoundError:
-            continue  # its former holder removed it between our calls
+            continue  # its holder removed it between our calls
         except BusyError:
             raise InputError(
                 "another command is writing this folder",
@@ -103,11 +103,11 @@ def _enter(place: Path, work: Path) -> tuple[int, bool]:
             if error.errno != errno.ELOOP:
                 raise
             raise InputError("is a link", where=work / LOCK, hint="Remove it") from None
-    raise InputError("not writable", where=place.parent, hint=_ELSEWHERE)  # such as /proc, whatever its rights say
+    raise InputError("not writable", where=place.parent, hint=_ELSEWHERE)  # such as /proc, despite its permissions
 
 
 def _make_work(work: Path) -> None:
-    """Make the folder, or see that the one that is there is ours: it has our mark, or is empty."""
+    """Make the folder, or check that an existing one is ours: it has our mark, or is empty."""
     work.mkdir(exist_ok=True)
     if work.is_symlink():
         raise FileExistsError

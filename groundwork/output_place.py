@@ -1,4 +1,4 @@
-"""Where an output may lie: never on, in or around what it is made from, and never inside a store."""
+"""Checks of an output's path: it must not be, be inside, or contain an input, or be inside a store."""
 
 import errno
 import os
@@ -9,24 +9,24 @@ from groundwork.errors import InputError
 from groundwork.files import MANIFEST
 from groundwork.marks import MARK, read_listing
 
-RUN = "run"  # kind of the one output whose folder many processes share
-_OF_A_RUN = ("store", "work", "scenes", "failed", "run")  # what a run writes at the top of its folder
-_LONGEST = 255  # [byte] of a name on any file system in use
+RUN = "run"  # kind of the only output whose folder several processes share
+_OF_A_RUN = ("store", "work", "scenes", "failed", "run")  # names that a run writes at the top of its folder
+_LONGEST = 255  # [bytes] longest name on any file system in use
 _ELSEWHERE = "Choose another place with -o"
 
 
 def output_place(path: Path, inputs: Iterable[Path] = ()) -> Path:
-    """Find where an output will really lie, and refuse places where it would harm anything.
+    """Resolve the path of an output, and refuse harmful places.
 
     Args:
         path: File or folder that the user named; links in it are followed.
         inputs: Files and folders that the output is made from.
 
     Returns:
-        The place, free of links.
+        The path, with links resolved.
 
     Raises:
-        InputError: The place is, holds or lies in an input; lies in a store; cannot have such a name; or is not
+        InputError: The path is, contains or is inside an input; is inside a store; has an invalid name; or is not
             writable.
     """
     _check_names(path)

@@ -1,4 +1,4 @@
-"""Reading what a command wrote: an output that is being put into place is finished first, and no half is ever seen."""
+"""Consistent reading of outputs: an interrupted replacement is finished first, so that no mixture is read."""
 
 import os
 from collections.abc import Iterator
@@ -16,12 +16,12 @@ _Stamp = tuple[int, int, int]
 
 @contextmanager
 def reading(*paths: Path) -> Iterator[None]:
-    """Read outputs of ours inside: they are whole when it begins, and the same when it ends.
+    """Guard the reading of outputs: they are complete at the start of the block, and unchanged at its end.
 
-    For what is not an output of ours, such as a user's folder or a run's store, only the parent folders are looked at.
+    For other paths, such as a user's folder or a run's store, only the parent folders are checked.
 
     Args:
-        paths: Files and folders that are read, anywhere in an output or out of any.
+        paths: Files and folders that are read, inside or outside of outputs.
 
     Raises:
         InputError: One is not finished, is being replaced, or was replaced meanwhile.
@@ -44,7 +44,7 @@ def _compare(stamps: dict[Path, _Stamp | None], cause: Exception | None) -> None
 
 
 def _outputs_over(path: Path) -> list[Path]:
-    """List the outputs that a path lies in, or is; what is being made in `.next` is its writer's business."""
+    """List the outputs that contain a path, or are it; unfinished ones in `.next` are ignored."""
     here = Path(os.path.realpath(path))
     found = []
     for folder in (here, *here.parents):
@@ -59,7 +59,7 @@ def _outputs_over(path: Path) -> list[Path]:
 
 
 def _open(place: Path) -> _Stamp | None:
-    """Finish what was being put into place, and tell which output it is now."""
+    """Finish an interrupted replacement, and identify the output."""
     stamp = _stamp(place)
     if not is_ready(place):
         return stamp
@@ -78,7 +78,7 @@ def _open(place: Path) -> _Stamp | None:
 
 
 def _stamp(place: Path) -> _Stamp | None:
-    """Tell one finished output from another: each has a mark of its own, and during a swap there is none."""
+    """Identify a finished output by its mark; during a replacement there is none."""
     try:
         found = (place / MARK).stat()
     except OSError:

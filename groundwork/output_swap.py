@@ -1,8 +1,8 @@
-"""Putting a finished output in the place of the former one: made ready once, then rolled forward, however often killed.
+"""Replacement of an output by a finished new one, which can be completed after any number of kills.
 
-In `OUT/.next` lie the new files, the list of those that they replace, and last of all `ready`, which is the mark that
-the output will have. From then on nothing can be lost: whoever comes next moves what has not been moved yet. The
-former mark goes before the first file and the new one comes after the last, so that an output with a mark is whole.
+`OUT/.next` holds the new files, the list of those that they replace, and finally `ready`, the mark of the new output.
+From then on nothing can be lost: the next process moves the remaining files. The old mark is removed before the first
+file is moved, and the new one is added after the last, so that an output with a mark is complete.
 """
 
 import errno
@@ -16,20 +16,20 @@ from groundwork.files import sync, sync_tree, write_bytes
 from groundwork.marks import MARK, NEXT, TEMPORARY, Listing, list_folder, read_listing
 from groundwork.output_lock import LOCK
 
-FILES = "files"  # what the new output will hold
+FILES = "files"  # content of the new output
 READY = f"{TEMPORARY}ready"
-_STAYS = (errno.ENOTEMPTY, errno.EEXIST, errno.ENOENT, errno.ENOTDIR)  # others have something there, or it is gone
+_STAYS = (errno.ENOTEMPTY, errno.EEXIST, errno.ENOENT, errno.ENOTDIR)  # not empty, or already removed
 REPLACED = f"{TEMPORARY}replaced"
 
 
 def make_ready(place: Path, former: Listing, kind: str, is_marked: bool) -> None:
-    """Bring a finished output to the disk and say that it may be put into its place.
+    """Write a finished output to the disk and mark it as ready for the replacement.
 
     Args:
         place: Folder of the output.
-        former: What it holds of ours.
-        kind: What the new output is.
-        is_marked: Whether it stays ours.
+        former: Our files in it.
+        kind: Kind of the new output.
+        is_marked: Whether it belongs to Falsework.
     """
     work = place / NEXT
     sync_tree(work / FILES)
@@ -40,13 +40,13 @@ def make_ready(place: Path, former: Listing, kind: str, is_marked: bool) -> None
 
 
 def roll_forward(place: Path) -> None:
-    """Put a ready output in the place of the former one, or go on with that; call it under the lock.
+    """Replace the old output by a ready one, or resume the replacement; the caller must hold the lock.
 
     Args:
         place: Folder of the output.
 
     Raises:
-        InputError: A file that we did not write stands where a new one goes; nothing has been moved then.
+        InputError: A file that we did not write is in the place of a new one; then nothing has been moved.
     """
     work = place / NEXT
     new, former = read_listing(work / READY), read_listing(work / REPLACED)
@@ -67,13 +67,13 @@ def roll_forward(place: Path) -> None:
         sync(place)
     else:
         shutil.rmtree(work / FILES)
-        (work / MARK).unlink(missing_ok=True)  # before `ready`: what is the user's now is nobody's unfinished work
+        (work / MARK).unlink(missing_ok=True)  # before `ready`: the output now belongs to the user
         (work / READY).unlink()
     sync(work)
 
 
 def is_ready(place: Path) -> bool:
-    """Tell whether an output waits to be put, or is being put, into its place.
+    """Tell whether a replacement is pending or interrupted.
 
     Args:
         place: Folder of the output.
@@ -82,10 +82,10 @@ def is_ready(place: Path) -> bool:
 
 
 def discard(work: Path) -> None:
-    """Take everything out of the folder in which an output is made, but for the lock.
+    """Remove everything from the work folder of an output except the lock.
 
     Args:
-        work: The folder `.next`; its mark goes last, since without it the rest would be somebody else's.
+        work: The folder `.next`; its mark is removed last, because without it the rest would count as foreign.
     """
     for path in sorted(work.iterdir(), key=lambda path: path.name == MARK):
         if path.is_dir() and not path.is_symlink():
@@ -95,7 +95,7 @@ def discard(work: Path) -> None:
 
 
 def _clear_away(place: Path, former: Listing, new: Listing) -> None:
-    """Remove what the former output has and the new one has not; a folder stays while others have something in it."""
+    """Remove files of the old output that the new one lacks; folders with foreign files are kept."""
     kept, kept_folders = set(new.files), set(new.folders)
     touched: set[Path] = set()
     for name in former.files:
@@ -118,7 +118,7 @@ def _clear_away(place: Path, former: Listing, new: Listing) -> None:
 
 
 def _refuse_strangers(place: Path, new: Listing, waiting: list[str], former: Listing) -> None:
-    """Refuse to put a file or folder where one that Falsework did not write is."""
+    """Refuse to replace a file or folder that Falsework did not write."""
     ours, folders = set(former.files), set(former.folders)
     for name in new.folders:
         path = place / name
@@ -143,5 +143,5 @@ def _refuse(path: Path) -> None:
 
 
 def _is_below(folder: Path, place: Path) -> bool:
-    """Tell whether a folder is reached from the output without a link, which would lead to files of others."""
+    """Tell whether a folder is reached from the output without a link, which could lead to foreign files."""
     return Path(os.path.realpath(folder)) == folder and (folder == place or place in folder.parents)

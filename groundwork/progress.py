@@ -1,4 +1,4 @@
-"""How long-running work reports where it is: a protocol that is passed in, and plain implementations."""
+"""Progress reporting of long work: the listener protocol, and simple implementations."""
 
 from typing import Protocol
 
@@ -24,7 +24,7 @@ class Progress(Protocol):
         ...
 
     def note(self, message: str) -> None:
-        """Pass on one line for people (a warning, a figure).
+        """Report one line for people (a warning, a figure).
 
         Args:
             message: One line of text.
@@ -33,7 +33,7 @@ class Progress(Protocol):
 
 
 class Silent:
-    """A listener that listens to nothing."""
+    """A listener that ignores everything."""
 
     def stage(self, name: str, total: int) -> None:
         """Ignore the beginning of a stage."""
@@ -46,10 +46,10 @@ class Silent:
 
 
 class DistinctNotes:
-    """A listener that passes everything on to another one, but each note only once."""
+    """A listener that forwards everything to another one, but each note only once."""
 
     def __init__(self, progress: Progress) -> None:
-        """Pass on from now.
+        """Forward to another listener.
 
         Args:
             progress: The other listener.
@@ -57,7 +57,7 @@ class DistinctNotes:
         self._progress, self._said = progress, set[str]()
 
     def stage(self, name: str, total: int) -> None:
-        """Pass on the beginning of a stage.
+        """Forward the beginning of a stage.
 
         Args:
             name: What is being done.
@@ -66,7 +66,7 @@ class DistinctNotes:
         self._progress.stage(name, total)
 
     def advance(self, done: int) -> None:
-        """Pass on a step.
+        """Forward a step.
 
         Args:
             done: Units finished so far.
@@ -74,7 +74,7 @@ class DistinctNotes:
         self._progress.advance(done)
 
     def note(self, message: str) -> None:
-        """Pass on a line that was not said yet.
+        """Forward a line that was not reported yet.
 
         Args:
             message: One line of text.

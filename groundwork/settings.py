@@ -1,4 +1,4 @@
-"""Frozen settings: the base of every room's settings, and errors that name the key and its nearest neighbour."""
+"""Base class of all settings, and validation errors that name the key and the nearest known one."""
 
 import difflib
 import types
@@ -20,7 +20,7 @@ class Settings(BaseModel):
 
 
 S = TypeVar("S", bound=Settings)
-MANY = 8  # things wrong in one file that are named before the rest is counted
+MANY = 8  # errors of one file that are listed before the rest is counted
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -41,12 +41,11 @@ def parse_settings(model: type[S], values: dict[str, Any], where: object) -> S:
 
     Args:
         model: The settings class.
-        values: What the user wrote.
+        values: Values from the user.
         where: File name for the error message.
 
     Raises:
-        InputError: Everything that is wrong: unknown keys (each with the nearest known one), wrong types, values out
-            of range.
+        InputError: All errors: unknown keys (each with the nearest known one), wrong types, values out of range.
     """
     try:
         return model.model_validate(values)
@@ -78,13 +77,13 @@ def _as_input_error(model: type[Settings], detail: ErrorDetails, where: object) 
         return InputError(
             "missing or unknown kind", where=where, field=f"{field}.{key}", value=found, allowed=", ".join(tags)
         )
-    if not field:  # several keys that do not go together: the message names them, the whole file would drown it
+    if not field:  # incompatible keys: the message names them; the value would be the whole file
         return InputError(_plain(detail["msg"]), where=where, hint="Correct this value")
     return InputError(_plain(detail["msg"]), where=where, field=field, value=detail["input"], hint="Correct this value")
 
 
 def _field(model: type[Settings], detail: ErrorDetails) -> str:
-    """Name a key as its file has it: pydantic puts the tag of a union's member into the path, such as `global`."""
+    """Name a key as in its file, without the tags of unions, such as `global`, that pydantic adds to the path."""
     location = detail["loc"]
     tags = [
         number
@@ -106,7 +105,7 @@ def _known_keys(model: type[Settings], location: tuple[int | str, ...]) -> list[
 
 
 def _models_at(model: type[Settings], location: tuple[int | str, ...]) -> list[type[Settings]]:
-    """Follow a place in the input to the models that may stand there."""
+    """Find the models that are possible at a location of the input."""
     current: list[type[Settings]] = [model]
     for part in location:
         if isinstance(part, int):
@@ -119,7 +118,7 @@ def _models_at(model: type[Settings], location: tuple[int | str, ...]) -> list[t
 
 
 def _is_tagged(model: type[Settings], tag: str) -> bool:
-    """Tell whether a member of a union is the one that goes by a tag, such as `kind = "local"`."""
+    """Tell whether a member of a union has a tag, such as `kind = "local"`."""
     return any(tag in typing.get_args(field.annotation) for field in model.model_fields.values())
 
 

@@ -1,4 +1,4 @@
-"""Names from files as names of files: plain letters only, one for each name, and never outside a folder."""
+"""Safe file names from names in untrusted files: plain characters, unique, and inside a folder."""
 
 import hashlib
 import re
@@ -7,21 +7,21 @@ from pathlib import Path
 
 from groundwork.errors import InputError
 
-_LONGEST = 80  # [bytes] room for what is put before and after it; file systems allow 255
+_LONGEST = 80  # [bytes] with room for prefixes and suffixes; file systems allow 255
 _LONGEST_NAME = 255  # [bytes] of a file or folder on any file system
-_LONGEST_FILE = 200  # [bytes] of a photograph's name that is kept as it is
+_LONGEST_FILE = 200  # [bytes] longest name of a photograph that is kept unchanged
 _OTHER = re.compile(r"[^A-Za-z0-9._-]+")
-_TAIL = 8  # hexadecimal digits that keep two changed names apart
+_TAIL = 8  # hexadecimal digits of the hash in a changed name
 
 
 def slug(name: str) -> str:
-    """Turn any text into the name of a file or folder, and into an id that needs no quotes in HTML.
+    """Convert any text to a file name that is also an HTML id without quotes.
 
-    A name of letters, digits, `.`, `_` and `-` that begins with a letter or digit stays as it is. Any other is
-    simplified and ends with a part of its hash, so that two names never become one.
+    A name of letters, digits, `.`, `_` and `-` that begins with a letter or digit is kept. Any other is simplified and
+    ends with a part of its hash, so that two names never become one.
 
     Args:
-        name: Text that a file holds: the name of a class, a survey, an image …
+        name: Text from a file: the name of a class, a survey, an image …
 
     Returns:
         1 to 80 ASCII characters of `[A-Za-z0-9._-]`, the first a letter or digit.
@@ -34,23 +34,23 @@ def slug(name: str) -> str:
 
 
 def inside(folder: Path, *parts: str, where: object = None) -> Path:
-    """Put a path together that must stay below a folder, links followed.
+    """Join a path that must stay inside a folder, with links resolved.
 
     Args:
         folder: An existing folder, or one to be made.
         parts: Names from a file.
-        where: File that holds them, for the error.
+        where: File of the names, for the error message.
 
     Returns:
         The path, not resolved.
 
     Raises:
-        InputError: It is the folder itself, or leads out of it, or no file can have such a name.
+        InputError: It is the folder itself, leaves it, or has an invalid name.
     """
     path = folder.joinpath(*parts)
     try:
         home, target = folder.resolve(), path.resolve()
-    except (OSError, RuntimeError, ValueError):  # too long, a circle of links, or a NUL in it
+    except (OSError, RuntimeError, ValueError):  # too long, circular links, or NUL
         home = target = folder
     long = any(len(part.encode("utf-8", "surrogatepass")) > _LONGEST_NAME for part in path.parts)
     if target == home or long or not target.is_relative_to(home):
@@ -64,10 +64,10 @@ def inside(folder: Path, *parts: str, where: object = None) -> Path:
 
 
 def flat_names(files: Iterable[str]) -> dict[str, str]:
-    """Give photographs, which may lie in folders, names for one folder: `images/` goes, and slashes become `_`.
+    """Flatten the paths of photographs to unique names in one folder: `images/` is removed, and slashes become `_`.
 
     Args:
-        files: Paths from the folder of a capture, with slashes.
+        files: Paths relative to the folder of a capture, with slashes.
 
     Returns:
         Each path to a name without a slash, all different.
@@ -90,7 +90,7 @@ def flat_names(files: Iterable[str]) -> dict[str, str]:
 
 
 def slug_suffix(suffix: str) -> str:
-    """Keep the suffix of a file's name where it is a plain one.
+    """Return the suffix of a file name if it is a plain one.
 
     Args:
         suffix: With its dot, or empty.

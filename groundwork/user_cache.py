@@ -1,4 +1,4 @@
-"""Where what can be made again is kept for all runs of a user."""
+"""The user's cache folder."""
 
 import os
 from pathlib import Path
@@ -7,10 +7,10 @@ CACHE_VARIABLE = "FALSEWORK_CACHE"
 
 
 def cache_folder(name: str) -> Path:
-    """Name a folder in `$FALSEWORK_CACHE`, else in the user's cache folder.
+    """Return a folder in `$FALSEWORK_CACHE`, else in the user's cache folder.
 
     Args:
-        name: What is kept there.
+        name: Name of the cache.
     """
     own = os.environ.get(CACHE_VARIABLE)
     if own:

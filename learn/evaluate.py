@@ -1,4 +1,4 @@
-"""Scores of a trained model on clouds that it never saw, every point counted once."""
+"""Scores of a trained model on unseen clouds; every point counts once."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ _REST = ("background", "noisy_point")  # classes of the base table without insta
 
 
 def evaluate_model(model: Predicting, source: ScoredSource, progress: Progress) -> dict[str, Any]:
-    """Score a model: every point has the mean of what the draws and tiles that hold it say, and counts once.
+    """Score a model: each point gets the mean of the predictions in the draws and tiles that hold it, and counts once.
 
     Args:
         model: A trained model with the classes of the source.
@@ -21,8 +21,8 @@ def evaluate_model(model: Predicting, source: ScoredSource, progress: Progress) 
         progress: Listener.
 
     Returns:
-        A record for JSON: scores of the whole and of each bridge, matrices, calibration, mean IoU by uncertainty,
-        panoptic quality. A score of nothing is null.
+        A record for JSON: scores of all bridges together and of each, matrices, calibration, mean IoU by uncertainty,
+        panoptic quality. An undefined score is null.
     """
     names = source.classes
     without = [number for number, name in enumerate(names) if component_classes().get(name, name) in _REST]

@@ -1,4 +1,4 @@
-"""Which points are one instance unless a user says otherwise: numbers alone, which cost nothing to import."""
+"""Defaults of the instance segmentation, in a module without imports."""
 
 LINK = 0.3  # [m] side of the cubes by which points of a class are connected by default
-FEWEST = 20  # points without which a connected part is no instance: fewer are mostly single errors
+FEWEST = 20  # least number of points of an instance: smaller parts are mostly errors

@@ -1,4 +1,4 @@
-"""Instances without a network: the connected parts of a class, and a box round each."""
+"""Instances without a network: the connected parts of a class, with a box around each."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,24 +9,24 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 _BITS = 21
-# Half of the 26 neighbours of a cell: the others are these seen from the other side.
+# Half of the 26 neighbours of a cell: the other half is symmetric.
 _STEPS = tuple((x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0))
 
 
 def connected_parts(coord: F64, classes: NDArray[np.uint8], link: float, fewest: int, without: tuple[int, ...]) -> I64:
     """Number the connected parts of every class.
 
-    Points of a class are connected where the cubes that they lie in are the same or touch, be it at a corner.
+    Points of a class are connected if their cubes are the same or touch, even at a corner.
 
     Args:
         coord: Positions [m], shape (N, 3), float64.
         classes: Class ids, shape (N,), uint8; 255 has no parts.
         link: Side of a cube [m].
-        fewest: Points without which a part is none.
+        fewest: Least number of points of a part.
         without: Classes that have no parts.
 
     Returns:
-        Number of the part of each point, from 1, by class and then by place; 0 for none, shape (N,), int64.
+        Number of the part of each point, from 1, ordered by class and then by position; 0 for none, shape (N,), int64.
     """
     found = np.zeros(len(coord), np.int64)
     number = 0
@@ -69,10 +69,10 @@ def _components(cells: I64) -> I64:
 
 
 class Boxes:
-    """Boxes, numbers of points and mean confidences of instances, gathered some points at a time."""
+    """Boxes, numbers of points and mean confidences of instances, accumulated in chunks."""
 
     def __init__(self, count: int) -> None:
-        """Begin with nothing.
+        """Initialize without points.
 
         Args:
             count: Highest instance id.
@@ -86,7 +86,7 @@ class Boxes:
     def add(
         self, coord: F64, instance: NDArray[np.integer], classes: NDArray[np.uint8], confidence: NDArray[np.float32]
     ) -> None:
-        """Take some points in.
+        """Add some points.
 
         Args:
             coord: Positions [scan units], shape (N, 3), float64.
@@ -97,13 +97,13 @@ class Boxes:
         np.minimum.at(self.low, instance, coord)
         np.maximum.at(self.high, instance, coord)
         self.points += np.bincount(instance, minlength=len(self.points))
-        # In millionths, so that the sum does not depend on how the points come in pieces.
+        # Integer millionths, so that the sum does not depend on the chunks.
         whole = np.rint(confidence.astype(np.float64) * 1e6)
         self.sure += np.bincount(instance, whole, minlength=len(self.points))
         self.label[instance] = classes
 
     def rows(self, names: dict[int, str], meters: float) -> list[dict[str, object]]:
-        """Spell the instances as JSON.
+        """Return the instances as JSON.
 
         Args:
             names: Class names by id.

@@ -1,4 +1,4 @@
-"""What training minimises: weighted cross-entropy, Lovasz-softmax, and a head of its own for noisy points."""
+"""Loss functions: weighted cross-entropy, Lovasz-softmax, and a separate head for noisy points."""
 
 from typing import Literal
 
@@ -10,12 +10,12 @@ from learn.sample import UNLABELED
 
 WeightRule = Literal["none", "cube-root", "randla", "sqrt"]
 
-_RANDLA_FLOOR = 0.02  # of the published rule: no class weighs more than 50
-_SQRT_FLOOR = 1e-4  # a class with fewer than one point in 10,000 weighs no more than that
+_RANDLA_FLOOR = 0.02  # of the published rule: no class has a weight above 50
+_SQRT_FLOOR = 1e-4  # frequencies below one point in 10,000 count as this
 
 
 def class_weights(counts: Tensor, rule: WeightRule) -> Tensor:
-    """Weigh classes against their frequency f.
+    """Compute class weights from their frequencies f.
 
     Args:
         counts: Training points of each class, shape (C,).
@@ -24,7 +24,7 @@ def class_weights(counts: Tensor, rule: WeightRule) -> Tensor:
             is 1.
 
     Returns:
-        Weights [1], shape (C,), float32; a class without points weighs as much as the heaviest with points.
+        Weights [1], shape (C,), float32; a class without points gets the largest weight of those with points.
     """
     share = counts.double() / counts.sum().clamp(min=1)
     if rule == "none":
@@ -44,16 +44,16 @@ def class_weights(counts: Tensor, rule: WeightRule) -> Tensor:
 def cross_entropy(
     logits: Tensor, labels: Tensor, weights: Tensor | None = None, points: Tensor | None = None, smoothing: float = 0.0
 ) -> Tensor:
-    """Average the cross-entropy over the labelled points, each times the weight of its class and its own.
+    """Average the cross-entropy over the labelled points, each multiplied by its class weight and its own weight.
 
-    The mean is over the points, as RandLA-Net has it, and not over the weights, as torch has it.
+    The sum is divided by the number of points, as in RandLA-Net, not by the sum of the weights, as in torch.
 
     Args:
         logits: Scores [1], shape (P, C).
         labels: Classes, 255 where unknown, shape (P,), int64.
         weights: Of the classes [1], shape (C,), or None.
         points: Of the points [1], shape (P,), or None.
-        smoothing: Share of the target that is spread over all classes [1].
+        smoothing: Share of the target that is distributed over all classes [1].
 
     Returns:
         A number [1], shape (); 0 without a labelled point.
@@ -93,11 +93,11 @@ def lovasz_softmax(logits: Tensor, labels: Tensor) -> Tensor:
 
 
 def uncertainty_weights(uncertainty: Tensor, scale: float, form: Literal["gauss", "inverse"] = "gauss") -> Tensor:
-    """Let points count less the less sure their position is.
+    """Weight points by the uncertainty of their position.
 
     Args:
-        uncertainty: Of each point, infinite where nothing was seen [m], shape (P,).
-        scale: Uncertainty u0 at which the weight has fallen to 1/e (gauss) or 1/2 (inverse) [m].
+        uncertainty: Of each point, infinite where the truth shows no surface [m], shape (P,).
+        scale: Uncertainty u0 at which the weight is 1/e (gauss) or 1/2 (inverse) [m].
         form: exp(-(u / u0)^2), or 1 / (1 + u / u0).
 
     Returns:
@@ -108,7 +108,7 @@ def uncertainty_weights(uncertainty: Tensor, scale: float, form: Literal["gauss"
 
 
 def noise_loss(logits: Tensor, labels: Tensor, noisy: int) -> Tensor:
-    """Score the head for noise: one output of its own, so that noise does not compete with the components.
+    """Compute the loss of the noise head: a separate output, so that noise does not compete with the components.
 
     Args:
         logits: Scores [1], shape (P, C); column `noisy` is the head for noise.
@@ -125,7 +125,7 @@ def noise_loss(logits: Tensor, labels: Tensor, noisy: int) -> Tensor:
 
 
 def components_only(logits: Tensor, labels: Tensor, noisy: int) -> tuple[Tensor, Tensor]:
-    """Leave the noise head out: its logits are not in the softmax, and its points have no label.
+    """Exclude the noise head: its logits are not in the softmax, and its points have no label.
 
     Args:
         logits: Shape (P, C).
@@ -140,7 +140,7 @@ def components_only(logits: Tensor, labels: Tensor, noisy: int) -> tuple[Tensor,
 
 
 def merge_noise(logits: Tensor, noisy: int) -> Tensor:
-    """Turn the two heads into log-probabilities of all classes: noisy, or not noisy and then one of the others.
+    """Combine the two heads into log-probabilities of all classes: noisy, or not noisy and one of the others.
 
     Args:
         logits: Shape (…, C); column `noisy` is the head for noise.
@@ -156,7 +156,7 @@ def merge_noise(logits: Tensor, noisy: int) -> Tensor:
 
 
 def _jaccard_steps(inside: Tensor) -> Tensor:
-    """Give by how much 1 - IoU grows with each point that is taken for wrong, worst first."""
+    """Compute the increments of 1 - IoU as each further point counts as wrong, worst first."""
     whole = inside.sum()
     loss = 1.0 - (whole - inside.cumsum(0)) / (whole + (1.0 - inside).cumsum(0))
     return torch.cat([loss[:1], loss[1:] - loss[:-1]])

@@ -1,7 +1,7 @@
-"""How good predictions are: everything about classes from one confusion matrix, and calibration from confidences.
+"""Metrics: all scores of classes from one confusion matrix, and calibration from confidences.
 
-What a quotient of nothing would be is NaN and left out of means, never 0: a class that a bridge does not have says
-nothing about a network.
+A quotient of zero by zero is NaN and left out of means, never 0: a class that a bridge does not have says nothing about
+a network.
 """
 
 from collections.abc import Sequence
@@ -22,13 +22,13 @@ BINS = 15
 
 @dataclass(frozen=True)
 class Scores:
-    """What follows from a confusion matrix.
+    """Scores derived from a confusion matrix.
 
     Attributes:
         support: True points of each class, shape (C,), int64.
         accuracy: Share of a class's points that were found (recall) [1], shape (C,), float64; NaN without points.
-        precision: Share of the points called so that are [1], shape (C,), float64; 0 where none is called so though
-            there are some, NaN where the class occurs in neither.
+        precision: Share of the points predicted as the class that are right [1], shape (C,), float64; 0 where none is
+            predicted although there are some, NaN where the class occurs in neither.
         iou: Intersection over union [1], shape (C,), float64; NaN where the class occurs in neither.
         f1: Harmonic mean of precision and accuracy [1], shape (C,), float64; NaN where the class occurs in neither.
         overall_accuracy: Share of all points that are right [1]; NaN without points.
@@ -36,7 +36,7 @@ class Scores:
         mean_precision: Mean over the classes that occur [1].
         mean_iou: Mean over the classes that occur [1].
         mean_f1: Mean over the classes that occur [1].
-        classes_averaged: Number of classes that the mean IoU is one of.
+        classes_averaged: Number of classes in the mean IoU.
     """
 
     support: I64
@@ -53,7 +53,7 @@ class Scores:
 
 
 def confusion(truth: I64, predicted: I64, classes: int) -> I64:
-    """Count how often each class was taken for each.
+    """Count how often each class was predicted as each.
 
     Args:
         truth: True classes, 255 where unknown, shape (N,), int64.
@@ -61,7 +61,8 @@ def confusion(truth: I64, predicted: I64, classes: int) -> I64:
         classes: Number of classes.
 
     Returns:
-        Counts, true classes down and predicted ones across, shape (C, C), int64; matrices of several clouds add up.
+        Counts, true classes in rows and predicted ones in columns, shape (C, C), int64; matrices of several clouds can
+        be added.
     """
     known = truth != UNLABELED
     flat = truth[known].astype(np.int64) * classes + predicted[known]
@@ -72,7 +73,7 @@ def scores(matrix: I64) -> Scores:
     """Derive every score from a confusion matrix.
 
     Args:
-        matrix: True classes down, predicted ones across, shape (C, C), int64.
+        matrix: True classes in rows, predicted ones in columns, shape (C, C), int64.
 
     Returns:
         The scores.
@@ -98,7 +99,7 @@ def scores(matrix: I64) -> Scores:
 
 
 def mean_iou(matrices: F64 | I64) -> F64:
-    """Give the mean IoU of many confusion matrices at once.
+    """Compute the mean IoU of many confusion matrices at once.
 
     Args:
         matrices: Confusion matrices [1], shape (…, C, C).
@@ -114,7 +115,7 @@ def mean_iou(matrices: F64 | I64) -> F64:
 
 
 def calibration_error(confidence: F32, right: Bools, bins: int = BINS) -> float:
-    """Give the expected calibration error: how far confidence and success lie apart, over bins of equal width.
+    """Compute the expected calibration error: the difference of confidence and accuracy, over bins of equal width.
 
     Args:
         confidence: Highest class probability of each point [1], shape (N,), float32.
@@ -133,7 +134,7 @@ def calibration_error(confidence: F32, right: Bools, bins: int = BINS) -> float:
 
 
 def reliability(confidence: F32, right: Bools, bins: int = BINS) -> tuple[I64, F64, F64]:
-    """Sum up how likely a class was said to be, and how often it was right, in bins of equal width.
+    """Sum confidences and correct predictions in bins of equal width.
 
     Args:
         confidence: Highest class probability of each point [1], shape (N,), float32.
@@ -152,7 +153,7 @@ def reliability(confidence: F32, right: Bools, bins: int = BINS) -> tuple[I64, F
 
 
 def risk_coverage(confidence: F32, right: Bools, steps: int = 20) -> tuple[F64, F64]:
-    """Tell how many errors remain when only the surest points are kept.
+    """Compute the share of errors among the points with the highest confidences.
 
     Args:
         confidence: Highest class probability of each point [1], shape (N,), float32.
@@ -173,13 +174,13 @@ def risk_coverage(confidence: F32, right: Bools, steps: int = 20) -> tuple[F64, 
 def confusion_by_threshold(
     truth: I64, predicted: I64, uncertainty: F32, thresholds: Sequence[float], classes: int
 ) -> I64:
-    """Count how often each class was taken for each, over the points up to each uncertainty.
+    """Count how often each class was predicted as each, over the points up to each uncertainty.
 
     Args:
         truth: True classes, 255 where unknown, shape (N,), int64.
         predicted: Predicted classes, shape (N,), int64.
-        uncertainty: Of each point [m], shape (N,), float32; what is NaN is above every threshold.
-        thresholds: Largest uncertainties that are kept [m], T of them.
+        uncertainty: Of each point [m], shape (N,), float32; NaN counts as above every threshold.
+        thresholds: Upper limits of the uncertainty [m], T of them.
         classes: Number of classes.
 
     Returns:

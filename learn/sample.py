@@ -1,4 +1,4 @@
-"""What a data set hands to a network: one sample, and the source that draws samples."""
+"""The interface between data sets and networks: samples, and the sources that draw them."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -16,16 +16,17 @@ UNLABELED = 255
 
 @dataclass(frozen=True)
 class Sample:
-    """One cloud as a network sees it.
+    """One cloud as input of a network.
 
     Attributes:
-        coord: Positions about the cloud's own centre, metric or scaled by one constant [m or 1], shape (N, 3), float32.
-        features: The network's inputs [1], shape (N, C), float32; positions are among them where the network is to see
-            them as features.
+        coord: Positions relative to the cloud's centre, metric or scaled by one constant [m or 1], shape (N, 3),
+            float32.
+        features: The network's inputs [1], shape (N, C), float32; they include positions if the network uses them as
+            features.
         labels: Class of each point, 255 where unknown, shape (N,), int64.
         channels: Name of each column of `features`, C of them.
-        uncertainty: Of each point, NaN where unknown [m], shape (N,), float32; what the loss of a training may weigh
-            points by, never an input. None outside training.
+        uncertainty: Of each point, NaN where unknown [m], shape (N,), float32; may weight points in the loss, never an
+            input. None outside training.
     """
 
     coord: F32
@@ -48,11 +49,11 @@ class Sample:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What scores need to know of the points of a sample; no network sees it.
+    """The truth of a sample's points, for scores only; never an input of a network.
 
     Attributes:
-        cloud: Number of the cloud that they come from.
-        row: Row of each in that cloud: points of several samples are the same where cloud and row are, shape (N,),
+        cloud: Number of their cloud.
+        row: Row of each in that cloud; points of different samples are the same if cloud and row are equal, shape (N,),
             int64.
         coord: Position in the cloud [m], shape (N, 3), float64.
         uncertainty: Of each, NaN where unknown [m], shape (N,), float32.
@@ -83,7 +84,7 @@ class SampleSource(Protocol):
 
         Args:
             index: Number of the sample, 0 to `len` - 1.
-            seed: Seed of whatever is random in the draw; the same seed gives the same sample.
+            seed: Seed of all random choices; the same seed gives the same sample.
 
         Returns:
             The sample.
@@ -103,15 +104,15 @@ class SampleSource(Protocol):
 
 
 class ScoredSource(SampleSource, Protocol):
-    """A source whose samples know which points of which cloud they hold; those of one cloud follow one another."""
+    """A source that knows the rows of its samples' points in their clouds; samples of one cloud are consecutive."""
 
     def truth(self, index: int) -> Truth:
-        """Tell what scores need to know of the points of a sample.
+        """Return the truth of a sample's points.
 
         Args:
             index: Number of the sample.
 
         Returns:
-            One row a point, in the order of the sample.
+            One row per point, in the order of the sample.
         """
         ...

@@ -1,4 +1,4 @@
-"""A trained model on disk: weights as safetensors, everything else as JSON; nothing in it can execute."""
+"""A trained model on disk: weights as safetensors, everything else as JSON; no code is executed on reading."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -34,16 +34,16 @@ _POSITIONS = ("x", "y", "z")
 
 @dataclass(frozen=True)
 class ModelFacts:
-    """What a model is, beside its weights.
+    """Description of a model, without its weights.
 
     Attributes:
         network: Row of `learn.models.registry.NETWORKS`, or `forest`.
         settings: Its settings.
         classes: Name of each class, in the order of the probabilities.
         channels: Name of each input.
-        data: How its samples were made (table, tiles, scale): whatever the data set says of itself.
-        noisy: Number of the class that has a head of its own; None where it is a class like the others.
-        temperature: What logits are divided by, fitted on validation [1].
+        data: How its samples were made (table, tiles, scale): facts of the data set.
+        noisy: Number of the class with a separate head; None if it is a class like the others.
+        temperature: Divisor of the logits, fitted on validation samples [1].
         training: How it was trained.
     """
 
@@ -59,7 +59,7 @@ class ModelFacts:
 
 @dataclass(frozen=True)
 class TrainedNetwork:
-    """A network that predicts.
+    """A trained network for prediction.
 
     Attributes:
         facts: What it is.
@@ -101,7 +101,7 @@ class TrainedNetwork:
 
 @dataclass(frozen=True)
 class TrainedForest:
-    """A forest that predicts.
+    """A trained forest for prediction.
 
     Attributes:
         facts: What it is.
@@ -138,7 +138,7 @@ class TrainedForest:
 
 
 def forest_inputs(sample: Sample, scales: Sequence[int]) -> F32:
-    """Describe the points of a sample for a forest: covariances, and the inputs that are no positions.
+    """Compute the features of a forest: covariance features, and the inputs other than positions.
 
     Args:
         sample: A cloud.
@@ -173,12 +173,12 @@ def read_model(folder: Path) -> TrainedNetwork | TrainedForest:
 
 
 def as_probabilities(logits: Tensor, noisy: int | None, temperature: float) -> Tensor:
-    """Turn logits into probabilities.
+    """Convert logits to probabilities.
 
     Args:
         logits: Shape (N, K).
         noisy: Number of the class with a head of its own, or None.
-        temperature: What logits are divided by [1].
+        temperature: Divisor of the logits [1].
 
     Returns:
         Probabilities [1], shape (N, K), float32.
@@ -210,12 +210,12 @@ def write_model(folder: Path, facts: ModelFacts, weights: Mapping[str, Tensor]) 
     """Write a model.
 
     Args:
-        folder: Where to; made when absent.
+        folder: Folder of the model; made if absent.
         facts: What it is.
         weights: Its arrays by name, shape (...), any type.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    # safetensors orders what it writes by type and name, so that equal weights are equal bytes
+    # safetensors sorts by type and name, so that equal weights give equal bytes
     write_bytes(folder / WEIGHTS, save({name: value.contiguous() for name, value in weights.items()}))
     write_json(
         folder / FACTS,
@@ -235,13 +235,13 @@ def write_model(folder: Path, facts: ModelFacts, weights: Mapping[str, Tensor]) 
 
 
 def read_facts(folder: Path) -> ModelFacts:
-    """Read what a model is.
+    """Read the description of a model.
 
     Args:
         folder: A model.
 
     Raises:
-        InputError: Not a model, of another version, or torn.
+        InputError: Not a model, of another version, or damaged.
     """
     path = folder / FACTS
     if not path.is_file():
@@ -285,7 +285,7 @@ def read_weights(folder: Path) -> dict[str, Tensor]:
         Arrays by name, shape (...), any type.
 
     Raises:
-        InputError: Missing or torn.
+        InputError: Missing or damaged.
     """
     path = folder / WEIGHTS
     try:
@@ -312,12 +312,12 @@ def read_network(folder: Path) -> TrainedNetwork:
 
 
 def load_weights(module: nn.Module, weights: Mapping[str, Tensor], where: Path) -> None:
-    """Put weights into a network.
+    """Load weights into a network.
 
     Args:
         module: The network.
         weights: Arrays by name, shape (...), any type.
-        where: File that they come from.
+        where: File of the weights, for the error message.
 
     Raises:
         InputError: A name or a shape does not fit.

@@ -18,7 +18,7 @@ from usd_schemas.components import NOISY_POINT, ClassRow
 
 FORMAT = "falsework.cloud"
 FORMAT_VERSION = 3
-# Version 1 knew sparse reconstructions only, and no optional columns; version 2 did not say which bridge it shows.
+# Version 1 held sparse reconstructions only, without optional columns; version 2 did not say which bridge it shows.
 _READABLE = (1, 2, FORMAT_VERSION)
 OBSERVATIONS = "observations"
 SFM_SPARSE, SFM_DENSE = "sfm-sparse", "sfm-dense"
@@ -184,7 +184,7 @@ def write_cloud(folder: Path, cloud: Cloud) -> None:
 
 
 def read_cloud(folder: Path | str) -> Cloud:
-    """Read a cloud and check that it is whole.
+    """Read a cloud and check that it is complete.
 
     Args:
         folder: A cloud.
@@ -255,8 +255,8 @@ def without_observations(count: int) -> dict[str, Column]:
         count: Number of points.
 
     Returns:
-        One empty array per name of `OBSERVATION_COLUMNS`, shape (0,) or (0, width); `start` counts through nothing,
-        shape (N + 1,).
+        One empty array per name of `OBSERVATION_COLUMNS`, shape (0,) or (0, width); `start` is all zeros, shape (N +
+        1,).
     """
     empty = {
         name: np.zeros((0,) if kind.width == 1 else (0, kind.width), kind.dtype)
@@ -266,7 +266,7 @@ def without_observations(count: int) -> dict[str, Column]:
 
 
 def _kinds(present: Mapping[str, Any]) -> dict[str, ColumnKind]:
-    """Every column that must be there, and those of the optional ones that are."""
+    """Return every required column, and the optional ones among `present`."""
     return {**COLUMNS, **{name: kind for name, kind in OPTIONAL_COLUMNS.items() if name in present}}
 
 
@@ -279,7 +279,7 @@ def _save(path: Path, column: Column) -> None:
 def _load(path: Path) -> Column:
     try:
         check_regular(path)
-        mapped = np.load(path, mmap_mode="r", allow_pickle=False)  # a header that promises too much allocates nothing
+        mapped = np.load(path, mmap_mode="r", allow_pickle=False)  # a header with too large a shape allocates nothing
         if not isinstance(mapped, np.ndarray):
             raise ValueError("an archive, not an array")
         return np.array(mapped)

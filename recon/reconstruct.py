@@ -54,9 +54,9 @@ def reconstruct(
     control: Path | None = None,
     model: Path | None = None,
 ) -> None:
-    """Reconstruct a capture, carry it into the world, label every point, measure every point.
+    """Reconstruct a capture, align it to the world, label every point and measure its errors.
 
-    With `mode = "both"`, structure from motion runs once, and the clouds stand in `cloud/sparse` and `cloud/dense`.
+    With `mode = "both"`, structure from motion runs once, and the clouds are in `cloud/sparse` and `cloud/dense`.
 
     Args:
         capture: Folder of photographs, with or without truth.
@@ -64,11 +64,11 @@ def reconstruct(
         settings: What to do.
         progress: Listener.
         control: File of ground control points and scale bars that the photographs show, or None.
-        model: Folder that holds a model of these photographs, to be used as it is; None makes one.
+        model: Folder that holds a model of these photographs, used without change; None makes one.
 
     Raises:
         InputError: The capture is damaged, or the ground control or the model does not fit it.
-        RejectedSceneError: The images cannot become a cloud; its reason says why.
+        RejectedSceneError: The images do not suffice for a cloud; its reason says why.
     """
     photographs = open_photographs(capture)
     surveyed = None if control is None else read_control(control, photographs)
@@ -85,17 +85,17 @@ def reconstruct(
 
 
 def reconstruct_model(capture: Path, folder: Path, settings: ReconSettings, progress: Progress) -> None:
-    """Find the cameras of a capture: the part of a reconstruction that all its clouds share.
+    """Run structure from motion for a capture: the part of a reconstruction that all its clouds share.
 
     Args:
-        capture: Folder of photographs; its truth, if there is any, is not looked at.
+        capture: Folder of photographs; its truth, if any, is not used.
         folder: Existing folder for the model: empty, or left by an interrupted run.
         settings: What to do.
         progress: Listener.
 
     Raises:
         InputError: The capture is damaged.
-        RejectedSceneError: The images cannot become a model; its reason says why.
+        RejectedSceneError: The images do not suffice for a model; its reason says why.
     """
     photographs = open_photographs(capture)
     work = enter_work(folder)
@@ -106,7 +106,7 @@ def reconstruct_model(capture: Path, folder: Path, settings: ReconSettings, prog
 def reconstruct_cloud(
     capture: Path, model: Path, folder: Path, settings: ReconSettings, progress: Progress, control: Path | None = None
 ) -> None:
-    """Make one cloud from a model that is there.
+    """Make one cloud from an existing model.
 
     Args:
         capture: Folder of photographs, with or without truth.
@@ -118,7 +118,7 @@ def reconstruct_cloud(
 
     Raises:
         InputError: The capture or the model is damaged, or the ground control does not fit.
-        RejectedSceneError: The model cannot become a cloud; its reason says why.
+        RejectedSceneError: The model does not suffice for a cloud; its reason says why.
     """
     photographs = open_photographs(capture)
     surveyed = None if control is None else read_control(control, photographs)
@@ -130,7 +130,7 @@ def reconstruct_cloud(
 
 @dataclass(frozen=True)
 class _Workplace:
-    """Folder of the cloud, and folder of what is needed on the way."""
+    """Folder of the cloud, and folder of intermediate files."""
 
     folder: Path
     work: Path
@@ -144,7 +144,7 @@ def _make_cloud(
     settings: ReconSettings,
     progress: Progress,
 ) -> None:
-    """Place a model, fill a cloud from it, and write it."""
+    """Align a model, make a cloud from it, and write it."""
     model, copies = merge_duplicates(sparse.model)
     progress.stage("align", 0)
     truth = read_truth(photographs)
@@ -161,7 +161,7 @@ def _make_cloud(
         figures["pixels"] = describe_pixels(fates, rows, valid, truth, classes)
         found, copies = len(dense.counts), np.ones(len(dense.counts), np.int64)
         placed = place_dense(dense, rows, valid, alignment.similarity, AGREEMENT[settings.filter][0])
-        del dense  # as large as what follows
+        del dense  # freed here: as large as the arrays that follow
     else:
         found = len(model.points)
         metric = target.kind != "none"
@@ -208,7 +208,7 @@ def _place(
     settings: ReconSettings,
     surveyed: GroundControl | None,
 ) -> tuple[Alignment, Target, dict[str, Any]]:
-    """Place the model by ground control where there is some, else by what is known of the cameras; state it as JSON."""
+    """Align the model to ground control if there is any, else to the known cameras; describe it as JSON."""
     rng = np.random.default_rng(settings.seed)
     if surveyed is not None:
         alignment, target, residuals = place_on_control(model, registered, photographs, surveyed, rng)
@@ -241,7 +241,7 @@ def _label(
     truth: Truth | None,
     threads: int,
 ) -> tuple[dict[str, NDArray[Any]], tuple[str, ...]]:
-    """Fill the columns that need the truth; without it, with what says that nothing is known."""
+    """Fill the columns that need the truth; without it, with the values for unknown."""
     count, total = len(points), len(seen.image)
     components = ("", *sorted({row.component for row in truth.instances} - {""})) if truth else ("",)
     if truth is None:
@@ -290,7 +290,7 @@ def _label(
 def _count_classes(
     segment: NDArray[np.uint8], placed: PlacedPoints, copies: NDArray[np.int64], truth: Truth | None
 ) -> dict[str, Any]:
-    """Count per class what stays, what goes and why, and what stays along the bridge."""
+    """Count per class the points kept, those removed with the reason, and those kept along the bridge."""
     windows = None
     if truth is not None:
         corners, _, classes = truth.surface()
@@ -305,7 +305,7 @@ def _those(
     observed: dict[str, NDArray[Any]],
     depth: NDArray[np.float64],
 ) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]], NDArray[np.float64]]:
-    """Leave the points that do not stay out of columns, observations and depths."""
+    """Remove the points that are not kept from columns, observations and depths."""
     counts = np.diff(observed["start"])
     seen = np.repeat(kept, counts)
     start = np.concatenate([[0], np.cumsum(counts[kept])]).astype(np.int64)

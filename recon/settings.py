@@ -110,7 +110,7 @@ class DenseSettings(Settings):
 
 
 class AlignmentSettings(Settings):
-    """The similarity that carries the reconstruction into the world."""
+    """The similarity from the reconstruction's frame to the world."""
 
     method: Literal["centres+rotations", "paper"] = "centres+rotations"
     """Take the rotation from the cameras' rotations, or everything from their centres alone (the paper)."""
@@ -158,15 +158,15 @@ class ReconSettings(Settings):
 
     @property
     def modes(self) -> tuple[Mode, ...]:
-        """Which clouds are made, in this order."""
+        """List the clouds to make, in this order."""
         return ("sparse", "dense") if self.mode == "both" else (self.mode,)
 
     def of_model(self) -> dict[str, Any]:
-        """Return what the model depends on, as JSON."""
+        """Return the settings that the model depends on, as JSON."""
         return {"seed": self.seed, "sparse": _without_limits(self.sparse)}
 
     def of_cloud(self, mode: Mode) -> dict[str, Any]:
-        """Return what a cloud depends on beside its model, as JSON.
+        """Return the settings that a cloud depends on beside its model, as JSON.
 
         Args:
             mode: Which cloud.
@@ -176,7 +176,7 @@ class ReconSettings(Settings):
         return {**values, "mode": mode, **({"dense": _without_limits(self.dense)} if mode == "dense" else {})}
 
     def limits(self) -> dict[str, Any]:
-        """Return what bounds time and memory and changes no byte of a result, as JSON."""
+        """Return the limits of time and memory, which change no byte of a result, as JSON."""
         return {
             name: section.model_dump(mode="json", include=set(_LIMITS))
             for name, section in (("sparse", self.sparse), ("dense", self.dense))
@@ -184,6 +184,6 @@ class ReconSettings(Settings):
 
 
 def _without_limits(section: SparseSettings | DenseSettings) -> dict[str, Any]:
-    """Leave out what changes no byte: a mapper that is not deterministic depends on its threads."""
+    """Leave out settings that change no byte: threads count only for a mapper that is not deterministic."""
     bound = _LIMITS - {"threads"} if isinstance(section, SparseSettings) and not section.deterministic else _LIMITS
     return section.model_dump(mode="json", exclude=set(bound))

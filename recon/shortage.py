@@ -1,4 +1,4 @@
-"""What a step's child runs short of (disk, memory, time), in one line that says how to mend it."""
+"""Errors of a step's child process that ran out of disk, memory or time: one line that says what to change."""
 
 import shutil
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from groundwork.errors import ChildError, OutOfSpaceError
 
-_NOTHING_LEFT = 8e6  # [bytes] COLMAP has many words for a full disk, and this is one for all of them
+_NOTHING_LEFT = 8e6  # [bytes] COLMAP has many messages for a full disk; less free space than this replaces them all
 _DISK_SIGNS = (
     "no space left",
     "No space left",
@@ -19,16 +19,16 @@ _DISK_SIGNS = (
 
 @contextmanager
 def plain_shortage(folder: Path, section: str, more: str = "") -> Iterator[None]:
-    """Say in one line how to mend what stopped a child: a library's own last words are a place in its source.
+    """Replace a child's error by one line that says what to change: its own last message may name a line of C++.
 
     Args:
-        folder: Where the child writes; its parent exists.
+        folder: Folder that the child writes to; its parent exists.
         section: Part of the settings that holds `memory_limit` and `seconds_per_image`.
-        more: What else would spare memory.
+        more: Further advice for saving memory.
 
     Raises:
         OutOfSpaceError: The disk is full.
-        ChildError: Whatever else stopped it.
+        ChildError: Any other cause.
     """
     try:
         yield
@@ -47,11 +47,11 @@ def plain_shortage(folder: Path, section: str, more: str = "") -> Iterator[None]
 
 
 def check_space(folder: Path, needed: int, what: str) -> None:
-    """Refuse to begin what the disk cannot hold.
+    """Refuse to begin a step if the disk has too little space.
 
     Args:
         folder: Existing folder on that disk.
-        needed: Most that it may take [bytes].
+        needed: Upper limit of what the step writes [bytes].
         what: The step, for the message.
 
     Raises:

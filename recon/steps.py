@@ -1,7 +1,7 @@
-"""The steps of a reconstruction on disk: a folder each, named by what the step depends on, so that none is done twice.
+"""The steps of a reconstruction on disk: one folder per step, named by a hash of its inputs, so that none is repeated.
 
-A finished step stands under its own name, `<step>-<recipe>`; one that was interrupted stands beside it as
-`….partial`. Both lie in the work folder of the cloud in the making and go with it when the cloud is finished.
+A finished step has the name `<step>-<recipe>`; an interrupted one has the suffix `.partial`. Both are in the work
+folder of the unfinished cloud, which is removed when the cloud is finished.
 """
 
 import shutil
@@ -33,14 +33,14 @@ class Step:
 
 
 def take_step(work: Path, name: str, recipe: object, make: Callable[[Path], Any]) -> Step:
-    """Take over a finished step of this recipe, or do it; clear away what another recipe left of it.
+    """Reuse a finished step of this recipe, or run it; remove the results of other recipes.
 
     Args:
         work: Existing work folder.
         name: Name of the step.
-        recipe: JSON value that holds everything which the result depends on, the recipe of the step before included.
-        make: Does the step in a folder and returns JSON. The folder may hold what an interrupted try at the very same
-            recipe left: the function goes on from there, or clears it away.
+        recipe: JSON value that holds everything the result depends on, including the recipe of the step before.
+        make: Runs the step in a folder and returns JSON. The folder may hold files of an interrupted run of the same
+            recipe: the function continues from them, or removes them.
 
     Returns:
         The finished step.
@@ -63,7 +63,7 @@ def take_step(work: Path, name: str, recipe: object, make: Callable[[Path], Any]
 
 
 def enter_work(folder: Path) -> Path:
-    """Open the work folder of a cloud in the making, and take away whatever else an interrupted run left.
+    """Open the work folder of an unfinished cloud, and remove everything else that an interrupted run left.
 
     Args:
         folder: The cloud's folder: empty, or left by an interrupted run.
@@ -80,7 +80,7 @@ def enter_work(folder: Path) -> Path:
 
 
 def leave_work(work: Path) -> None:
-    """Take the work folder away; under another name first, so that no half of it is ever taken for the whole.
+    """Remove the work folder; it is renamed first, so that a half-deleted folder is never taken for a complete one.
 
     Args:
         work: Work folder of a finished cloud.

@@ -1,4 +1,4 @@
-"""The capture on disk: photographs and what a drone knows about them; apart from it, in `truth/`, what only we know."""
+"""The capture on disk: photographs and a drone's records of them, and separately, in `truth/`, the ground truth."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,7 +34,7 @@ Triple = tuple[float, float, float]
 
 
 class CalibrationPrior(Settings):
-    """What the camera's maker says about the lens: near the truth, not the truth."""
+    """Calibration from the camera's data sheet: near the truth, but not exact."""
 
     model: Literal["SIMPLE_RADIAL"] = "SIMPLE_RADIAL"
     """Camera model that a reconstruction should start with, as COLMAP names it."""
@@ -61,10 +61,10 @@ class CaptureImage(Settings):
 
 @dataclass(frozen=True)
 class Capture:
-    """A folder of photographs, with nothing in it that a drone would not know.
+    """A folder of photographs, with only the data that a drone would record.
 
     Attributes:
-        folder: Where it lies.
+        folder: Its path.
         survey: Survey id.
         size: Width and height of every image [px].
         prior: Calibration prior.
@@ -83,7 +83,7 @@ class Capture:
 
 
 class CamerasFile(Settings):
-    """What `cameras.json` holds."""
+    """Content of `cameras.json`."""
 
     format: Literal["falsework.capture"]
     format_version: Literal[1]
@@ -96,14 +96,14 @@ class CamerasFile(Settings):
 
 
 def read_capture(folder: Path | str) -> Capture:
-    """Read what lies outside `truth/`; no image is decoded yet.
+    """Read a capture without its `truth/`; images are decoded later.
 
     Args:
         folder: A capture.
 
     Raises:
-        InputError: Not a capture, a wrong value, a name twice, or a path that leaves the folder.
-        MissingError: An image that it lists is not there.
+        InputError: Not a capture, a wrong value, a duplicate name, or a path that leaves the folder.
+        MissingError: An image that it lists is missing.
     """
     with reading(Path(folder)):
         return _read_capture(Path(folder))
@@ -145,7 +145,7 @@ def load_image(capture: Capture, index: int) -> U8:
         sRGB colours [0 to 255], shape (H, W, 3), uint8, order red, green, blue.
 
     Raises:
-        InputError: Cut off, damaged, of 16 bits, or of another size than `cameras.json` says; names the file.
+        InputError: Truncated, damaged, of 16 bits, or of another size than in `cameras.json`; names the file.
     """
     path = capture.folder / capture.images[index].file
     pixels = image_files.decode(path, capture.size)
@@ -160,7 +160,7 @@ def load_image(capture: Capture, index: int) -> U8:
 
 @dataclass(frozen=True)
 class Readout:
-    """When, and so from where, the rows of each image were read out: in bands, each with a pose of its own.
+    """Read-out of a rolling shutter: bands of rows, each with its own pose.
 
     Attributes:
         bands: First row of each band and the row after its last.
@@ -175,17 +175,17 @@ class Readout:
 
 @dataclass(frozen=True)
 class Truth:
-    """What only a simulation knows; its images share pixels exactly with the photographs.
+    """Ground truth of a simulated capture; its images share pixels exactly with the photographs.
 
     Attributes:
         folder: The capture's `truth` folder.
         camera: Exact intrinsics.
         names: Name of each image.
         poses: camera_to_world [m], shape (N, 4, 4), float64, camera axes right, down, forward.
-        instances: What each instance id stands for.
+        instances: Meaning of each instance id.
         classes: Class table in force.
         distortion: Distortion of the lens.
-        readout: When the rows were read out; None for a global shutter.
+        readout: Read-out of a rolling shutter; None for a global shutter.
     """
 
     folder: Path
@@ -198,7 +198,7 @@ class Truth:
     readout: Readout | None = None
 
     def seen_from(self, index: int, pixels: F64) -> F64:
-        """Find from where pixels of an image were taken: the pose of the image, or of each pixel's band of rows.
+        """Find the camera pose of pixels: that of the image, or of each pixel's band of rows.
 
         Args:
             index: Row in `names`.
@@ -212,7 +212,7 @@ class Truth:
         return self.readout.poses[index, self._bands(pixels)]
 
     def surface_points(self, index: int, pixels: F64, depth: F64) -> F64:
-        """Find the world points that an image shows at given pixels, as its lens bends and its shutter moves them.
+        """Find the world points at given pixels of an image, with lens distortion and rolling shutter.
 
         Args:
             index: Row in `names`.
@@ -230,7 +230,7 @@ class Truth:
             return _in_world(self.poses[index], local)
         world = np.empty((len(depth), 3))
         band = self._bands(pixels)
-        for number in np.unique(band):  # a pose for each pixel would be ten times the work
+        for number in np.unique(band):  # a pose for each pixel would take ten times as long
             mine = band == number
             world[mine] = _in_world(self.readout.poses[index, number], (local[0][mine], local[1][mine], depth[mine]))
         return world
@@ -286,13 +286,13 @@ class Truth:
 
 
 def read_truth(capture: Capture | Path | str) -> Truth | None:
-    """Open the truth beside a capture, if there is any.
+    """Open the truth of a capture.
 
     Args:
         capture: A capture, or its folder.
 
     Returns:
-        The truth, or None for real photographs.
+        The truth; None for real photographs.
 
     Raises:
         InputError: The truth does not belong to these images.
@@ -356,7 +356,7 @@ def _check_truth(truth: Truth, size: tuple[int, int]) -> None:
 
 
 def _in_world(pose: F64, local: tuple[F64, F64, F64]) -> F64:
-    """Carry camera coordinates into the world, shape (N, 3); by columns, which takes a fifth of a product's time."""
+    """Transform camera coordinates to the world, shape (N, 3); by columns, five times faster than a product."""
     world = np.empty((len(local[0]), 3))
     for axis in range(3):
         x, y, z = pose[axis, :3]

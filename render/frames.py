@@ -1,4 +1,4 @@
-"""One survey of a stage becomes a capture: photographs as a drone would bring them home, and beside them the truth.
+"""Conductor of rendering: one survey of a stage becomes a capture of photographs and ground truth.
 
 `python -m render.frames` serves one request {scene, folder, settings, seed, survey, share} of a parent process.
 """
@@ -43,7 +43,7 @@ _METERED = 6  # frames that the exposure is metered on
 _METER_WIDTH = 256  # [px]
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _LOOKED_UP = 64  # rows at once
-_RECIPE = 12  # raised whenever frames that an interrupted run left would no longer fit to new ones
+_RECIPE = 12  # increased whenever frames of an interrupted run would no longer match new ones
 F32 = NDArray[np.float32]
 Share = tuple[int, int]
 ALL: Share = (0, 1)
@@ -51,7 +51,7 @@ ALL: Share = (0, 1)
 
 @dataclass(frozen=True)
 class _Order:
-    """Where frames go and what they depend on beside the scene, as in `render_stage`."""
+    """Output folder and settings of a rendering, as in `render_stage`."""
 
     folder: Path
     settings: RenderSettings
@@ -62,10 +62,10 @@ class _Order:
 
 @dataclass(frozen=True)
 class Assignment:
-    """One survey to photograph.
+    """One survey to render.
 
     Attributes:
-        surveyed: The scene as this survey sees it, without its meshes.
+        surveyed: The scene prepared for this survey, without its meshes.
         readout: When the rows are read out; None for a global shutter.
         prior: Calibration prior.
         folder: Capture folder.
@@ -86,7 +86,7 @@ class Assignment:
 
     @property
     def scene(self) -> FlatScene:
-        """What is drawn, without its meshes."""
+        """The scene, without its meshes."""
         return self.surveyed.scene
 
     @property
@@ -101,7 +101,7 @@ class Assignment:
 
     @property
     def meters_light(self) -> bool:
-        """Whether the exposure is metered on the light, not on what it falls upon."""
+        """Whether the exposure is metered on the incident light instead of the surfaces."""
         told = self.settings.sensor.metering
         return told == "light" or (told == "auto" and "kind" not in self.track.facts)
 
@@ -134,13 +134,13 @@ def render_stage(
         progress: Told about warnings, the light volume and every frame.
         survey: Name of the RenderProduct; empty for the first.
         share: Number of this worker, and how many there are; only one that works alone finishes the capture.
-        choices: What of the stage is rendered; its subdivision is that of the settings.
+        choices: Choices for reading the stage; the subdivision is that of the settings.
 
     Returns:
         Facts for people: number of frames, driver, exposure, warnings.
     """
     choices = replace(choices, subdivision=settings.subdivision)
-    # Kept nowhere but there, so that the meshes go when they are uploaded.
+    # The only reference, so that the meshes are freed after the upload.
     return _render(
         survey_scene_apart(scene, survey or None, settings.triangle_budget, choices, progress),
         _Order(folder, settings, seed, share, choices),
@@ -199,10 +199,10 @@ def _render(surveyed: SurveyedScene, order: _Order, progress: Progress) -> dict[
 
 
 def _prepare(gl: Gl, scene: FlatScene, assignment: Assignment, journal: Journal, progress: Progress) -> Prepared:
-    """Upload the scene, and say what is drawn otherwise than authored."""
+    """Upload the scene, and report what is not drawn as authored."""
 
     def cast(*arguments: Any) -> LightVolume:
-        with hold_lock(journal.light_lock):  # one worker casts it, the others wait and take it over
+        with hold_lock(journal.light_lock):  # one worker casts it, the others wait and reuse it
             volume = journal.light_volume() or cast_volume_apart(*arguments)
             journal.keep_light_volume(volume)
         return volume
@@ -222,7 +222,7 @@ def _prepare(gl: Gl, scene: FlatScene, assignment: Assignment, journal: Journal,
 def _draw_missing(
     assignment: Assignment, body: CameraBody, journal: Journal, rows: list[int], progress: Progress
 ) -> None:
-    """Draw what is not there yet."""
+    """Render the missing frames."""
     with hold_lock(journal.gain_lock):  # one worker meters, the others wait and take it over
         gain = journal.gain()
         if gain is None:
@@ -236,7 +236,7 @@ def _draw_missing(
 
 
 def _finish(assignment: Assignment, journal: Journal) -> None:
-    """Write what stands beside the images; the record comes last, and says that the capture is whole."""
+    """Write the files beside the images; the record is last and marks the capture as complete."""
     scene, track, settings, folder = assignment.scene, assignment.track, assignment.settings, assignment.folder
     camera, name = assignment.camera, scene.products[0].name
     write_cameras(capture_record(folder, name, track, camera, assignment.prior, settings))
@@ -277,9 +277,9 @@ def _meter_survey(prepared: Prepared, assignment: Assignment) -> float:
 def _photograph(
     assignment: Assignment, body: CameraBody, sensor: Sensor, journal: Journal, rows: list[int], progress: Progress
 ) -> None:
-    """Draw on this thread, develop and encode on others; no more frames are in flight than there are threads.
+    """Draw on this thread, develop and encode on others; no more frames are in work than there are threads.
 
-    What sees the same ground comes together, so that its shadows are drawn once.
+    Frames that see the same ground are consecutive, so that its shadows are drawn once.
     """
     encoders, total = assignment.settings.encoders, len(assignment.track.poses)
     squares = body.prepared.shadow_squares(assignment.track.poses, body.widest)
@@ -340,7 +340,7 @@ def _encode_photograph(assignment: Assignment, pixels: "np.ndarray[Any, Any]", e
 
 
 def _serve(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
-    cv2.setNumThreads(1)  # frames are developed side by side already; OpenCV's own threads would wait busily
+    cv2.setNumThreads(1)  # frames are already developed in parallel; OpenCV's own threads would busy-wait
     settings = parse_settings(RenderSettings, request["settings"], "render settings")
     number, count = request.get("share", ALL)
     return render_stage(

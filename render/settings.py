@@ -1,4 +1,4 @@
-"""What a user may choose about rendering."""
+"""Settings of rendering."""
 
 from typing import Literal
 
@@ -8,7 +8,7 @@ from groundwork.settings import Settings
 
 
 class SensorSettings(Settings):
-    """The camera behind the lens: acts on the photographs only, never on depth or labels."""
+    """The sensor model: affects only photographs, never depth or labels."""
 
     noise: bool = Field(default=True, description="Apply exposure jitter, blur and noise; off gives the ideal image.")
     exposure_sigma: float = Field(default=0.04, ge=0, le=2, description="Frame-to-frame spread of the exposure [EV].")
@@ -66,7 +66,7 @@ class SensorSettings(Settings):
 
 
 class ShadingSettings(Settings):
-    """How a stage becomes an ideal image: the section `[render]` of a scenario."""
+    """Rendering of the ideal image: the section `[render]` of a scenario."""
 
     quality: Literal["fast", "standard", "fine"] = Field(
         default="standard",
@@ -110,7 +110,7 @@ class ShadingSettings(Settings):
 
 
 class RenderSettings(ShadingSettings):
-    """Everything the renderer can be told."""
+    """All settings of the renderer."""
 
     geodetic_origin: tuple[float, float, float] = Field(
         default=(46.0, 0.0, 0.0), description="Latitude [deg], longitude [deg], height [m] of the local zero, for EXIF."

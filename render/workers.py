@@ -1,4 +1,4 @@
-"""One survey, drawn by one process or by several: each draws a share of its frames, and the last step finishes it."""
+"""Rendering of one survey by one or more processes: each draws a share of the frames, and a last step finishes it."""
 
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -18,8 +18,7 @@ def render_survey(
 ) -> dict[str, Any]:
     """Render one survey in child processes; the bytes do not depend on how many there are.
 
-    A worker that dies takes the frames in its hands with it and nothing else: the process that finishes the capture
-    draws what is missing.
+    If a worker dies, only its unfinished frames are lost: the process that finishes the capture draws the missing ones.
 
     Args:
         request: What `render.frames` serves; its `settings` name the number of `workers`.

@@ -29,7 +29,7 @@ _DISTORTION = ("k1", "k2", "p1", "p2")
 
 @dataclass(frozen=True)
 class ComponentFacts:
-    """What `FalseworkComponentAPI` says about a prim.
+    """Values of `FalseworkComponentAPI` on a prim.
 
     Attributes:
         kind: Component kind; empty when not authored.
@@ -45,14 +45,14 @@ class ComponentFacts:
 
 
 class Opinion(NamedTuple):
-    """An attribute as a schema's accessor writes it, on a stage or straight into a layer.
+    """An attribute value to author, on a stage or directly in a layer.
 
     Attributes:
         name: Its name.
         kind: Type of its value.
         value: Its value.
-        custom: No schema declares it.
-        uniform: It may never change with time.
+        custom: Whether no schema declares it.
+        uniform: Whether it must not vary with time.
     """
 
     name: str
@@ -63,10 +63,10 @@ class Opinion(NamedTuple):
 
 
 def component_opinions(facts: ComponentFacts) -> list[Opinion]:
-    """List what the component API says about a prim; the schema itself is `COMPONENT_API`.
+    """List the attributes of the component API for a prim; the schema itself is `COMPONENT_API`.
 
     Args:
-        facts: What to say; empty entries are left out.
+        facts: The values; empty entries are left out.
     """
     found = [Opinion("falsework:component:kind", _TYPES.Token, facts.kind, uniform=True)]
     if facts.instance_id:
@@ -92,7 +92,7 @@ def apply_component(prim: Usd.Prim, facts: ComponentFacts) -> None:
 
 
 def read_component(prim: Usd.Prim) -> ComponentFacts:
-    """Read the component API of a prim; attributes count even where the schema itself was lost on the way.
+    """Read the component API of a prim; the attributes are read even if the schema itself was lost in another program.
 
     Args:
         prim: Any prim.
@@ -118,17 +118,17 @@ def apply_environment(prim: Usd.Prim, visibility: float) -> None:
 
 
 def read_visibility(prim: Usd.Prim) -> float | None:
-    """Read the visibility [m] that a prim states, None where it states none that air can have.
+    """Read the visibility [m] of a prim; None if it has none or an impossible one.
 
     Args:
-        prim: Any prim; the attribute counts even where the schema itself was lost on the way.
+        prim: Any prim; the attribute is read even if the schema itself was lost in another program.
     """
     value = _get(prim, _VISIBILITY) if prim else None
     return float(value) if value is not None and float(value) > 0.0 else None
 
 
 def label_opinions(component: str, instance_id: int) -> list[Opinion]:
-    """List the labels of a prim, and the mirrors of them that DCCs keep; the schemas are `LABEL_APIS`.
+    """List the labels of a prim, and their copies as user properties, for DCC programs; the schemas are `LABEL_APIS`.
 
     Args:
         component: Component kind.
@@ -147,21 +147,21 @@ def label_opinions(component: str, instance_id: int) -> list[Opinion]:
 
 
 def apply_labels(prim: Usd.Prim, component: str, instance_id: int) -> None:
-    """Label a prim: LabelsAPI in the taxonomies `component` and `class`, and the mirrors that DCCs keep.
+    """Label a prim: LabelsAPI in the taxonomies `component` and `class`, and copies as user properties for DCCs.
 
     Args:
         prim: A leaf prim, or an override of one in another layer.
         component: Component kind.
         instance_id: Instance id; 0 writes no mirror of it.
     """
-    opinions = label_opinions(component, instance_id)  # first: an unknown kind leaves the prim as it was
+    opinions = label_opinions(component, instance_id)  # first, so that an unknown kind leaves the prim unchanged
     for taxonomy in (tokens.COMPONENT_TAXONOMY, tokens.CLASS_TAXONOMY):
         UsdSemantics.LabelsAPI.Apply(prim, taxonomy)
     _author(prim, opinions)
 
 
 def direct_label(prim: Usd.Prim, taxonomy: str) -> str:
-    """Read the label that a prim itself carries, from LabelsAPI or from the mirror that DCCs keep.
+    """Read the label of a prim itself, from LabelsAPI or from its copy as a user property.
 
     Args:
         prim: Any prim.
@@ -180,12 +180,12 @@ def direct_label(prim: Usd.Prim, taxonomy: str) -> str:
 def apply_taxonomy(prim: Usd.Prim, table: Taxonomy) -> None:
     """Author a table of classes: its rows, and the map from labels to them.
 
-    The map travels with the stage, so that it also holds for what is loaded or added later, and a reader without our
-    tables needs nothing else.
+    The map is stored on the stage, so that it also applies to prims that are loaded or added later, and a reader does
+    not need our tables.
 
     Args:
         prim: The semantic render variable, or an override of it in another layer.
-        table: The table that shall be in force.
+        table: The table to use.
     """
     colors = Vt.Vec3iArray([Gf.Vec3i(*row.color) for row in table.rows])
     for name, kind, value in (
@@ -201,7 +201,7 @@ def apply_taxonomy(prim: Usd.Prim, table: Taxonomy) -> None:
 
 @dataclass(frozen=True)
 class SurveyFacts:
-    """What the survey, GPS and calibration schemas say about a camera.
+    """Values of the survey, GPS and calibration schemas of a camera.
 
     Attributes:
         kind: Kind of survey.

@@ -1,4 +1,4 @@
-"""The one table of component kinds and training classes that the whole project reads."""
+"""The table of component kinds and training classes, used by the whole project."""
 
 import tomllib
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
-"""Lens distortion in one place: the radial and tangential polynomial of COLMAP's OPENCV camera.
+"""Lens distortion: the radial and tangential polynomial of COLMAP's OPENCV camera.
 
-It acts on normalised coordinates (x / z, y / z), between the pose and the calibration matrix: a point seen at `xy`
-lands where a camera without distortion would put `distort(xy)`.
+It acts on normalised coordinates (x / z, y / z), between the pose and the calibration matrix: a point at `xy` is imaged
+where a camera without distortion would image `distort(xy)`.
 """
 
 from dataclasses import dataclass
@@ -37,11 +37,11 @@ class Distortion:
 
     @property
     def is_identity(self) -> bool:
-        """Whether the lens draws straight lines straight."""
+        """Whether the lens has no distortion."""
         return not any((self.k1, self.k2, self.p1, self.p2))
 
     def distort(self, xy: F64) -> F64:
-        """Move points to where the lens draws them.
+        """Apply the distortion.
 
         Args:
             xy: Normalised coordinates [1], shape (..., 2), float64.
@@ -61,7 +61,7 @@ class Distortion:
         )
 
     def undistort(self, xy: F64) -> F64:
-        """Find the points that the lens draws at given places, by Newton's method.
+        """Invert the distortion by Newton's method.
 
         Args:
             xy: Distorted normalised coordinates [1], shape (..., 2), float64.
@@ -70,7 +70,7 @@ class Distortion:
             Normalised coordinates [1], the same shape (..., 2), float64.
 
         Raises:
-            InputError: The polynomial folds before it reaches a point: the lens cannot have drawn it.
+            InputError: A point is beyond the fold of the polynomial, where the distortion has no inverse.
         """
         if self.is_identity:
             return np.array(xy, np.float64)
@@ -85,7 +85,7 @@ class Distortion:
                 found[..., 0] -= (yy * error[..., 0] - xy_ * error[..., 1]) / area
                 found[..., 1] -= (xx * error[..., 1] - xy_ * error[..., 0]) / area
             xx, xy_, yy = self.slopes(found)
-            # The slopes are symmetric; while both of their own values are positive the polynomial has not folded yet.
+            # The Jacobian is symmetric; while both of its eigenvalues are positive the polynomial has not folded.
             good = (xx + yy > 0.0) & (xx * yy - xy_ * xy_ > 0.0)
             good &= np.all(np.abs(self.distort(found) - xy) <= 1e3 * CLOSE, axis=-1)
         if not good.all():
@@ -98,7 +98,7 @@ class Distortion:
         return found
 
     def slopes(self, xy: F64) -> tuple[F64, F64, F64]:
-        """Derive the distorted coordinates from the normalised ones.
+        """Compute the derivatives of the distorted coordinates by the normalised ones.
 
         Args:
             xy: Normalised coordinates [1], shape (..., 2), float64.

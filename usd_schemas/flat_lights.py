@@ -1,4 +1,4 @@
-"""What lights a flat scene."""
+"""Lights of a flat scene."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""A composed stage as flat arrays: what the renderer draws and the ray caster hits, without any USD object."""
+"""A composed stage as flat arrays for renderer and ray caster, without USD objects."""
 
 from dataclasses import dataclass, field, replace
 
@@ -17,7 +17,7 @@ U32 = NDArray[np.uint32]
 U8 = NDArray[np.uint8]
 
 ALIKE = 2  # of `part_double_sided`
-MOST_OCTAVES = 3  # of fine detail; more would cost the renderer a look-up a pixel each
+MOST_OCTAVES = 3  # of fine detail; each further one would cost the renderer a texture look-up per pixel
 
 
 @dataclass(frozen=True)
@@ -79,11 +79,11 @@ class Texture:
         rotation: Counter-clockwise rotation of (s, t) [deg].
         translation: Added to (s, t) last [1].
         uv_set: 0 for `st`, 1 for `st1`.
-        channel: Where one number is wanted, the channel that holds it: 0 red, 1 green, 2 blue, 3 alpha.
-        gain: Multiplier of linear red, green, blue [1]; where one number is wanted, the first counts.
+        channel: Channel for a single number: 0 red, 1 green, 2 blue, 3 alpha.
+        gain: Multiplier of linear red, green, blue [1]; for a single number the first is used.
         bias: Added after `gain` [1].
-        wrap: How it goes on beyond its edges along s and t: `repeat`, `mirror`, `clamp` or `black`.
-        alpha: Where its opacity is another file's, that file; empty for its own.
+        wrap: Wrap mode along s and t: `repeat`, `mirror`, `clamp` or `black`.
+        alpha: File of its opacity; empty if it is its own.
         alpha_channel: Channel of that file: 0 red, 1 green, 2 blue, 3 alpha.
     """
 
@@ -102,13 +102,13 @@ class Texture:
 
     @property
     def is_plain(self) -> bool:
-        """Whether its values count as they are, without gain and bias."""
+        """Whether its values are used without gain and bias."""
         return (self.gain, self.bias) == ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True)
 class Detail:
-    """What `FalseworkDetailAPI` says: zero-mean multipliers of the base colour.
+    """Values of `FalseworkDetailAPI`: zero-mean multipliers of the base colour.
 
     Attributes:
         file: Tileable grey texture, mean 0.5; empty for none.
@@ -125,7 +125,7 @@ class Detail:
 
 @dataclass(frozen=True)
 class Material:
-    """A surface as UsdPreviewSurface describes it.
+    """A material with the parameters of UsdPreviewSurface.
 
     Attributes:
         name: Prim path of the material, or a name for the fallback.
@@ -141,11 +141,11 @@ class Material:
         opacity_threshold: Fragments whose texture alpha is below are cut out; 0 for none [1].
         detail: Fine and macro detail.
         emissive_texture: Emitted colour texture.
-        specular: Linear colour of the shine straight on, where it does not follow from `metallic`; else None [1].
-        specular_texture: Its texture, of which the mean counts.
-        opacity: What of the light behind it a blended surface holds back [1]; without a texture of its own.
-        blends: Lets what is behind shine through, by `opacity` or by the alpha of `base_texture`; in the truth it is
-            solid where that is 0.5 or more, and not there elsewhere.
+        specular: Linear specular colour at normal incidence; None if it follows from `metallic` [1].
+        specular_texture: Its texture, of which the mean is used.
+        opacity: Opacity of a blended surface [1]; it has no texture of its own.
+        blends: Whether it is blended, by `opacity` or by the alpha of `base_texture`; in the truth it is solid where
+            that is 0.5 or more, and absent elsewhere.
     """
 
     name: str
@@ -168,11 +168,11 @@ class Material:
 
     @property
     def is_mostly_transparent(self) -> bool:
-        """Whether the truth does not hold it: it lets more light through than it holds back."""
+        """Whether it is absent in the truth: its opacity is below a half."""
         return self.blends and self.opacity < 0.5 and not self.opacity_threshold
 
     def textures(self) -> list[Texture]:
-        """List its textures, those of its detail apart."""
+        """List its textures, without those of its detail."""
         maps = (
             self.base_texture,
             self.roughness_texture,
@@ -194,7 +194,7 @@ class CameraTrack:
         lens: Lens attributes.
         poses: camera_to_world [m], Z up, camera axes right-down-forward, shape (N, 4, 4), float64.
         image_names: One stem per image, e.g. `000000`.
-        calibration: Exact intrinsics where the stage states them; they rule over `lens` at their image size.
+        calibration: Exact intrinsics if the stage states them; they override `lens` at their image size.
         sensor_width: Width of the sensor [m].
         near: Near clipping distance [m].
         gps: Measured local positions [m], shape (N, 3), float64, or None.
@@ -206,7 +206,7 @@ class CameraTrack:
         model: Name of the camera, or empty.
         attitude: Measured yaw clockwise from +y, pitch and roll [deg], shape (N, 3), float64, or None.
         attitude_sigma: Standard deviation of `attitude` [deg].
-        moments: Row in `FlatScene.moments` of each image; empty where the scene stands still.
+        moments: Row in `FlatScene.moments` of each image; empty for a static scene.
     """
 
     name: str
@@ -248,16 +248,16 @@ class Product:
 
 @dataclass(frozen=True)
 class InstanceRow:
-    """What one instance id stands for.
+    """Meaning of one instance id.
 
     Attributes:
-        id: Instance id, over 0.
-        path: Prim path that carries it.
+        id: Instance id, greater than 0.
+        path: Path of its prim.
         component: Component kind; empty when unknown.
         class_name: Class name in the table in force.
         parameters: JSON facts of the component, e.g. its dimensions.
-        base_class: Class name in the base table, whatever table is in force; empty when unknown.
-        moves: It is elsewhere, of another shape or not there at another moment of the scene.
+        base_class: Class name in the base table, independent of the table in use; empty if unknown.
+        moves: Whether its position, shape or existence changes between the moments of the scene.
     """
 
     id: int
@@ -271,7 +271,7 @@ class InstanceRow:
 
 @dataclass(frozen=True)
 class FlatScene:
-    """A stage at a glance.
+    """All data of a stage for rendering and ray casting.
 
     Attributes:
         geometry: Unique meshes.
@@ -280,15 +280,15 @@ class FlatScene:
         sun: DistantLight, or None.
         dome: DomeLight, or None.
         cameras: Cameras with at least one pose.
-        products: What shall be rendered.
+        products: The products to render.
         instances: Instance ids in ascending order.
         classes: Class table in force.
         warnings: One line for each thing that could not be read as authored.
         origin: Hash of the composed stage content that was read.
-        visibility: Distance at which haze leaves 2 % of the contrast [m]; None where the stage does not say.
+        visibility: Distance at which haze leaves 2 % of the contrast [m]; None if the stage does not state it.
         sphere_lights: SphereLights and panels, in the order of the stage.
-        moments: What moves, as it stands at each moment that an image is taken at; the first is the tail of `draws`.
-            Empty for a stage that stands still.
+        moments: Draws of moving prims at each moment of an image; those of the first are the last rows of `draws`.
+            Empty for a static stage.
     """
 
     geometry: Geometry
@@ -307,7 +307,7 @@ class FlatScene:
     moments: tuple[Draws, ...] = ()
 
     def at_moment(self, number: int) -> "FlatScene":
-        """Return the scene as it stands at one of its moments; without any, itself.
+        """Return the scene at one of its moments; a static scene is returned unchanged.
 
         Args:
             number: Row in `moments`.
@@ -321,7 +321,7 @@ class FlatScene:
 
 
 def without_mostly_transparent(scene: FlatScene) -> FlatScene:
-    """Leave out what lets more light through than it holds back: glass, smoke, and the like.
+    """Leave out draws with an opacity below a half, such as glass and smoke.
 
     Args:
         scene: A scene.
@@ -333,7 +333,7 @@ def without_mostly_transparent(scene: FlatScene) -> FlatScene:
 
 
 def world_triangles(scene: FlatScene) -> tuple[F64, U32, U32]:
-    """Expand every draw into world space; corners keep their order, which mirrored draws show from behind.
+    """Expand every draw into world space; corners keep their order, so mirrored draws have reversed winding.
 
     Args:
         scene: Scene to expand.

@@ -1,4 +1,4 @@
-"""The camera convention, in one place: pinhole intrinsics, USD lens values, and camera axes.
+"""The camera convention: pinhole intrinsics, USD lens values, and camera axes.
 
 Camera axes are +x right, +y down, +z forward; a USD camera looks along -z with +y up. The centre of the top-left pixel
 is (0.5, 0.5), so that the centre of an image is (width/2, height/2), as in COLMAP. OpenCV counts from the pixel
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 USD_FROM_CAMERA = np.diag([1.0, -1.0, -1.0, 1.0])
-TENTH = 0.1  # USD counts lens lengths in tenths of a stage unit
+TENTH = 0.1  # USD's unit of lens lengths is a tenth of a stage unit
 
 
 @dataclass(frozen=True)
@@ -112,8 +112,8 @@ def look_at(eye: Array, target: Array, up: Array | None = None) -> Array:
 
     Args:
         eye: Camera centre [m], shape (3,), float64.
-        target: Point that shall fall on the principal axis [m], shape (3,), float64.
-        up: Direction that shall point up in the image [1], shape (3,), float64; world z when None.
+        target: Point on the optical axis [m], shape (3,), float64.
+        up: Direction that points up in the image [1], shape (3,), float64; None: world z.
 
     Returns:
         camera_to_world [m], shape (4, 4), float64, with camera axes right, down, forward.
@@ -122,7 +122,7 @@ def look_at(eye: Array, target: Array, up: Array | None = None) -> Array:
     forward = forward / np.linalg.norm(forward)
     upward = np.array([0.0, 0.0, 1.0]) if up is None else up
     right = np.cross(forward, upward)
-    if np.linalg.norm(right) < 1e-6:  # looking along the up axis: any right will do, so take the world's x
+    if np.linalg.norm(right) < 1e-6:  # looking along the up axis: right is arbitrary, the world's x
         right = np.array([1.0, 0.0, 0.0])
     right = right / np.linalg.norm(right)
     pose = np.eye(4)

@@ -16,8 +16,8 @@ NOTHING = -1  # triangle row of a ray that hits nothing
 class RayScene:
     """Triangles ready for ray casting.
 
-    The engine counts in single precision. Positions are therefore taken from the middle of the scene in double
-    precision first, so that a scene far from the origin loses nothing.
+    The engine uses single precision. Positions are therefore made relative to the middle of the scene in double
+    precision first, so that a scene far from the origin keeps its precision.
     """
 
     def __init__(self, corners: F64, ids: U32) -> None:
@@ -91,7 +91,7 @@ class RayScene:
 
 
 def load_open3d() -> Any:
-    """Import open3d, which takes long, on first use; it needs libusb, which the system may lack and a wheel brings."""
+    """Import open3d on first use, because it takes long; it needs libusb, which a wheel provides if it is missing."""
     import libusb_package
 
     library = libusb_package.get_library_path()

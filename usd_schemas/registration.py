@@ -1,4 +1,4 @@
-"""Make our codeless schemas known to USD, before USD is first used in the process."""
+"""Registration of our codeless schemas in USD, before USD is first used in the process."""
 
 from functools import cache
 from importlib.resources import files
@@ -14,7 +14,7 @@ def register_schemas() -> str:
     or reads a schema calls this on import.
 
     Returns:
-        The folder, which other hosts name in `PXR_PLUGINPATH_NAME`.
+        The folder, for `PXR_PLUGINPATH_NAME` of other USD hosts.
     """
     folder = str(files("usd_schemas"))
     Plug.Registry().RegisterPlugins(folder)

@@ -1,4 +1,4 @@
-"""Tables that sort the components into the classes of other data sets and standards, one of which is in force."""
+"""Class tables: the classes of other data sets and standards for each component; a stage uses one of them."""
 
 import tomllib
 from collections.abc import Mapping
@@ -16,16 +16,16 @@ RESERVED = (NOISY_POINT, UNLABELED)
 
 @dataclass(frozen=True)
 class Taxonomy:
-    """A table of classes, and how labels lead to them.
+    """A table of classes, and the mapping from labels to them.
 
     Attributes:
-        name: Name of the table; empty for one that a stage carries without a name.
+        name: Name of the table; empty for an unnamed one of a stage.
         rows: Classes in the order of their ids, `noisy_point` and `unlabelled` among them.
-        classes: Label to class name; a label is a component kind or a class of the base table. Empty where a stage
-            brings classes but no such map.
+        classes: Label to class name; a label is a component kind or a class of the base table. Empty if a stage has
+            classes but no such map.
         title: Name for people.
         source: Where the classes come from.
-        reconstructed: The original's own list of classes could not be read.
+        reconstructed: Whether we chose the classes, because the original list could not be read.
     """
 
     name: str
@@ -36,10 +36,10 @@ class Taxonomy:
     reconstructed: bool = False
 
     def class_of(self, component: str, base_class: str) -> str:
-        """Find the class of something labelled.
+        """Find the class for a label.
 
-        The component counts, since it is finer, unless its class in the base table is not what the label says: then
-        someone has relabelled the class by hand. What the map does not hold is taken for a class of this table.
+        The component is used, because it is finer, unless its class in the base table differs from the class label:
+        then the class was relabelled by hand. A label that is not in the map is taken as a class of this table.
 
         Args:
             component: Component kind; empty where none is known.
@@ -72,7 +72,7 @@ class Taxonomy:
 def taxonomy(name: str) -> Taxonomy:
     """Read one of the project's tables.
 
-    Ids 16 and 255 mean `noisy_point` and `unlabelled` whatever table is in force: those two rows are added to each.
+    Ids 16 and 255 mean `noisy_point` and `unlabelled` in every table: these two rows are added to each.
 
     Args:
         name: One of `TAXONOMIES`.

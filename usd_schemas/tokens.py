@@ -1,4 +1,4 @@
-"""Names that every layer of a stage agrees on: prim paths, attribute names, render variables and material roles."""
+"""Common names of all layers of a stage: prim paths, attribute names, render variables and material roles."""
 
 WORLD = "/World"
 SITE = "/World/Site"

@@ -1,4 +1,4 @@
-"""Polygons into triangles: triangles, quads and convex faces all at once, concave faces by ear clipping."""
+"""Triangulation of polygons: triangles, quads and convex faces vectorized, concave faces by ear clipping."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-FLAT = 1e-12  # a turn is a bend when its area is above this share of the face's area [1]
+FLAT = 1e-12  # corners whose triangle has less than this share of the face's area count as straight [1]
 
 
 def triangulate(points: F64, face_counts: I64, corners: I64) -> tuple[I64, I64]:
@@ -50,7 +50,7 @@ def face_normals(points: F64, face_counts: I64, corners: I64) -> F64:
     following = np.arange(len(corners)) + 1
     ends = (starts + face_counts)[face_counts > 0]
     following[ends - 1] = starts[face_counts > 0]
-    # Counting from the face's first corner keeps the digits of small faces far from the origin.
+    # Relative to the face's first corner, which keeps the precision of small faces far from the origin.
     origin = points[corners[starts[face]]]
     here, there = points[corners] - origin, points[corners[following]] - origin
     crossed = cross(here, there)
@@ -108,10 +108,10 @@ def _flatten(polygon: F64, normal: F64) -> F64:
 
 
 def clip_ears(polygon: F64) -> I64:
-    """Cut a plane polygon into triangles between its own corners.
+    """Triangulate a plane polygon by ear clipping, without new points.
 
-    Ours, where libraries would do: none promises the same triangles in its next version, and stages promise the same
-    bytes. Corners may lie on straight sides, and slits that join holes may run both ways over the same points.
+    Our own implementation, because no library guarantees the same triangles in its next version, and stages must have
+    the same bytes. Corners may lie on straight sides, and slits to holes may pass the same points in both directions.
 
     Source: G. H. Meisters, Polygons have ears, American Mathematical Monthly 82 (1975).
 
@@ -131,10 +131,10 @@ def clip_ears(polygon: F64) -> I64:
         while tried < len(ring) and not _is_ear(polygon, ring, place, least):
             place = (place + 1) % len(ring)
             tried += 1
-        # Every simple polygon has an ear; one that crosses itself may have none, and any corner will do there.
+        # Every simple polygon has an ear; a self-intersecting one may have none, then any corner is cut.
         triangles.append([ring[place - 1], ring[place], ring[(place + 1) % len(ring)]])
         del ring[place]
-        # Going on past the next corner spreads the cuts, where staying would make a fan of slivers.
+        # Skipping the next corner spreads the cuts; otherwise a fan of slivers would result.
         place = (place + 1) % len(ring)
     triangles.append(ring)
     return np.array(triangles, np.int64)
@@ -147,7 +147,7 @@ def _is_ear(polygon: F64, ring: list[int], place: int, least: float) -> bool:
         return False
     others = polygon[ring]
     inside = (_turn(a, b, others) >= 0) & (_turn(b, c, others) >= 0) & (_turn(c, a, others) >= 0)
-    # Corners of the ear itself, and points that only repeat them (a slit to a hole), do not count.
+    # Corners of the ear itself, and duplicates of them (a slit to a hole), are ignored.
     for corner in (a, b, c):
         inside &= np.any(others != corner, axis=1)
     return not bool(np.any(inside))

@@ -213,7 +213,7 @@ class Alignment:
         return self._rings[(self._rings > low) & (self._rings < high)]
 
     def frame_at(self, station: float, left: float = 0.0, *, turn: float = 0.0, tilted: bool = False) -> "Alignment":
-        """Lay a straight, right-angled frame round one place: what stands there keeps its right angles.
+        """Compute a straight, right-angled frame around one place: objects there keep their right angles.
 
         Station and left of the place, and heights above it, are the same in the frame as here.
 
@@ -237,7 +237,7 @@ class Alignment:
         return replace(frame, heading=heading, origin=origin)
 
     def straight_at(self, station: float) -> "Alignment":
-        """Lay a straight frame without grade along the support line at a station; crossfall and skew stay.
+        """Compute a straight frame without grade along the support line at a station; crossfall and skew stay.
 
         On the support line itself positions are the same as here, so that what is built in the frame meets the girders.
 
@@ -360,7 +360,7 @@ def _quarter(ahead: F64) -> F64:
 
 @dataclass(frozen=True)
 class Layout:
-    """What the site needs to know of a bridge before it is built.
+    """Data about a bridge that the site needs before the bridge is built.
 
     Attributes:
         alignment: Axis of the bridge and its approaches.
@@ -372,7 +372,8 @@ class Layout:
         edge_line: From the axis to the middle of the road's edge lines [m]; 0 when not known.
         underlay: From the finished surface, or from the rails' top, down to the ground under the approaches [m].
         track: Cross-section of a railway, None for a road.
-        road: What of a road's cross-section the approaches take over; None for a railway, or where they have their own.
+        road: Part of a road's cross-section that the approaches continue; None for a railway, or where they have their
+            own.
         feet: Where arches stand on a valley's sides: station and height of the land there [m].
     """
 

@@ -136,7 +136,7 @@ class PlanCurve:
 
     @cached_property
     def _known(self) -> Callable[[bytes], tuple[F64, F64]]:
-        """`frames` of few stations, float64, that remembers the last answers."""
+        """`frames` of few stations, float64, with a cache of the last results."""
         return lru_cache(maxsize=256)(lambda stations: self._integrated(np.frombuffer(stations)))
 
     def _integrated(self, station: F64) -> tuple[F64, F64]:

@@ -30,13 +30,13 @@ from groundwork.settings import Settings
 F64 = NDArray[np.float64]
 Piece = tuple[str, str, str, str, Mesh]
 
-CALM = 34.0  # distance from the site within which the site's relief dies out [m]
+CALM = 34.0  # distance from the site within which the site's relief fades to level [m]
 _ASPHALT = Cover("paved", "Asphalt", "road", "asphalt")
 _GLAZED = ("window", "glass_facade")
 
 
 class CitySettings(Settings):
-    """What the city looks like."""
+    """Appearance of the city."""
 
     reach: float = Field(default=2000.0, ge=1200.0, le=5000.0, description="reach of the terrain beyond the site [m]")
     town: float = Field(default=640.0, ge=150.0, le=900.0, description="reach of streets and buildings [m]")
@@ -93,7 +93,7 @@ def draw_town(settings: CitySettings, site: Site, rng: np.random.Generator) -> T
     """Draw where streets, blocks and buildings lie.
 
     Args:
-        settings: What the city looks like.
+        settings: Appearance of the city.
         site: The site.
         rng: Random stream.
 
@@ -149,7 +149,7 @@ def build_city(settings: CitySettings, site: Site, rng: np.random.Generator) -> 
 
 
 def _hills(land: Land, inner: Cell, settings: CitySettings, rng: np.random.Generator) -> Hills:
-    """Keep the town level, and let hills rise beyond it."""
+    """Keep the town level, with hills beyond it."""
     far = rolling_hills(land, inner, settings.hills, rng)
 
     def hills(station: F64, left: F64) -> F64:

@@ -23,7 +23,7 @@ FORESTS = 330.0  # distance of the nearest forest from the site [m]
 
 
 class CountrysideSettings(Settings):
-    """What the countryside looks like."""
+    """Appearance of the countryside."""
 
     reach: float = Field(default=2000.0, ge=400.0, le=5000.0, description="reach of the terrain beyond the site [m]")
     hills: float = Field(default=42.0, ge=0.0, le=150.0, description="typical height of the far hills [m]")

@@ -250,7 +250,7 @@ def _window(shutters: bool, rng: np.random.Generator) -> tuple[Mesh, tuple[Mesh,
         *(box(HOME, (s * (wide + 0.05), -0.02, 0.0), (0.06, 0.08, tall + 0.02), "yxX") for s in (-1.0, 1.0)),
         box(HOME, (0.0, -0.02, tall + 0.06), (wide + 0.11, 0.08, 0.06), "yzZxX"),
         box(HOME, (0.0, -0.05, -tall - 0.05), (wide + 0.18, 0.13, 0.05), "yzZxX"),
-    ]  # what lies in the wall nobody sees
+    ]  # what lies inside the wall is not visible
     leaves = [
         box(HOME, (s * (1.5 * wide + 0.12), -0.03, 0.0), (0.48 * wide, 0.035, tall), "yzZxX") for s in (-1.0, 1.0)
     ]

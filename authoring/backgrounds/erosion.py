@@ -82,7 +82,7 @@ def eroded(hills: Hills, gullies: tuple[Gullies, ...], spared: Hills) -> Hills:
     Args:
         hills: Heights of the land [m].
         gullies: From the widest to the narrowest.
-        spared: Share of their depth that they have at a place, 0 where the land stays as it is [1].
+        spared: Share of their depth that they have at a place, 0 where the land is unchanged [1].
 
     Returns:
         Heights of the eroded land [m]: nowhere above the hills.
@@ -112,6 +112,6 @@ def eroded(hills: Hills, gullies: tuple[Gullies, ...], spared: Hills) -> Hills:
 
 
 def _wave(turns: F64) -> F64:
-    """Evaluate about the sine of so many turns, in parabolas: the same on every platform, shape (N,), float64."""
+    """Approximate the sine of an angle in turns, by parabolas: the same on every platform, shape (N,), float64."""
     part = turns - np.floor(turns + 0.5)
     return 8.0 * part * (1.0 - 2.0 * np.abs(part))

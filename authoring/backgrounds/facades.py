@@ -13,12 +13,12 @@ F64 = NDArray[np.float64]
 Faces = dict[str, list[F64]]
 
 NEAR, MIDDLE = 80.0, 240.0  # distances to the site up to which facades have windows, and piers and bands [m]
-AROUND = 60.0  # how far beside the site somebody may look from [m]
+AROUND = 60.0  # how far beside the site a camera may be [m]
 PARAPET = 1.05  # height of parapets over the roof [m]
 SHOP_SILL, SHOP_HEAD = 0.55, 3.55  # of the shops' glazing [m]
 _FOOT = -1.6  # walls go down to here [m]
 _THICK = 0.35  # of parapets [m]
-_UNDER = 0.3  # part of a band that hangs below the floor [m]
+_UNDER = 0.3  # part of a band below the floor [m]
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def tower_faces(tower: Tower) -> Faces:
 
 
 def openings(tower: Tower, strip: F64) -> Openings:
-    """Find the windows of a near building, in the walls that somebody on or over the site may see.
+    """Find the windows of a near building, in the walls that are visible from the site or above it.
 
     Args:
         tower: The building.
@@ -126,7 +126,7 @@ def openings(tower: Tower, strip: F64) -> Openings:
 
 
 def _faces(tower: Tower, start: F64, along: F64, strip: F64) -> bool:
-    """Tell whether some place on the site, or somewhat beside it, lies before a wall."""
+    """Check whether some place on the site, or slightly beside it, lies in front of a wall."""
     corner = placed(np.array([[[*start, 0.0]]]), tower.spot, tower.heading)[0, 0, :2]
     turn = np.arctan2(along[1], along[0]) + tower.heading
     return float(((strip - corner) @ np.array([np.sin(turn), -np.cos(turn)])).max()) > -AROUND

@@ -1,4 +1,4 @@
-"""Roads, railways and rivers beyond the site: they go on to the land's border, or end where nobody sees them."""
+"""Roads, railways and rivers beyond the site: they continue to the land's border, or end where they are hidden."""
 
 import numpy as np
 from numpy.typing import NDArray

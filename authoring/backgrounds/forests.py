@@ -56,7 +56,7 @@ class Forests:
         return inside
 
     def over(self, hills: Hills) -> Hills:
-        """Let hills carry the canopy.
+        """Cover hills with the canopy.
 
         Args:
             hills: Height of the land at large [m].

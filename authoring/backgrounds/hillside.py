@@ -60,7 +60,7 @@ TOWN = Cover("town", "Town", "ground", "gravel")
 
 
 class HillsideSettings(Settings):
-    """What the hillside looks like."""
+    """Appearance of the hillside."""
 
     reach: float = Field(default=4200.0, ge=2500.0, le=6000.0, description="reach of the terrain beyond the site [m]")
     mountains: float = Field(default=520.0, ge=150.0, le=1200.0, description="typical height of the mountains [m]")
@@ -265,7 +265,7 @@ def _harbour(place: Waterside, plots: Plots, count: int, rng: np.random.Generato
 
 
 def _ships(place: Waterside, rng: np.random.Generator, first_id: int) -> list[Scatter]:
-    """Moor freighters at the quay, and let ships and boats pass."""
+    """Place freighters at the quay, and passing ships and boats."""
     terrain, sea = place.terrain, place.basin
     shapes = (freighter(rng), freighter(rng), ferry(rng), ferry(rng), motor_boat(rng), motor_boat(rng))
     half = np.array([[62.0, 10.0]] * 2 + [[21.0, 5.0]] * 2 + [[5.0, 2.0]] * 2)

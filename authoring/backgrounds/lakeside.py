@@ -36,7 +36,7 @@ TOWN = Style((15.0, 25.0), (12.0, 15.0), (3, 5), ("hip", "hip", "flat"), _PLASTE
 
 
 class LakesideSettings(Settings):
-    """What the lakeside looks like."""
+    """Appearance of the lakeside."""
 
     reach: float = Field(default=4200.0, ge=2500.0, le=6000.0, description="reach of the terrain beyond the site [m]")
     mountains: float = Field(default=620.0, ge=150.0, le=1200.0, description="typical height of the mountains [m]")
@@ -137,7 +137,7 @@ def _settlement(
 
 
 def _boats(place: Waterside, count: int, rng: np.random.Generator, first_id: int) -> list[Scatter]:
-    """Moor boats at the jetties, leave others at buoys, and let a few sail."""
+    """Place boats at the jetties, at buoys, and a few under sail."""
     terrain, lake = place.terrain, place.basin
     jetties = quay_places(terrain, lake, place.reaches, -11.0, 55.0)
     rows = [

@@ -49,7 +49,7 @@ def draw_lanes(
     *,
     gap: float = 24.0,
 ) -> tuple[Lane, ...]:
-    """Lay lanes along a slope; the crossing's valley divides them.
+    """Place lanes along a slope; the crossing's valley divides them.
 
     Args:
         terrain: The terrain.

@@ -20,7 +20,7 @@ SHORE = 26.0  # distance of fields from the shore [m]
 def valley_fields(
     terrain: Terrain, basin: Basin, plots: Plots, lanes: tuple[Lane, ...], rng: np.random.Generator
 ) -> tuple[tuple[Parcel, ...], tuple[tuple[Cover, F64], ...]]:
-    """Lay out fields where the land is even and dry, and nothing is built.
+    """Place fields where the land is flat and dry, and nothing is built.
 
     Args:
         terrain: The terrain.

@@ -143,7 +143,7 @@ def crop_fields(terrain: Terrain, parcels: tuple[Parcel, ...]) -> tuple[tuple[Co
 
 
 def clear_of(axis: Alignment, places: F64, taken: F64, gap: float) -> NDArray[np.bool_]:
-    """Tell which places keep clear of what stands already; distances count in the world, where the axis may bend.
+    """Find which places keep clear of existing objects; distances are measured in the world, where the axis may bend.
 
     Args:
         axis: Axis of the bridge.

@@ -22,7 +22,7 @@ _MARKED = 420.0  # distance from the site within which streets are painted [m]
 
 
 def plate(plan: TownPlan, block: Block, rise: float = KERB, margin: float = 0.0) -> Mesh | None:
-    """Lay a plate over a block as far as the land is free: its upper side, and a kerb all round.
+    """Build a pavement over a block as far as the land is free: its upper side, and a kerb all around.
 
     Args:
         plan: The town.

@@ -148,7 +148,7 @@ def _rectangles(terrain: Terrain, plots: Plots) -> list[F64]:
 
 
 def _overlap(one: F64, others: F64) -> B:
-    """Tell which rectangles a rectangle touches: no side of either parts them.
+    """Find which rectangles a rectangle touches: no side of either separates them.
 
     Source: S. Gottschalk, M. Lin, D. Manocha, OBBTree, 1996 (separating axes).
     """

@@ -25,7 +25,7 @@ class NoneSettings(Settings):
 
 
 class BackgroundSettings(Settings):
-    """Which background surrounds the site, and what each looks like."""
+    """The background that surrounds the site, and the settings of each."""
 
     name: str = Field(
         default="countryside",
@@ -46,7 +46,7 @@ class BackgroundSettings(Settings):
 
     @model_serializer(mode="wrap")
     def _without_summer(self, spell: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Spell settings of summer as before there were seasons: hashes and keys of results stay the same."""
+        """Serialize settings of summer as before there were seasons: hashes and keys of results stay the same."""
         values = spell(self)
         return {key: value for key, value in values.items() if (key, value) != ("season", SUMMER)}
 

@@ -1,4 +1,4 @@
-"""Quay walls with promenades where the river of a site goes on through a town."""
+"""Quay walls with promenades where the river of a site continues through a town."""
 
 from itertools import pairwise
 
@@ -24,7 +24,7 @@ _PAVED = 0.16  # height of the promenade over the land [m]
 
 
 def has_quays(terrain: Terrain) -> bool:
-    """Tell whether the crossing is a river, and no brook at the bottom of a valley."""
+    """Check whether the crossing is a river, not a brook at the bottom of a valley."""
     crossing = terrain.land.crossing
     return crossing.kind == "river" and (terrain.land.valley is None or crossing.half_width > _BROOK)
 

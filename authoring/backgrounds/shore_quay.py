@@ -29,7 +29,7 @@ def quay_reaches(terrain: Terrain, reach: float) -> list[F64]:
 
     Args:
         terrain: The terrain.
-        reach: How far it goes before and behind the site's middle [m].
+        reach: Length before and behind the site's middle [m].
 
     Returns:
         Stations of the cross-sections of each stretch [m], each of shape (N,), float64.
@@ -195,7 +195,7 @@ def _end(terrain: Terrain, basin: Basin, place: tuple[float, float], top: float)
 
 
 def _street(terrain: Terrain, basin: Basin, stations: F64) -> tuple[Line, F64]:
-    """Lay the street's middle line and the height of its crown [m]."""
+    """Compute the street's center line and the height of its crown [m]."""
     order = slice(None) if basin.side > 0 else slice(None, None, -1)
     at = stations[order]
     left = basin.side * (basin.near(at) - SETBACK)

@@ -30,7 +30,7 @@ class Waterside:
         terrain: The terrain.
         basin: The water.
         reaches: Stations of the cross-sections of each stretch of quay [m], each of shape (N,), float64.
-        prefix: Put before the names of what stands here.
+        prefix: Prefix of the names of these components.
     """
 
     terrain: Terrain
@@ -133,7 +133,7 @@ def anchored(
 
 
 def street_cars(place: Waterside, lanes: tuple[Lane, ...], rng: np.random.Generator, first_id: int) -> list[Scatter]:
-    """Let cars drive on the shore road, and park others beside it and on lanes.
+    """Place driving cars on the shore road, and parked ones beside it and on lanes.
 
     Args:
         place: The land and its quays.

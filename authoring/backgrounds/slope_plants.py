@@ -124,7 +124,7 @@ def draw_stands(rng: np.random.Generator) -> Relief:
 
 
 def _wooded(terrain: Terrain, lake: Basin, woods: Woods, station: F64, left: F64) -> F64:
-    """Tell how wooded places are: positive in woods [1], same shape, float64."""
+    """Compute how wooded places are: positive in woods [1], same shape, float64."""
     away, out = terrain.beyond(station, left), lake.side * left
     inland = np.maximum(-out, 0.0)
     across = smoothstep(120.0, 600.0, out - lake.near(station))

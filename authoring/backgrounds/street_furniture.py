@@ -72,7 +72,7 @@ def _panels(places: F64) -> Spots:
 
 
 def _plain(plan: TownPlan, spots: Spots) -> F64:
-    """Tell which panels are so far away that a plain one is as good: 0 or 1, shape (N,), float64."""
+    """Find which panels are so far away that a plain one is as good: 0 or 1, shape (N,), float64."""
     return (plan.land.look(plan.land.away, spots.places[:, :2], 1e4) > _DETAILED).astype(np.float64)
 
 

@@ -16,7 +16,7 @@ F64 = NDArray[np.float64]
 
 DETAILED = 60.0  # distance to the site up to which trees are modelled in detail [m]
 _SUNK = 0.25  # trunks go on below the ground [m]
-_WIDEST = 1.07  # most that a tree is wider than its size says [1]
+_WIDEST = 1.07  # largest ratio of a tree's width to its stated size [1]
 _LEAST = 0.4  # trees that would have to be smaller than this to keep off the site are left out [1]
 
 

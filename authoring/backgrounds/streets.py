@@ -241,7 +241,7 @@ def draw_plan(terrain: Terrain, reach: float, turned: float, rng: np.random.Gene
 def _lines(
     size: float, ranges: tuple[tuple[float, float], tuple[float, float]], rng: np.random.Generator, first: float | None
 ) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
-    """Lay streets out from the middle: centre and width of each, and the ends of the blocks between them [m]."""
+    """Place streets from the middle outwards: center and width of each, and the ends of the blocks between them [m]."""
     width = first if first is not None else float(rng.uniform(*ranges[1]))
     middle = 0.0 if first is not None else float(rng.uniform(-40.0, 40.0))
     streets, blocks = [(middle, width)], []

@@ -27,7 +27,7 @@ Cell = tuple[float, float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class Terrain:
-    """Ground all round a site, on a tensor grid whose outer lines bend with the river and the roads.
+    """Ground all around a site, on a tensor grid whose outer lines bend with the river and the roads.
 
     Attributes:
         land: The land.

@@ -158,7 +158,7 @@ def _ends(lines: F64, away: F64, wanted: B, demands: Demands) -> I64:
 
 
 def _fewer(lines: F64, kept: I64, wanted: B, widest: float, demands: Demands, row: int) -> I64:
-    """Drop every other line that nobody misses from a row outwards: numbers of those that stay."""
+    """Drop every other dispensable line from a row outwards; return the numbers of those that stay."""
     drop = np.zeros(len(kept), bool)
     drop[1:-1:2] = ~wanted[kept[1:-1:2]]
     wide = lines[kept[2:]] - lines[kept[:-2]] > widest

@@ -18,7 +18,7 @@ F64 = NDArray[np.float64]
 
 
 def traffic(plan: TownPlan, terrain: Terrain, lots: list[Block], count: int, rng: np.random.Generator) -> list[Scatter]:
-    """Park vehicles along kerbs and on lots, and let others drive on streets and through roads.
+    """Place parked vehicles along kerbs and on lots, and driving ones on streets and through roads.
 
     Args:
         plan: The town.
@@ -64,7 +64,7 @@ def _rows(plan: TownPlan, lot: Block, rng: np.random.Generator) -> Spots:
 
 
 def _on_streets(plan: TownPlan, rng: np.random.Generator) -> Spots:
-    """Let vehicles keep to the right of the streets' centre lines."""
+    """Place vehicles to the right of the streets' center lines."""
     rows, turns = [np.zeros((0, 2))], [np.zeros(0)]
     for street in plan.streets:
         for sign in (-1.0, 1.0):
@@ -80,7 +80,7 @@ def _on_streets(plan: TownPlan, rng: np.random.Generator) -> Spots:
 
 
 def _on_ways(terrain: Terrain, rng: np.random.Generator) -> list[Spots]:
-    """Let vehicles drive on the approach roads and on a crossing road, outside the site."""
+    """Place vehicles on the approach roads and on a crossing road, outside the site."""
     land, axis, found = terrain.land, terrain.land.layout.alignment, []
     first, last, low, high = terrain.inner
     if land.layout.track is None:

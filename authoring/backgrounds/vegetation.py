@@ -108,7 +108,7 @@ def species(rng: np.random.Generator) -> tuple[tuple[Plant, ...], tuple[Plant, .
 
 
 def graded(which: NDArray[np.int32], away: F64) -> NDArray[np.int32]:
-    """Let plain trees far away be those for the distance.
+    """Replace plain trees far away by those for the distance.
 
     Args:
         which: Number of the species of each plain tree, shape (N,), int32.

@@ -56,7 +56,7 @@ def water_level(land: Land) -> float:
 
 
 def causeway_share(land: Land, station: F64, left: F64) -> F64:
-    """Tell where land under the water's level carries the crossing way.
+    """Find where land under the water's level carries the crossing way.
 
     Args:
         land: The land.
@@ -73,7 +73,7 @@ def causeway_share(land: Land, station: F64, left: F64) -> F64:
 
 
 def with_shore(land: Land, basin: Basin, dry: Hills, foreshore: float, slope: Hills) -> Hills:
-    """Let land at large fall to a shore and on below the water; a crossing road is carried to the shore.
+    """Lower the surrounding land to a shore and below the water; a crossing road is extended to the shore.
 
     Args:
         land: The land.
@@ -126,7 +126,7 @@ def level_shore(terrain: Terrain, basin: Basin) -> Terrain:
 
 
 def _channel(land: Land, station: F64, left: F64) -> NDArray[np.bool_]:
-    """Tell where a river runs through the land, with its banks, same shape, bool."""
+    """Find where a river runs through the land, with its banks, same shape, bool."""
     crossing = land.crossing
     if crossing.kind != "river":
         return np.zeros(np.broadcast(station, left).shape, bool)

@@ -59,7 +59,7 @@ def plant_fences(terrain: Terrain, rng: np.random.Generator, first_id: int) -> t
 
 
 def drive_cars(terrain: Terrain, count: int, rng: np.random.Generator, first_id: int) -> tuple[Scatter, ...]:
-    """Let cars drive on the approach roads, on the right; none where the bridge carries a railway.
+    """Place cars on the approach roads, on the right; none where the bridge carries a railway.
 
     Args:
         terrain: The terrain.

@@ -102,7 +102,7 @@ def tree_runs(terrain: Terrain, prefix: str, places: F64, rng: np.random.Generat
     positions = to_world(terrain.land.layout.alignment, np.column_stack([places[:, :2], height]))
     scale = places[:, 3:] * rng.uniform(0.92, 1.08, (len(places), 3))
     yaw = rng.uniform(0.0, 2 * np.pi, len(places))
-    rank = np.argsort(np.argsort(away, kind="stable"), kind="stable")  # of detailed trees there are only so many
+    rank = np.argsort(np.argsort(away, kind="stable"), kind="stable")  # the number of detailed trees is limited
     reach = (CLOSE, MIDDLE, FAR)
     fits = [(away < most) & (rank < count) for most, count in zip(reach, MOST, strict=True)]
     grade = np.select(fits, [0, 1, 2], 3)
@@ -126,7 +126,7 @@ def shrub_run(
         terrain: The terrain.
         prefix: Put before the name of the run.
         places: Station [m], left [m] and scale [1] of each, shape (N, 3), float64.
-        shapes: What they look like, in detail and then as many plain ones.
+        shapes: Their shapes, in detail and then as many plain ones.
         rng: Random stream.
         first_id: Instance id of the run.
 
@@ -146,7 +146,7 @@ def shrub_run(
 
 
 def clear_ground(terrain: Terrain, places: F64, plots: Plots, gap: float) -> B:
-    """Tell where plants may grow: off the ways, the site and the buildings.
+    """Find where plants may grow: outside the ways, the site and the buildings.
 
     Args:
         terrain: The terrain.

@@ -35,7 +35,7 @@ class Labeling:
 
     @classmethod
     def parse(cls, words: Iterable[str]) -> "Labeling":
-        """Read `kind` or `pattern=kind` words; a bare kind stands for every object.
+        """Read `kind` or `pattern=kind` words; a kind without a pattern applies to every object.
 
         Args:
             words: What the user said.
@@ -53,7 +53,7 @@ class Labeling:
         return cls(tuple(sorted(rules, key=lambda rule: rule[0] == "*")))
 
     def label(self, name: str, prim: Usd.Prim) -> str:
-        """Choose the label of a new object: a rule, else what it says itself or what it is a part of, else background.
+        """Choose the label of a new object: that of a rule, else its own or its parent's, else background.
 
         Args:
             name: Name of the object.

@@ -1,4 +1,4 @@
-"""A new body as a mesh of the scene: its faces, colours, texture coordinates, and what its faces wear."""
+"""A new object as a mesh of the scene: its faces, colours, texture coordinates, and the materials of its faces."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ _TIME = Usd.TimeCode.EarliestTime()
 
 
 def write_body(spec: Sdf.PrimSpec, prim: Usd.Prim) -> None:
-    """Author what a body is made of; where it stands is another matter.
+    """Author the mesh of an object, without its placement.
 
     Args:
         spec: A mesh in a layer.
@@ -50,7 +50,7 @@ def write_body(spec: Sdf.PrimSpec, prim: Usd.Prim) -> None:
 
 
 def bound_materials(prim: Usd.Prim) -> dict[str, UsdShade.Material]:
-    """Find what materials a body wears: name of a subset of faces, empty for the body itself, to the material.
+    """Find the materials of an object: name of a subset of faces, empty for the object itself, to the material.
 
     Args:
         prim: Body of a stage.
@@ -67,7 +67,7 @@ def _subsets(prim: Usd.Prim) -> list[tuple[Usd.Prim, str, NDArray[np.int64]]]:
 
 
 def _write_primvars(spec: Sdf.PrimSpec, prim: Usd.Prim) -> None:
-    """Copy colours, and texture coordinates of other names, as they are; a solid has one colour."""
+    """Copy colours, and texture coordinates of other names, unchanged; a solid has one colour."""
     for primvar in UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance():
         name, kind = primvar.GetPrimvarName(), primvar.GetTypeName()
         is_uv = kind in (_TYPES.TexCoord2fArray, _TYPES.Float2Array) and name not in UV_SETS

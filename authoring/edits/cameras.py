@@ -31,7 +31,7 @@ def harvest_cameras(
     Args:
         layer: Edits layer, without the cameras of earlier edits.
         scene: The scene without earlier edits.
-        edited: What a DCC made of it, in any unit and up axis.
+        edited: The same stage as exported by a DCC, in any unit and up axis.
         taken: Names of prims; those of the new cameras are added to it.
 
     Returns:
@@ -57,13 +57,13 @@ def _ignore(line: str) -> None:
 
 
 def _on_flight(poses: F64, flight: F64) -> bool:
-    """Tell whether every pose is one of a flight: a DCC exports all frames, or just the one that it shows."""
+    """Check whether every pose is one of a flight: a DCC exports all frames, or just the one that it shows."""
     apart = np.abs(poses[:, None] - flight[None]).max(axis=(2, 3))
     return bool((apart.min(axis=1) <= MOVED).all())
 
 
 def _same_view(one: UsdLens, other: UsdLens) -> bool:
-    """Tell whether two lenses see equally wide; a DCC rewrites the height of the sensor after its picture."""
+    """Check whether two lenses have equal fields of view; a DCC adapts the height of the sensor to its picture."""
     wide, as_wide = (lens.horizontal_aperture / max(lens.focal_length, 1e-9) for lens in (one, other))
     return bool(np.isclose(wide, as_wide, rtol=LENS))
 

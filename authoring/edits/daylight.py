@@ -1,4 +1,4 @@
-"""What a DCC did to the sun: turned or dimmed, it comes home into the light that was selected."""
+"""Edits of the sun in a DCC: its direction and strength are written to the selected light."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ def find_sun(scene: Usd.Stage, edited: Usd.Stage) -> tuple[Usd.Prim | None, Usd.
 
     Args:
         scene: The scene without earlier edits.
-        edited: What a DCC made of it.
+        edited: The same stage as exported by a DCC.
     """
     ours, theirs = _suns(scene), _suns(edited)
     named = [prim for prim in theirs if ours and object_name(prim) == ours[0].GetName()]
@@ -70,7 +70,7 @@ def harvest_sun(layer: Sdf.Layer, scene: Usd.Stage, prim: Usd.Prim | None, edite
 
 
 def _strength(prim: Usd.Prim) -> F64:
-    """Read colour times intensity; Blender says of every light that it has a colour temperature, of white."""
+    """Read color times intensity; Blender writes a color temperature, that of white, on every light."""
     light, time = UsdLux.LightAPI(prim), Usd.TimeCode.EarliestTime()
     color = np.array(light.GetColorAttr().Get(time)) * light.GetIntensityAttr().Get(time)
     kelvin = light.GetColorTemperatureAttr()

@@ -53,7 +53,7 @@ def edits_left_out(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> lis
 
     Args:
         before: The scene without earlier edits.
-        after: What a DCC made of it.
+        after: The same stage as exported by a DCC.
         matches: What the two have in common.
 
     Returns:

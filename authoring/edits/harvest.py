@@ -49,7 +49,7 @@ class Harvest:
     Attributes:
         moved: Prims that stand elsewhere, and a sun that shines from elsewhere or otherwise.
         reshaped: Meshes with other points, faces, normals or texture coordinates.
-        recoloured: Materials with other values or textures, and meshes that wear another material.
+        recoloured: Materials with other values or textures, and meshes bound to another material.
         added: New objects and their labels.
         removed: Prims that were switched off.
         missing: Prims that the edited stage lacks and that stay.
@@ -165,7 +165,7 @@ def _open(path: Path) -> Usd.Stage:
 
 
 def _placer(scene: Usd.Stage) -> Place:
-    """Say where edits of a prim go: those of materials and backgrounds into the variant that is selected."""
+    """Choose the target of edits of a prim: for materials and backgrounds, the selected variant."""
     homes = []
     for prim, name, scope in (
         (tokens.BRIDGE, "look", f"{tokens.BRIDGE}/BridgeLooks"),
@@ -186,7 +186,7 @@ def _placer(scene: Usd.Stage) -> Place:
 
 
 def _worn(place: Place, path: Sdf.Path) -> Sdf.Path:
-    """Say where the binding of a mesh goes: into the look, when it belongs to the bridge."""
+    """Choose the target of a mesh's binding: the look, when the mesh is part of the bridge."""
     bridge = Sdf.Path(tokens.BRIDGE)
     if not path.HasPrefix(bridge):
         return place(path)
@@ -228,7 +228,7 @@ def _recolor(
     matches: Matches,
     textures: Textures,
 ) -> tuple[dict[str, str], list[str]]:
-    """Take over colours and materials; gives the copied textures, and the names of what changed."""
+    """Import colours and materials; returns the copied textures, and the names of changed prims."""
     copies: dict[str, str] = {}
     names: list[str] = []
     ours, theirs = materials_by_name(before), materials_by_name(after)
@@ -248,7 +248,7 @@ def _recolor(
 def _wear(
     layer: Sdf.Layer, path: Sdf.Path, worn: UsdShade.Material, ours: dict[str, UsdShade.Material]
 ) -> dict[str, str]:
-    """Bind a prim to a material of the scene, or to a copy of one that the scene lacks or that goes with a world."""
+    """Bind a prim to a material of the scene, or to a copy of one that the scene lacks or that is part of a world."""
     known, world = ours.get(name_of(worn)), Sdf.Path(tokens.BACKGROUND)
     stays = known is not None and (path.HasPrefix(world) or not known.GetPath().HasPrefix(world))
     if known is not None and stays:
@@ -302,7 +302,7 @@ def _former_ids(layer: Sdf.Layer) -> dict[str, int]:
 
 
 def _forget(layer: Sdf.Layer, place: Place, scene: Usd.Stage, matches: Matches) -> None:
-    """Take out of earlier edits what the edited stage brings anew: matched prims, materials and additions."""
+    """Remove from earlier edits what the edited stage replaces: matched prims, materials and additions."""
     doomed = [Sdf.Path(ADDITIONS), *(place(material.GetPath()) for material in materials_by_name(scene).values())]
     for path in matches.pairs:
         doomed += [place(path), _worn(place, path)]

@@ -15,7 +15,7 @@ _DECIMALS = 6
 
 
 def is_lamp(prim: Usd.Prim) -> bool:
-    """Tell whether a prim is a light of its own, and neither a sky nor a mesh that glows.
+    """Check whether a prim is a separate light, neither a sky nor an emissive mesh.
 
     Args:
         prim: Any prim.
@@ -31,7 +31,7 @@ def harvest_lamps(
     Args:
         layer: Edits layer, without the lights of earlier edits.
         scene: The scene without earlier edits.
-        edited: What a DCC made of it, in any unit and up axis.
+        edited: The same stage as exported by a DCC, in any unit and up axis.
         sun: The light of the edited stage that is the scene's sun.
         taken: Names of prims; those of the new lights are added to it.
 

@@ -38,7 +38,7 @@ def match_stages(scene: Usd.Stage, edited: Usd.Stage) -> Matches:
 
     Args:
         scene: The scene without earlier edits.
-        edited: What a DCC made of it.
+        edited: The same stage as exported by a DCC.
     """
     ours = {identity: prim.GetPath() for prim in _scene_prims(scene) if (identity := stable_id(prim))}
     candidates: dict[str, list[Usd.Prim]] = {}
@@ -92,7 +92,7 @@ def object_name(prim: Usd.Prim) -> str:
 
 
 def is_blender(stage: Usd.Stage) -> bool:
-    """Tell whether Blender exported a stage: what it never writes is then no edit.
+    """Check whether Blender exported a stage: what Blender never writes then counts as no edit.
 
     Args:
         stage: An edited stage.
@@ -171,7 +171,7 @@ def _added(scene: Usd.Stage, edited: Usd.Stage, pairs: dict[Sdf.Path, Usd.Prim])
 
 
 def _is_brought(prim: Usd.Prim, copied: set[Sdf.Path], known: set[str]) -> bool:
-    """Tell whether the scene has a body without an id: inside what repeats, or in a world from elsewhere."""
+    """Check whether an object without an id is one of the scene: inside an instance, or in an imported world."""
     if any(path in copied for path in home_path(prim).GetPrefixes()):
         return True
     return not stable_id(prim) and (prim.GetAttribute(DATA_NAME).Get() or prim.GetName()) in known
@@ -205,7 +205,7 @@ def _anonymous(prim: Usd.Prim) -> bool:
 
 
 def free_name(wanted: str, taken: set[str]) -> str:
-    """Spell an object's name as a prim name that no other prim has.
+    """Convert an object's name to a unique prim name.
 
     Args:
         wanted: What the DCC calls the object.

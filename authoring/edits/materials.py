@@ -1,4 +1,4 @@
-"""What was recoloured: surface values and textures of materials, and which material a mesh wears."""
+"""Changes of color: surface values and textures of materials, and the material of a mesh."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -48,7 +48,7 @@ class Textures:
     """The textures of a scene by file name: a DCC that gathers them in one folder mixes up those of one name."""
 
     def __init__(self, folder: Path) -> None:
-        """Look up names only; files are read when they are asked for.
+        """Collect names only; files are read when they are used.
 
         Args:
             folder: Scene folder.
@@ -59,7 +59,7 @@ class Textures:
                 self._files.setdefault(path.name, []).append(path)
 
     def knows(self, file: str, named: str) -> bool:
-        """Tell whether a file is a texture of the scene, under its own name or that of the one it would replace.
+        """Check whether a file is a texture of the scene, under its own name or that of the one it would replace.
 
         Args:
             file: Texture of the edited stage.
@@ -86,7 +86,7 @@ def materials_by_name(stage: Usd.Stage) -> dict[str, UsdShade.Material]:
 
 
 def bound_name(prim: Usd.Prim) -> str:
-    """Find the name of the material that a prim wears.
+    """Find the name of the material bound to a prim.
 
     Args:
         prim: A Gprim.

@@ -20,7 +20,7 @@ def moved_prims(scene: Usd.Stage, edited: Usd.Stage, pairs: dict[Sdf.Path, Usd.P
 
     Args:
         scene: The scene.
-        edited: What a DCC made of it, in any unit and up axis.
+        edited: The same stage as exported by a DCC, in any unit and up axis.
         pairs: Path in the scene to the prim of the edited stage.
 
     Returns:
@@ -46,7 +46,7 @@ def moved_prims(scene: Usd.Stage, edited: Usd.Stage, pairs: dict[Sdf.Path, Usd.P
 
 
 def differs(before: F64, after: F64) -> bool:
-    """Tell whether two transforms differ by more than a round trip does.
+    """Check whether two transforms differ by more than a round trip does.
 
     Args:
         before: Transform [stage units], shape (4, 4), float64.
@@ -83,7 +83,7 @@ def hidden_prims(scene: Usd.Stage, pairs: dict[Sdf.Path, Usd.Prim]) -> dict[Sdf.
 
     Args:
         scene: The scene.
-        pairs: Path in the scene to the prim of what a DCC made of it.
+        pairs: Path in the scene to the prim that a DCC exported for it.
 
     Returns:
         Whether each such prim is visible now.

@@ -38,7 +38,7 @@ class Surface:
 
 
 def is_body(prim: Usd.Prim) -> bool:
-    """Tell whether a prim is a mesh, or one of USD's own solids, which a mesh can stand for.
+    """Check whether a prim is a mesh, or one of USD's own solids, which a mesh can replace.
 
     Args:
         prim: Any prim.

@@ -32,7 +32,7 @@ class AtlasRaster:
         self._areas: dict[int, tuple[float, float]] = {}
 
     def footprint(self, number: int) -> float:
-        """Tell how much of the first UV set one texel shows, on average [m].
+        """Compute how much of the first UV set one texel shows, on average [m].
 
         Args:
             number: Owner.
@@ -64,7 +64,7 @@ class AtlasRaster:
         self._meshes += 1
 
     def fill_gutters(self, image: F32) -> F32:
-        """Let colours grow over the edges of their charts; what is far from all of them gets their mean.
+        """Extend colours over the edges of their charts; texels far from all charts get the mean.
 
         Args:
             image: Colours of the drawn texels [1], shape (H, H, 3), float32.

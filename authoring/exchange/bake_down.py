@@ -1,4 +1,4 @@
-"""Burning in: what `FalseworkDetailAPI` says becomes part of plain textures, for renderers that do not know it."""
+"""Baking: the effect of `FalseworkDetailAPI` is written into plain textures, for renderers that do not support it."""
 
 from collections import defaultdict
 from dataclasses import dataclass, field
@@ -131,7 +131,7 @@ def _still_procedural(stage: Usd.Stage) -> list[Sdf.Path]:
 
 
 def _worn(stage: Usd.Stage) -> set[Sdf.Path]:
-    """Find the materials that anything is bound to, what stands for native instances included: no prim of the scene."""
+    """Find the materials that anything is bound to, including the prototypes of native instances."""
     binding = (UsdShade.MaterialBindingAPI(prim).GetDirectBindingRel() for prim in stage.TraverseAll())
     return {target for relation in binding for target in relation.GetTargets()}
 

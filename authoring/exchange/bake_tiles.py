@@ -20,13 +20,13 @@ _BRIGHTEST = np.float32(0.95)  # albedo, as in our renderer
 
 
 def bake_tile(baking: Baking, path: Sdf.Path, texels: int, patched: bool) -> None:
-    """Give a material a larger tile with its detail burnt in; one without a tiled base texture stays as it is.
+    """Give a material a larger tile with its detail baked in; one without a tiled base texture is unchanged.
 
     Args:
         baking: Stage and textures.
         path: A material with detail.
         texels: Texels along a side of the tile [px].
-        patched: Its macro texture is repeated in tiles, too, and goes into this one.
+        patched: Its macro texture is repeated in tiles, too, and is baked into this one.
     """
     stage = baking.stage
     material = UsdShade.Material(stage.GetPrimAtPath(path))
@@ -66,7 +66,7 @@ def remove_detail(prim: Usd.Prim) -> None:
 
 
 def whole_periods(periods: tuple[float, ...], side: float) -> tuple[int, ...]:
-    """Count how many times each period goes into a tile, rounded.
+    """Count how many times each period fits into a tile, rounded.
 
     Args:
         periods: Periods of the detail [m].

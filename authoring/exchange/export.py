@@ -1,4 +1,4 @@
-"""A scene in one file for others: usdz or GLB, as it is or with everything burnt into plain textures."""
+"""A scene in one file for other programs: usdz or GLB, unchanged or with everything baked into plain textures."""
 
 import tempfile
 from pathlib import Path

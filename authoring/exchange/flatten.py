@@ -61,7 +61,7 @@ def _flatten(stage: Usd.Stage, out: Path, temporary: Path) -> list[str]:
 
 
 def _is_ours(path: Path) -> bool:
-    """Tell whether a file is a layer that was flattened here."""
+    """Check whether a file is a layer that was flattened here."""
     try:
         layer = Sdf.Layer.OpenAsAnonymous(str(path), metadataOnly=True)
     except Exception:  # not a layer

@@ -28,7 +28,7 @@ def write_glb(stage: Path, out: Path, warn: Warn) -> list[str]:
     Args:
         stage: Any USD stage.
         out: File to write.
-        warn: Called with one line for each thing that the stage or GLB cannot say.
+        warn: Called with one line for each thing that the stage or GLB cannot express.
 
     Returns:
         Names of the nodes.
@@ -70,7 +70,7 @@ def write_glb(stage: Path, out: Path, warn: Warn) -> list[str]:
 
 
 def _sign(tree: dict[str, Any]) -> None:
-    """Say in the file who made it, before anything long."""
+    """Record the generator in the file, before any long entry."""
     asset = {**tree.pop("asset"), "generator": SIGNATURE}
     rest = dict(tree)
     tree.clear()
@@ -128,7 +128,7 @@ def _placed(uv: NDArray[np.float32], texture: Texture) -> NDArray[np.float64]:
 
 
 class _Picture:
-    """A JPEG or PNG file in memory, as much of an image as trimesh's GLB writer asks for."""
+    """A JPEG or PNG file in memory, with the image interface that trimesh's GLB writer uses."""
 
     def __init__(self, texture: Texture, *, keeps_alpha: bool) -> None:
         import cv2
@@ -145,7 +145,7 @@ class _Picture:
         self._data = cv2.imencode(ending, image, quality)[1].tobytes()
 
     def tobytes(self) -> bytes:
-        """Give the bytes that the material is told apart by."""
+        """Return the bytes that distinguish the material."""
         return self._data
 
     def save(self, file: BinaryIO, format: str) -> None:

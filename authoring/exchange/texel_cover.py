@@ -16,7 +16,7 @@ _AT_ONCE = 2_000_000  # texels in the boxes around the triangles that are looked
 
 @dataclass(frozen=True, eq=False)
 class Cover:
-    """Triangles and texels that belong together, triangle by triangle.
+    """Pairs of triangles and texels, triangle by triangle.
 
     Attributes:
         triangle: Row of each triangle, shape (N,), int64.

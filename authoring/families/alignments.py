@@ -65,7 +65,7 @@ class Carried:
         supports: Stations of the bearing lines, abutments first and last [m].
         half_width: Half the deck's width [m].
         service: `road` or `rail`.
-        straight: Arches and cables want a straight axis with square supports and no crest.
+        straight: Arches and cables need a straight axis with square supports and no crest.
     """
 
     supports: tuple[float, ...]
@@ -106,7 +106,7 @@ def draw_alignment(
     else:
         drawn_skew = skew_sign * sizes["skew"] if skewed and not paper else 0.0
         skew = float(np.radians(settings.skew if settings.skew is not None else drawn_skew))
-    if settings.skew is None and settings.radius is not None:  # what is drawn gives way to what is fixed
+    if settings.skew is None and settings.radius is not None:  # drawn values yield to fixed ones
         widest = float(np.arccos(np.sqrt(min(LEAST_RADIUS[service] / settings.radius, 1.0))))
         skew = float(np.clip(skew, -widest, widest)) + 0.0
     if profile != "grade" and free and settings.crest_radius is not None:  # the ends must not become too steep

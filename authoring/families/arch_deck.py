@@ -1,4 +1,4 @@
-"""Deck arches with open spandrels: ring or ribs below, columns and cross-heads, a deck that goes on over the banks."""
+"""Deck arches with open spandrels: ring or ribs below, columns and crossheads, a deck that continues over the banks."""
 
 from dataclasses import dataclass, replace
 
@@ -118,7 +118,7 @@ def raised(layout: Layout, rib: Rib, springing: float) -> Layout:
 
 
 def with_springing_ground(layout: Layout, rib: Rib) -> Layout:
-    """Tell the site where the springings want the land: just below the lower edge of their faces.
+    """Return where the springings need the ground: just below the lower edge of their faces.
 
     Args:
         layout: Axis at its last height.
@@ -164,7 +164,7 @@ def _draw_section(choice: ArchChoice, width: float, draws: Draws) -> RibSection:
         return RibSection("concrete", ring, (0.0,), sharp)
     count = 2 if width <= 15.0 else (3 if width <= 22.0 else 4)
     outer = (0.28 + 0.06 * spread) * width
-    least = max(0.9, (choice.rise + _BELOW) / _RIB_SLENDERNESS + 0.16)  # what the tallest columns on it want
+    least = max(0.9, (choice.rise + _BELOW) / _RIB_SLENDERNESS + 0.16)  # what the tallest columns on it need
     most = min(2.6, 1.2 * outer / (count - 1))
     rib = min(max(choice.depth * (0.7 + 0.5 * rib_share), least), most)
     lines = tuple(round(float(line), 3) for line in np.linspace(-outer, outer, count))

@@ -1,4 +1,4 @@
-"""What a scenario says about an arch bridge, and the draw of what all arrangements share."""
+"""Settings of an arch bridge in a scenario, and the random draw of what all arrangements share."""
 
 from dataclasses import dataclass
 from typing import Literal

@@ -246,7 +246,7 @@ def _start(choice: ArchChoice, rib: Rib, floor: Floor) -> float:
 
 
 def _placed(arch: DrawnThroughArch, place: Alignment) -> Rib:
-    """Let a tied arch follow its ties, on a grade too."""
+    """Make a tied arch follow its ties, on a grade too."""
     if arch.kind != "tied":
         return arch.rib
     ends = np.array([arch.rib.start, arch.rib.start + arch.rib.axis.span, arch.rib.middle])

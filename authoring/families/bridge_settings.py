@@ -1,4 +1,4 @@
-"""What a scenario says about its bridge, and the draw of everything that it leaves open."""
+"""Settings of the bridge in a scenario, and the random draw of everything that they leave open."""
 
 from collections.abc import Mapping
 from typing import Literal

@@ -1,4 +1,4 @@
-"""What decks that hang from cables share: the bearings, piers and abutments that carry them, and the towers' feet."""
+"""Common parts of cable-supported decks: their bearings, piers and abutments, and the towers' bases."""
 
 from dataclasses import dataclass, replace
 
@@ -106,7 +106,7 @@ class Supports:
 
 
 def support_parts(hung: CableSupportedDeck, supports: Supports, place: Alignment, ground: Ground) -> list[Part]:
-    """Build bearings, towers, piers and abutments, and what hangs at the deck between them.
+    """Build bearings, towers, piers and abutments, and the attachments of the deck between them.
 
     Args:
         hung: The deck.

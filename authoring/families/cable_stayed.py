@@ -48,7 +48,7 @@ _DRAWN = (
     "slenderness",
 )
 _DROP = 6.5  # [m] from a pylon's lower cross beam to the ground, for its proportions
-_GROWTH, _GROWTHS = 1.06, 40  # of a main span that an asked shape finds too short
+_GROWTH, _GROWTHS = 1.06, 40  # of a main span that is too short for a requested shape
 _ANCHORED, _ANCHOR_PITCH = 40.0, 36.0  # [m] side spans from here on may stand on anchor piers, so far apart at most
 _MEDIAN = 1.4  # [m] for the sockets of a single plane
 
@@ -212,7 +212,7 @@ def _height(choice: Choice, values: dict[str, float]) -> float:
 def _deck(
     choice: Choice, width: float, depth: float, values: dict[str, float], chamfered: bool, plane: float = 0.0
 ) -> CableDeck:
-    """Lay out the cross-section: beams under the stays where these stand on the deck."""
+    """Design the cross-section: beams under the stays where these are anchored in the deck."""
     slab, share = values["slab"], values["share"]
     below = round(depth - slab, 2)
     half = 0.5 * width

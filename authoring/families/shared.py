@@ -50,7 +50,7 @@ class AxisNeeds:
         lowest_soffit: Lowest underside of the superstructure above the finished deck surface, negative [m].
         seat: Top of the abutments' seats above the finished deck surface, negative [m].
         walls: Length of the wing walls behind the abutments' back faces [m].
-        straight: The family wants a straight axis, square supports and no crest.
+        straight: The family needs a straight axis, square supports and no crest.
         least_clearance: Height over z = 0 that the superstructure keeps in any case [m].
     """
 

@@ -1,4 +1,4 @@
-"""The spans of slab, beam and girder bridges: drawn or given, checked, and laid out along the axis."""
+"""The spans of slab, beam and girder bridges: drawn or given, checked, and placed along the axis."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,8 +24,8 @@ class SpanRule:
     Attributes:
         family: Key of the family in `[bridge]`.
         members: What spans, as users call it.
-        shortest: Least span that a user may ask for [m].
-        longest: Largest span that a user may ask for [m].
+        shortest: Least span that a user may set [m].
+        longest: Largest span that a user may set [m].
         drawn: Least and largest inner span that is drawn [m]: uniform for slabs, log-uniform for girders.
         shortest_end: Least end span that is drawn, unless the inner spans are shorter [m].
         one_row: Members that run through stand on one row of bearings at each pier.
@@ -44,7 +44,7 @@ class SpanRule:
 
 
 class SpanLengths(Settings):
-    """What the settings of slabs, beams and girders have in common; each says for itself what it means there."""
+    """Settings that slabs, beams and girders have in common; each family documents their meaning."""
 
     spans: tuple[float, ...] = Field(default=(), description="Bearing line to bearing line [m]; empty: drawn")
 
@@ -61,8 +61,8 @@ class OwnDraws:
 
     Attributes:
         count: Number of spans where they are drawn.
-        fit: Brings a drawn inner span [m] to what goes with the rest of the bridge.
-        continuous: Members run through over the piers; None: a setting `continuous` says so, or is drawn.
+        fit: Adapts a drawn inner span [m] to the rest of the bridge.
+        continuous: Members are continuous over the piers; None: set by `continuous`, or drawn.
     """
 
     count: int
@@ -103,7 +103,7 @@ def draw_spans(rule: SpanRule, settings: SpanLengths, own: OwnDraws, bearings: B
 def _lay_out(
     rule: SpanRule, lengths: tuple[float, ...], ends: tuple[float, float], bearings: Bearings, *, continuous: bool
 ) -> Spans:
-    """Lay out spans from station 0 on; `ends`: least overhang of a member, and expansion gap [m]."""
+    """Place spans from station 0 on; `ends`: least overhang of a member, and expansion gap [m]."""
     for length in lengths:
         if not rule.shortest <= length <= rule.longest:
             nearest = min(max(length, rule.shortest), rule.longest)
@@ -122,7 +122,7 @@ def _lay_out(
 
 
 def _regular(rule: SpanRule, count: int, inner: float, share: float | None) -> tuple[float, ...]:
-    """Lay out equal inner spans between two shorter end spans [m]; one or two are alike, all without a share."""
+    """Compute equal inner spans between two shorter end spans [m]; one or two, or all without a share, are equal."""
     if count < 3 or share is None:
         return (inner,) * count
     end = max(round(inner * share, 1), min(rule.shortest_end, inner))

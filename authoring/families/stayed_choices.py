@@ -204,7 +204,7 @@ def choose(settings: CableStayedSettings, top: DeckTop, randoms: RandomDraws, fi
         settings: What the user fixed.
         top: What lies on the deck.
         randoms: Random numbers that decide what the user left open.
-        fits: Tells whether legs and stays of such a bridge clear the traffic.
+        fits: Checks whether legs and stays of such a bridge clear the traffic.
     """
     divided = top.roadway is not None and top.roadway.lanes % 2 == 0
     if settings.shape is not None:
@@ -212,7 +212,7 @@ def choose(settings: CableStayedSettings, top: DeckTop, randoms: RandomDraws, fi
     shape = weighted_choice(_SHAPES, randoms.shape)
     two_planes = settings.planes == 2 or settings.deck in (set(_DECKS[2]) - set(_DECKS[1]))
     if (two_planes or not divided) if shape == "mast" else (shape in _LEANING and settings.arrangement == "harp"):
-        shape = "h"  # what is drawn yields to what was asked for
+        shape = "h"  # drawn values yield to fixed ones
     if shape == "h" or settings.planes == 1:
         return _choice(settings, shape, randoms, divided)
     open_settings = settings.model_copy(update={"arrangement": None, "planes": None, "deck": None})

@@ -106,7 +106,7 @@ def pylon_of(choice: Choice, frame: Frame, strip: float) -> tuple[Pylon, float]:
 
 
 def _headed(base: Pylon, choice: Choice, frame: Frame, line: float) -> Pylon:
-    """Let the legs lean from beside the deck until they meet."""
+    """Incline the legs from beside the deck until they meet."""
     width = base.width
     meet = 0.5 * width + 0.01
     merge = frame.height - max(1.6 * width, 0.12 * frame.height)
@@ -188,7 +188,7 @@ def stays_of(choice: Choice, frame: Frame, pylon: Pylon, plane: float) -> Stays:
     Args:
         choice: Kind of the bridge.
         frame: What they have to fit.
-        pylon: What they hang on.
+        pylon: The pylon that carries them.
         plane: Their feet, distance to the left of the axis [m].
     """
     least = pylon.merge + 0.3 if choice.shape == "h" else 0.0
@@ -208,7 +208,7 @@ def stays_of(choice: Choice, frame: Frame, pylon: Pylon, plane: float) -> Stays:
 
 
 def clears_traffic(choice: Choice, frame: Frame, pylon: Pylon, stays: Stays) -> bool:
-    """Tell whether legs and stays stay out of the traffic's gauge.
+    """Check whether legs and stays stay out of the traffic's gauge.
 
     Args:
         choice: Kind of the bridge.

@@ -13,8 +13,8 @@ from groundwork.settings import Settings
 _TOTAL = {"compact": (140.0, 260.0), "realistic": (420.0, 640.0)}  # [m] whole bridge
 _LEAST_MAIN = {"compact": 80.0, "realistic": 300.0}  # [m] drawn: below it a girder spans what two towers would
 _PITCHES = {"compact": (3.0, 6.0), "realistic": (8.0, 18.0)}
-_OVER_DECK = (1.6, 8.0)  # [m] of the cables' lowest point, that a user may ask for
-_SAG_RATIOS = (0.05, 0.25)  # of the sag over the main span, that a user may ask for [1]
+_OVER_DECK = (1.6, 8.0)  # [m] height of the cables' lowest point that a user may set
+_SAG_RATIOS = (0.05, 0.25)  # of the sag over the main span, that a user may set [1]
 _PAPER_TOWER = (30.0, 40.0)  # [m] towers of the paper's generator
 _PAPER_PITCH = 2.0  # [m]
 
@@ -162,7 +162,7 @@ def choose_suspension(settings: SuspensionSettings, draws: Draws) -> SuspensionC
 
 
 def check_sag(settings: SuspensionSettings, choice: SuspensionChoice) -> None:
-    """Refuse cables that hang through the deck or high above it, and towers that no sag between them and it suits.
+    """Refuse cables that pass through the deck or high above it, and towers without a possible sag between them and it.
 
     Args:
         settings: What the user fixed.

@@ -17,7 +17,7 @@ _NAMED = 5
 
 
 def localize(layer: Sdf.Layer, folder: Path, file: Path, holder: Callable[[str], str], warn: Warn) -> None:
-    """Copy the files that a flattened layer reads, and let it name them and no others.
+    """Copy the files that a flattened layer reads, and make it name only these copies.
 
     What names a file without being read, such as `assetInfo.identifier` of a model that was referenced, is taken out:
     the file is no part of the scene.
@@ -100,7 +100,7 @@ def _strip_notes(spec: Sdf.PrimSpec | Sdf.PropertySpec) -> None:
 
 
 def _without_paths(notes: dict[str, Any]) -> dict[str, Any]:
-    """Leave paths out of a dictionary of notes, at any depth; what held nothing else goes with them."""
+    """Remove paths from a metadata dictionary, at any depth; dictionaries left empty are removed, too."""
     kept = {}
     for key, value in notes.items():
         if isinstance(value, Sdf.AssetPath | Sdf.AssetPathArray):

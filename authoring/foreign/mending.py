@@ -1,4 +1,4 @@
-"""What a file from elsewhere leaves out or spells otherwise, mended where its meaning is plain."""
+"""Corrections of omissions and deviations in imported files, where the meaning is clear."""
 
 from collections.abc import Iterator
 
@@ -8,7 +8,7 @@ _TEXTS = {Sdf.ValueTypeNames.Token, Sdf.ValueTypeNames.String}
 
 
 def mend(layer: Sdf.Layer) -> None:
-    """Mend a flattened layer in place; what it shows stays as it is.
+    """Correct a flattened layer in place; its appearance is unchanged.
 
     - Kinds: what lies in a background lies in a component, so that models in it are subcomponents, and groups nothing.
     - Extents: what has none gets the one that its points or dimensions make.
@@ -28,7 +28,7 @@ def mend(layer: Sdf.Layer) -> None:
 
 
 def _prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    """Walk every prim that the layer speaks of, prototypes too; those above are changed before those below."""
+    """Visit every prim that the layer defines, prototypes too; parents are changed before children."""
     yield from Usd.PrimRange(stage.GetPseudoRoot(), Usd.PrimAllPrimsPredicate)
 
 

@@ -28,7 +28,7 @@ _REMOTE = re.compile(r"^([A-Za-z][A-Za-z0-9+.-]+:|//)")  # a drive letter is one
 
 
 def check_file(file: Path) -> None:
-    """Look at a file before anything opens it.
+    """Check a file before anything opens it.
 
     Args:
         file: Any path.
@@ -123,7 +123,7 @@ def unpack(archive: Path, folder: Path, suffixes: tuple[str, ...]) -> Path:
 
 
 def check_archive(archive: Path) -> list[zipfile.ZipInfo]:
-    """Look through an archive by its table alone.
+    """Check an archive by its table of contents alone.
 
     Args:
         archive: `.zip` or `.usdz` file.

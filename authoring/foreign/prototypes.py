@@ -6,7 +6,7 @@ _FLATTENED, _SHARED = "Flattened_Prototype_", "Prototype_"  # how USD names them
 
 
 def name_prototypes(layer: Sdf.Layer) -> None:
-    """Number what native instances share in the order of the namespace: USD numbers it as its threads come to it.
+    """Number the prototypes of native instances in the order of the namespace: USD's order depends on its threads.
 
     Args:
         layer: A flattened stage.

@@ -94,7 +94,7 @@ def adopt(source: Sdf.Layer, target: Sdf.Layer, place: Sdf.Path) -> None:
 
 
 def safe_name(stem: str) -> str:
-    """Spell a file's stem as a prim or variant name.
+    """Convert a file's stem to a prim or variant name.
 
     Args:
         stem: Any text.

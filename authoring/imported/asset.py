@@ -24,7 +24,7 @@ from usd_schemas.apis import read_component
 
 F64 = NDArray[np.float64]
 
-MARK = "falsework:city"  # in the layer's custom data: what the world is made of, and whose it is
+MARK = "falsework:city"  # in the layer's custom data: contents of the world, and its owner
 IMAGES = "falsework:cityImages"  # there too: role, suffix and mean colour of each image
 TEXELS = 512
 _HEAD = 1 << 16  # [byte] of a layer, in which its custom data stands
@@ -167,7 +167,7 @@ def read_city(file: Path) -> CityModel:
 
 
 def is_city(file: Path) -> bool:
-    """Tell whether a path leads to an imported world.
+    """Check whether a path leads to an imported world.
 
     Args:
         file: Any path.
@@ -183,7 +183,7 @@ def is_city(file: Path) -> bool:
 
 
 def claims_city(file: Path) -> bool:
-    """Tell whether a file says that it is the root layer of an imported world; nothing is parsed, nothing proven.
+    """Check whether a file claims to be the root layer of an imported world, without parsing or validating it.
 
     Args:
         file: A regular file.
@@ -231,7 +231,7 @@ def flat_mesh(triangles: F64, st: F64 | None = None) -> Mesh:
 
 
 def _materials(building: Building) -> tuple[str, str]:
-    """Choose wall and roof materials that a building keeps wherever it stands."""
+    """Choose wall and roof materials of a building, independent of its position."""
     share = int.from_bytes(hashlib.sha256(building.name.encode()).digest()[:4], "little")
     rise = np.median(face_normals(building.roofs)[:, 2]) if len(building.roofs) else 1.0
     return _WALLS[share % len(_WALLS)], "gravel" if rise > _FLAT_ROOF else "roof_tile"

@@ -86,7 +86,7 @@ class _Part:
     """One document of a file.
 
     Attributes:
-        file: Where it comes from, for errors.
+        file: Its source, for errors.
         document: The JSON object.
         objects: City objects by name.
         vertices: Positions [m], shape (V, 3), float64.

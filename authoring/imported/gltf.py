@@ -1,4 +1,4 @@
-"""What a glTF or GLB file says before its meshes are read: sizes, references, materials, whose it is.
+"""Header data of a glTF or GLB file, before its meshes are read: sizes, references, materials, author.
 
 Source: Khronos Group, glTF 2.0 Specification (GLB container, accessors, materials, asset).
 """
@@ -67,7 +67,7 @@ class GltfFile:
 
     @property
     def facts(self) -> dict[str, str]:
-        """What it says about itself."""
+        """Metadata of the file."""
         asset = self.header["asset"]
         extras = asset.get("extras")
         said = {**(extras if isinstance(extras, dict) else {}), "author": asset.get("copyright")}

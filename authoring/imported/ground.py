@@ -71,7 +71,7 @@ class CityGround:
         return self._between(self.beyond, xy) + np.maximum(far, 0.0)
 
     def share(self, xy: F64) -> F64:
-        """Tell how much of the relief counts: 1 in the world, falling to 0 beyond it.
+        """Compute how much of the relief counts: 1 in the world, falling to 0 beyond it.
 
         Args:
             xy: Plan positions in the world's own coordinates [m], shape (..., 2), float64.
@@ -91,16 +91,16 @@ class CityGround:
 
 
 def city_ground(model: CityModel) -> CityGround:
-    """Lay the relief of a world on a grid.
+    """Sample the terrain of a world on a grid.
 
     Args:
-        model: The world; without terrain of its own, the feet of its buildings tell where the ground is.
+        model: The world; without terrain of its own, the bases of its buildings define the ground.
     """
     points = _ground_points(model)
     low, high = model.extent
     x, y = (np.arange(low[k], high[k] + CELL, CELL) for k in (0, 1))
     dense = len(points) > MOST_POINTS
-    if dense:  # triangles smaller than the cells: their lowest tells, and only gaps such as houses are bridged
+    if dense:  # triangles smaller than the cells: the lowest counts, and only gaps such as houses are bridged
         points = _thinned(points)
     known = LinearNDInterpolator(points[:, :2], points[:, 2])(*np.meshgrid(x, y))
     if dense:

@@ -26,7 +26,7 @@ F64 = NDArray[np.float64]
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply")
 AXES = ("y", "z")
 _HEAD = 65_536  # bytes in which a PLY header must end
-_BROKEN = (  # what the library raises where a file is not as it says; of unset variables, too
+_BROKEN = (  # what the library raises for inconsistent files; unset variables, too
     ValueError,
     IndexError,
     KeyError,
@@ -46,7 +46,7 @@ def read_mesh(file: Path, warn: Warn, up: str = "", scale: float = 1.0) -> CityM
     Args:
         file: `.glb`, `.gltf`, `.obj` or `.ply` file, or a `.zip` with one of them and its textures.
         warn: Called with one line for each thing that is left out.
-        up: Axis that points up, `y` or `z`; nothing for what the format says (glTF: y, others: z).
+        up: Axis that points up, `y` or `z`; default: that of the format (glTF: y, others: z).
         scale: Metres that one unit of the file is [m].
 
     Returns:
@@ -167,7 +167,7 @@ def read_ply(file: Path) -> MeshSoup:
     if image:
         name = image[1].decode("utf-8", "replace").strip()
         skin = image_skin(read_beside(file, name, "texture"), f"{file}: {name}")
-    scene = _loaded(data, "ply", fix_texture=False)  # fails on far indices, before corners are told apart by them
+    scene = _loaded(data, "ply", fix_texture=False)  # without its texture first: indices out of range fail here
     if skin is not None:
         scene = _loaded(data, "ply", fix_texture=True)
     parts = [_part(mesh, place, skin, np.full(3, 255, np.uint8), file) for place, mesh in _placed(scene)]

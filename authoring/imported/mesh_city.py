@@ -25,7 +25,7 @@ LOOSE = "small things"
 
 
 def city_of(soup: MeshSoup, warn: Warn) -> CityModel:
-    """Tell ground and buildings apart.
+    """Distinguish ground and buildings.
 
     Everything that stands out of the ground counts as built: a photograph does not tell a tree from a house.
 

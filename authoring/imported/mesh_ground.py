@@ -25,13 +25,13 @@ SLOPE = 0.3  # that ground may rise within a window [1]
 STEP, MOST_STEP = 0.6, 4.0  # [m] by which a cell may stand out in any window
 TALL = 0.9  # [m] that a triangle of the ground may rise above it
 FLATTEST = 0.3  # least |rise of the normal| of a triangle of the ground [1]
-_SPIKE = 8.0  # [m] below its surroundings: noise that hangs below the ground
+_SPIKE = 8.0  # [m] below its surroundings: noise below the ground
 _WELD = 1000.0  # corners within a millimetre are one [1/m]
 _SAMPLES = 6_000_000
 
 
 def ground_triangles(triangles: F64) -> NDArray[np.bool_]:
-    """Tell which triangles are ground.
+    """Find which triangles are ground.
 
     Args:
         triangles: Corners [m], z up, shape (T, 3, 3), float64.

@@ -28,7 +28,7 @@ class MeshSoup:
         st: Texture coordinates of the corners, v upwards [1], shape (T, 3, 2), float64.
         skin: Number of each triangle's image, -1 for none, shape (T,), int32.
         skins: The images.
-        facts: What the file says about itself: `author`, `license`, `title` ...
+        facts: Metadata of the file: `author`, `license`, `title` ...
     """
 
     triangles: F64
@@ -43,7 +43,7 @@ def joined_soup(parts: list[MeshSoup], facts: dict[str, str]) -> MeshSoup:
 
     Args:
         parts: Soups.
-        facts: What the file says about itself.
+        facts: Metadata of the file.
     """
     skins = {skin.role: skin for part in parts for skin in part.skins}
     number = {role: k for k, role in enumerate(skins)}
@@ -66,7 +66,7 @@ def check_count(count: int, where: object) -> None:
     """Refuse a file that is too large, before it is read.
 
     Args:
-        count: Triangles that it says it holds.
+        count: Stated number of triangles.
         where: The file.
 
     Raises:

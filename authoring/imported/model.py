@@ -9,7 +9,7 @@ from authoring.imported.skin import Skin
 
 F64 = NDArray[np.float64]
 
-ROOF_SLOPE = 0.2  # a face whose normal rises by more than this belongs to a roof [1]
+ROOF_SLOPE = 0.2  # a face whose normal rises by more than this is part of a roof [1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +17,7 @@ class Building:
     """One building.
 
     Attributes:
-        name: Its name in the file that it comes from.
+        name: Its name in the source file.
         walls: Triangles of its walls [m], shape (T, 3, 3), float64.
         roofs: Triangles of its roofs [m], shape (T, 3, 3), float64.
     """
@@ -37,7 +37,7 @@ class Textured:
     """Part of a world with a photograph on it.
 
     Attributes:
-        owner: Name of the object that it belongs to; `ground` for the ground.
+        owner: Name of its object; `ground` for the ground.
         is_ground: Whether it is ground; all else stands on it.
         triangles: Its triangles [m], shape (T, 3, 3), float64.
         st: Texture coordinates at their corners, v upwards [1], shape (T, 3, 2), float64.
@@ -118,7 +118,7 @@ def sound_triangles(triangles: F64) -> F64:
 
 
 def split_faces(triangles: F64) -> tuple[F64, F64, F64]:
-    """Tell walls, roofs and undersides apart by their slope.
+    """Distinguish walls, roofs and undersides by their slope.
 
     Args:
         triangles: Corners, counter-clockwise from outside [m], shape (T, 3, 3), float64.

@@ -34,7 +34,7 @@ class BuiltMap:
     built: NDArray[np.bool_]
 
     def at(self, xy: F64) -> NDArray[np.bool_]:
-        """Tell which places are built up; none is outside the map.
+        """Find which places are built up; none is outside the map.
 
         Args:
             xy: Plan positions in the world's own coordinates [m], shape (..., 2), float64.
@@ -76,7 +76,7 @@ class CityPlace:
         return (xy - np.asarray(self.middle)) @ _turn(self.yaw).T + np.asarray(self.center)
 
     def to_scene(self, xy: F64) -> F64:
-        """Find where in the scene a part of the world comes to lie.
+        """Find the position of a part of the world in the scene.
 
         Args:
             xy: Plan positions in the world's own coordinates [m], shape (..., 2), float64.
@@ -111,7 +111,7 @@ def choose_place(model: CityModel, site: Site, rng: np.random.Generator) -> City
 
     Args:
         model: The world.
-        site: The site that comes to lie there; all of it must lie in the world.
+        site: The site to be placed; all of it must lie in the world.
         rng: Random stream `background`.
 
     Returns:

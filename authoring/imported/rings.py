@@ -62,7 +62,7 @@ def _plane(normal: F64) -> F64:
 
 
 def _joined(plan: F64, order: list[int], hole: I64) -> list[int]:
-    """Join a hole to the polygon by a cut from its rightmost corner to a corner that it sees."""
+    """Join a hole to the polygon by a cut from its rightmost corner to a visible corner."""
     start = int(np.argmax(plan[hole, 0]))
     turned = np.roll(hole, -start)
     area = _twice_area(plan[turned])
@@ -81,7 +81,7 @@ def _twice_area(ring: F64) -> float:
 
 
 def _sees(outline: F64, start: F64, end: F64) -> bool:
-    """Tell whether a segment properly crosses no side of an outline."""
+    """Check whether a segment properly crosses no side of an outline."""
     a, b = outline, np.roll(outline, -1, axis=0)
     first, second = _cross(end - start, a - start), _cross(end - start, b - start)
     third, fourth = _cross(b - a, start - a), _cross(b - a, end - a)

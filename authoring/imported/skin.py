@@ -1,4 +1,4 @@
-"""Colours that an imported world brings along: images, and palettes for colours that stand at vertices or faces."""
+"""Colours of an imported world: images, and palettes for colours of vertices or faces."""
 
 import hashlib
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ class Skin:
 
 
 def image_skin(data: bytes, where: str) -> Skin:
-    """Take an image file as it is; one that is too large is reduced.
+    """Copy an image file unchanged; one that is too large is reduced.
 
     Args:
         data: Bytes of a PNG or JPEG file.
@@ -80,7 +80,7 @@ def image_skin(data: bytes, where: str) -> Skin:
 
 
 def palette_skin(colors: U8) -> tuple[Skin, F64]:
-    """Put the colours of triangles in an image: each triangle looks up one texel's middle.
+    """Store the colours of triangles in an image: each triangle reads the center of one texel.
 
     Args:
         colors: sRGB colour of each triangle, shape (T, 3), uint8.

@@ -109,7 +109,7 @@ def _relief(
     clearance: Clearance | None,
     rng: np.random.Generator,
 ) -> Hills:
-    """Let the world's relief come in beside the site, level with it there, and hills rise where the world ends.
+    """Blend in the world's terrain beside the site, level with it there, and hills where the world ends.
 
     Under photographed ground it keeps below it.
     """
@@ -162,7 +162,7 @@ def _plan_spots(building: Building) -> F64:
 
 
 def _set_down(building: Building, terrain: Terrain, place: CityPlace, ground: CityGround) -> Building:
-    """Move a building into the scene: its ground comes along, and its walls reach down into the terrain."""
+    """Move a building into the scene with its ground; its walls are extended down into the terrain."""
     corners = building.corners
     bottom = float(corners[:, 2].min())
     feet = corners[corners[:, 2] < bottom + 0.5, :2]
@@ -181,7 +181,7 @@ def _set_down(building: Building, terrain: Terrain, place: CityPlace, ground: Ci
 def _land_covers(
     terrain: Terrain, place: CityPlace, built: BuiltMap, rng: np.random.Generator
 ) -> tuple[tuple[Cover, F64], ...]:
-    """Pave the ground round buildings; farther off, and beyond the world's edge, lay out fields and woods.
+    """Pave the ground around buildings; farther away, and beyond the world's edge, place fields and woods.
 
     Returns:
         Each cover with its signed field at the terrain's nodes [m], shape (S, L), float64.

@@ -95,7 +95,7 @@ class Clearance:
         return free
 
     def rigid(self, station: F64, left: F64, beyond: F64) -> F64:
-        """Tell how far a piece is left as it is: 0 where it follows the terrain, 1 where it is not bent.
+        """Compute the share of its shape that a piece keeps: 0 where it follows the terrain, 1 if unchanged.
 
         Args:
             station: Distance along the axis [m], shape (...), float64.
@@ -120,7 +120,7 @@ def place_textured(
         place: Where in the world the site lies.
         ground: The world's relief.
         clearance: What must stay free.
-        datum: Height of the world's ground that comes to lie at 0 [m].
+        datum: Height of the world's ground that is placed at 0 [m].
 
     Returns:
         What of them is left, in world space.

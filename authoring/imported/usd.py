@@ -127,7 +127,7 @@ def _part(scene: FlatScene, row: int, cache: dict[str, Skin], file: Path) -> Mes
 
 
 def _colors(material: Material, vertex: F64) -> F64 | None:
-    """Give the linear colour of each triangle; nothing where the stage says nothing about it."""
+    """Return the linear color of each triangle; None where the stage has no color."""
     if material.use_display_color and not (vertex == 1.0).all():
         return np.asarray(vertex, np.float64)
     return None if not material.name.startswith("/") else np.tile(np.array(material.base_color), (len(vertex), 1))
@@ -149,7 +149,7 @@ def _image(texture: Texture, cache: dict[str, Skin], file: Path) -> Skin:
 
 
 def _facts(file: Path) -> dict[str, str]:
-    """Collect what the root layer says about itself: its custom data."""
+    """Collect the metadata of the root layer: its custom data."""
     layer = Sdf.Layer.FindOrOpen(str(file))
     said = {name: layer.customLayerData.get(name) for name in _SAID}
     return {"source": file.name, **{name: text for name, text in said.items() if isinstance(text, str) and text}}

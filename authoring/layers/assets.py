@@ -53,7 +53,7 @@ def bake_surfaces(
     Returns:
         One recipe for each material that the pieces name.
     """
-    # One number a surface, the same for site and background: their grass is one grass, and goes on over the border.
+    # One number a surface, the same for site and background: their grass is continuous over the border.
     names = sorted({surface_of(role)[0] for role in roles_of(pieces)})
     numbers = {name: int(stream(seed, f"surface/{name}").integers(SHEETS)) for name in names}
     sheets = {name: SheetName(name, number, texels, worn_in(name, season)) for name, number in numbers.items()}

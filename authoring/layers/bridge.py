@@ -1,4 +1,4 @@
-"""Bridge interface: what an artist sees before anything heavy is loaded, with the looks to choose from."""
+"""Bridge interface: what a DCC shows before the payloads are loaded, with the looks as a variant set."""
 
 from pxr import Kind, Sdf, UsdGeom, Vt
 

@@ -6,7 +6,7 @@ from authoring.layers.provenance import software_version
 
 
 def name_asset(layer: Sdf.Layer, prim: str, name: str, file: str, version: str = "") -> Sdf.Layer:
-    """Say on the root prim of an asset what it is called, which file it is, and of which version.
+    """Record on the root prim of an asset its name, its file and its version.
 
     Args:
         layer: Root layer of the asset, in memory.

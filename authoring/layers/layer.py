@@ -14,7 +14,7 @@ def new_layer(default_prim: str) -> Sdf.Layer:
     bytes of either format, which a binary layer saved in place does not.
 
     Args:
-        default_prim: Name of the root prim that arcs to this layer bring in.
+        default_prim: Name of the root prim that arcs to this layer compose.
     """
     layer = Sdf.Layer.CreateAnonymous(".usda")
     layer.defaultPrim = default_prim
@@ -30,7 +30,7 @@ def new_stage(default_prim: str) -> Usd.Stage:
     """Open a stage on a new layer, for writers that use schemas.
 
     Args:
-        default_prim: Name of the root prim that arcs to this layer bring in.
+        default_prim: Name of the root prim that arcs to this layer compose.
     """
     return Usd.Stage.Open(new_layer(default_prim), Usd.Stage.LoadAll)
 

@@ -25,7 +25,7 @@ def look_layer(recipes: dict[str, MaterialRecipe]) -> Sdf.Layer:
 
 
 def surface_layer(asset: Asset, recipes: dict[str, MaterialRecipe]) -> Sdf.Layer:
-    """Author the root layer of an asset that brings its own materials: they lie over geometry and semantics.
+    """Author the root layer of an asset that has its own materials, as a stronger layer than geometry and semantics.
 
     Args:
         asset: Site or background.

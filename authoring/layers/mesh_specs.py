@@ -1,4 +1,4 @@
-"""Writes a mesh into a layer: its arrays, the material that it wears, and the id by which it is known again."""
+"""Writes a mesh into a layer: its arrays, its material, and its stable id."""
 
 import numpy as np
 from numpy.typing import NDArray

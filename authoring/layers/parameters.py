@@ -1,4 +1,4 @@
-"""The drawn parameters of a bridge as typed attributes, one each: what the JSON says, where a DCC can show it."""
+"""The drawn parameters of a bridge as typed attributes, one each: the content of the JSON, visible in a DCC."""
 
 from collections.abc import Iterator, Mapping
 

@@ -10,7 +10,7 @@ SOURCE_TYPE = "algorithmicMedia"  # IPTC: made by an algorithm, not from sampled
 
 
 def author_provenance(layer: Sdf.Layer, prim: str, inputs: dict[str, str], *, is_ours: bool = True) -> Sdf.Layer:
-    """Say on a root prim that Falsework wrote it; no time and no place, which no second run would repeat.
+    """Record on a root prim that Falsework wrote it; no time and no host, which a second run could not repeat.
 
     The attributes are written plainly, so that a USD older than the schema keeps them.
 
@@ -42,7 +42,7 @@ def author_provenance(layer: Sdf.Layer, prim: str, inputs: dict[str, str], *, is
 
 
 def software_version() -> str:
-    """Tell the version of Falsework, or `unknown` where it is not installed."""
+    """Return the version of Falsework, or `unknown` where it is not installed."""
     try:
         return version(PACKAGE)
     except PackageNotFoundError:

@@ -14,7 +14,7 @@ from authoring.shapes.component import Component, Mesh, Scatter
 from usd_schemas.apis import COMPONENT_API, ComponentFacts, apply_component, component_opinions
 from usd_schemas.tokens import ROLES
 
-MOST_INSTANCES = 500  # [1] of a run: beyond it nobody picks one, and outliners and readers slow down
+MOST_INSTANCES = 500  # [1] of a run: beyond it no user selects single ones, and outliners and readers slow down
 GROUND_COVER = ("vegetation", "shrub", "rock")  # kinds that are strewn, and never picked one by one
 
 _TYPES = Sdf.ValueTypeNames
@@ -23,7 +23,7 @@ _PLACED = Vt.TokenArray(["xformOp:translate", "xformOp:rotateZ", "xformOp:scale"
 
 
 def are_instances(scatter: Scatter) -> bool:
-    """Tell whether the repeats of a run are written as native instances.
+    """Check whether the copies of a run are written as native instances.
 
     They are where there are at most `MOST_INSTANCES` of them, each has an id of its own, none is ground cover, and
     their meshes carry neither an atlas (`st1`), in which each body has a place of its own, nor a role that looks fill.

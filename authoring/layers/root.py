@@ -1,4 +1,4 @@
-"""Root layer: metadata and composition arcs only, short enough to read and to change by hand."""
+"""Root layer: metadata and composition arcs only, short enough to read and edit."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +83,7 @@ def _frame(spec: Sdf.PrimSpec, frame: NDArray[np.float64]) -> None:
 
 
 def _label_background(spec: Sdf.PrimSpec) -> None:
-    # A world that comes from elsewhere brings no labels; what it does not say itself is background.
+    # An imported world brings no labels; what it does not label itself is background.
     spec.SetInfo("apiSchemas", Sdf.TokenListOp.Create([f"SemanticsLabelsAPI:{tokens.CLASS_TAXONOMY}"]))
     label = Sdf.AttributeSpec(spec, f"semantics:labels:{tokens.CLASS_TAXONOMY}", Sdf.ValueTypeNames.TokenArray)
     label.default = Vt.TokenArray(["background"])

@@ -69,7 +69,7 @@ def unknown_choice(scene: Path, axis: str, name: str, allowed: tuple[str, ...]) 
     Args:
         scene: Root layer.
         axis: Axis.
-        name: Name that was asked for.
+        name: Requested name.
         allowed: Names that there are.
     """
     return InputError(f"unknown {axis}", where=scene, field=axis, value=name, allowed=", ".join(allowed) or "none")

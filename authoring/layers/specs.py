@@ -65,7 +65,7 @@ def attribute(
 
 
 def author(prim: Sdf.PrimSpec, opinions: Iterable[Opinion]) -> None:
-    """Write what a schema's accessor says.
+    """Write the value that a schema's accessor gives.
 
     Args:
         prim: Prim in a layer.

@@ -11,7 +11,7 @@ _FACES = np.array(  # of an octahedron: -x +x -y +y -z +z, counter-clockwise fro
 
 
 def is_heavy(mesh: Mesh) -> bool:
-    """Tell whether a part of a prototype gets a stand-in for viewports.
+    """Check whether a part of a prototype gets a stand-in for viewports.
 
     Args:
         mesh: The part.

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
-_EARTH, _TOP = 6.36e6, 6.0e4  # radius, and height above which there is no air to speak of [m]
+_EARTH, _TOP = 6.36e6, 6.0e4  # radius, and height above which the air is ignored [m]
 _EYE = 30.0  # [m] above the ground
 _RAYLEIGH = np.array([5.802e-6, 13.558e-6, 33.1e-6])  # scattering by air at the ground [1/m]
 _OZONE = np.array([1.9e-6, 1.881e-6, 0.15e-6])  # absorption where it is densest, of the same wide bands as `sun` [1/m]
 _AIR_HEIGHT, _HAZE_HEIGHT = 8.0e3, 1.25e3  # [m] over which air and haze thin out to a 2.7th
 _OZONE_MIDDLE, _OZONE_REACH = 2.5e4, 1.5e4  # [m]
-_WAVES = np.array([0.610, 0.550, 0.465])  # [um] that stand for red, green and blue, as in `sun`
+_WAVES = np.array([0.610, 0.550, 0.465])  # [um] that represent red, green and blue, as in `sun`
 _BRIGHT_HAZE = 0.93  # share of what haze takes from a ray that it scatters [1]
 _FORWARD = 0.76  # mean cosine of what haze scatters [1]
 _SUN = 128.0  # [klx] above the air

@@ -151,7 +151,7 @@ def _ice(wisps: F32, directions: F64, angle: F64, drift: F64, cover: float) -> t
 
 
 def _distance(up: F64, height: float) -> F64:
-    """How far a line of sight goes to a height over the round earth [m], by the sine of its elevation."""
+    """Length of a line of sight to a height over the round earth [m], by the sine of its elevation."""
     return np.sqrt((_EARTH * up) ** 2 + 2 * _EARTH * height + height**2) - _EARTH * up
 
 

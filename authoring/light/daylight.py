@@ -138,7 +138,7 @@ def bake_light(
 
 
 def clear_air_visibility(turbidity: float) -> float:
-    """Find how far one sees through air of a turbidity: the visibility at sea level [m], in whole hundreds.
+    """Compute the visibility at sea level for a turbidity [m], in whole hundreds.
 
     Turbidity is the optical thickness of air with haze over that of air alone; both thin out with height, haze faster.
     Source: McCartney, Optics of the Atmosphere, 1976; Koschmieder 1924 for the 2 % of contrast.
@@ -189,7 +189,7 @@ def _photographed(settings: LightSettings, picture: Path) -> tuple[F64, F64, F64
 
 
 def author_lighting(stage: Usd.Stage, lighting: Lighting, environment: str = tokens.ENVIRONMENT) -> None:
-    """Define `Sun` and `Sky`, and say how far one sees.
+    """Define `Sun` and `Sky`, and write the visibility.
 
     Args:
         stage: Stage whose edit target receives them; that layer must lie beside the sky's `textures` folder.

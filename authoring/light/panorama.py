@@ -1,4 +1,4 @@
-"""A photographed sky: read, and parted into a sun and the rest."""
+"""A photographed sky: read, and separated into the sun and the rest."""
 
 import re
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ PANORAMAS = (".exr", ".hdr")
 _MOST_ROWS = 4096
 _BRIGHTEST = 6.0e4  # half floats end at 65,504
 _DISC, _RING = 4.0, (5.0, 9.0)  # [deg] from the brightest texel: where the sun may be, and the sky beside it
-_OVER_THE_SKY = 4.0  # a texel this much brighter than the sky beside it belongs to the sun
+_OVER_THE_SKY = 4.0  # a texel this much brighter than the sky beside it is part of the sun
 _LEAST_SUN = 0.05  # share of the light on level ground below which a sun casts no shadow worth a light of its own
 
 
@@ -64,7 +64,7 @@ def read_panorama(path: Path) -> F32:
 
 
 def reduce_panorama(panorama: F32, rows: int) -> F32:
-    """Average a panorama down to a number of rows; a smaller one stays as it is.
+    """Average a panorama down to a number of rows; a smaller one is unchanged.
 
     Args:
         panorama: Linear radiance [1], shape (R, 2 R, 3), float32.
@@ -98,7 +98,7 @@ def separate_sun(panorama: F64) -> SeparatedSky:
 
     The sun is what lies within 4 degrees of the brightest texel and is four times as bright as the sky beside it. What
     is taken away is the irradiance of a distant light: a surface that faces the sun receives as much as before. A sun
-    that gives less than 5 % of the light on level ground casts no shadow to speak of: it stays in the picture.
+    that gives less than 5 % of the light on level ground casts no shadow to consider: it stays in the picture.
 
     Args:
         panorama: Linear radiance [1], shape (R, 2 R, 3), float64.

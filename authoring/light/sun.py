@@ -10,7 +10,7 @@ F64 = NDArray[np.float64]
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB
 
 _ABOVE_THE_AIR = 128.0  # [klx] on a surface that faces the sun
-_WAVES = np.array([0.610, 0.550, 0.465])  # [um] that stand for red, green and blue
+_WAVES = np.array([0.610, 0.550, 0.465])  # [um] that represent red, green and blue
 _OZONE = np.array([0.120, 0.085, 0.010])  # absorption at these wavelengths [1/cm]
 _OZONE_DEPTH = 0.35  # [cm]
 

@@ -191,7 +191,7 @@ def _picture_recipe(pictures: MapSet, settings: LookSettings, folder: Path, deta
 
 
 def worn_sheets(pieces: tuple[Component | Scatter, ...]) -> dict[str, set[int]]:
-    """List the sheets that the parts of a bridge wear.
+    """List the sheets that the parts of a bridge use.
 
     Args:
         pieces: Parts of a bridge.

@@ -1,4 +1,4 @@
-"""The ground near a bridge as it is worn: one picture for each square, at 4 cm a texel, which nothing on it repeats.
+"""The worn ground near a bridge: one picture for each square, at 4 cm a texel, without repetition.
 
 It multiplies the tiled surfaces: a footpath, the ruts of a service vehicle, wet earth and a line of silt by the water,
 dust under the deck and the drip line at its edges, leaves, and mottle without a period.
@@ -23,7 +23,7 @@ COARSE = 4  # texels of the picture to one of what is computed exactly
 _BARE = ("verge", "shoulder", "shore", "bank", "worn", "ploughed", "ripe", "lot_asphalt", "lot_paved", "lot_gravel")
 _FADE = 5.0  # [m] at the outer borders, on which the picture fades into the ground beyond
 _SEAM = 4.0  # [m] beside the next square, on which both show the same mottle
-_FAR = 50.0  # distance that stands for none [m]
+_FAR = 50.0  # distance used where there is none [m]
 _PATH = 0.42  # half the width of a footpath [m]
 _RUTS = 0.80, 0.19  # from the middle to each rut, and half its width [m]
 _ROWS = 64  # of the picture worked on at once
@@ -36,7 +36,7 @@ class Enlarged:
     Attributes:
         coarse: Values [any unit], shape (N, N), float32.
         pixels: Texels along a side of the enlarged field.
-        limits: Values that a ramp is at its two ends at [any unit]; none leaves the values as they are.
+        limits: Values at the two ends of a ramp [any unit]; None leaves the values unchanged.
     """
 
     coarse: Floats

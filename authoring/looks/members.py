@@ -1,4 +1,4 @@
-"""What weathering knows of each member of a bridge, of each texel on it, and the noise that its marks are broken by."""
+"""Data for weathering: each member of a bridge, each texel on it, and the noise that breaks up its marks."""
 
 from dataclasses import dataclass
 
@@ -95,7 +95,7 @@ class Fields:
 
 
 def read_members(components: list[Component], age: float, rng: np.random.Generator) -> Members:
-    """Gather what weathering looks at.
+    """Collect the data that weathering uses.
 
     Args:
         components: Components with `st1`.
@@ -153,7 +153,7 @@ def draw_fields(rng: np.random.Generator) -> Fields:
 def read_spots(
     charts: Charts, members: Members, fields: Fields, texels: tuple[I32, np.ndarray, np.ndarray], edges: Floats
 ) -> Spots:
-    """Tell what is known of some texels.
+    """Return what is known of some texels.
 
     Args:
         charts: The atlas.
@@ -188,7 +188,7 @@ def _look_up(fields: Fields, members: Members, owner: I32, normal: Floats, place
 
 
 def _width(component: Component) -> float:
-    """Extent in plan across the longer direction, of a bend no more than a chord sees [m]."""
+    """Extent in plan across the longer direction [m]; for a bend, only that within a chord."""
     points = component.mesh.points
     x, y = direction(points)
     aside, along = points[:, :2] @ np.array([-y, x]), points[:, :2] @ np.array([x, y])

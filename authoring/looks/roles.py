@@ -1,4 +1,4 @@
-"""Which surface fills which material role of a bridge in each look, and which of its sheets a component wears."""
+"""The surface of each material role of a bridge in each look, and the sheet of each component."""
 
 from dataclasses import dataclass
 
@@ -65,7 +65,7 @@ _AGES = {CLEAN: 0.2, "": 0.5, AGED: 0.3}  # share of the roles of a random bridg
 
 @dataclass(frozen=True)
 class Look:
-    """What a named look is made of.
+    """Contents of a named look.
 
     Attributes:
         suffix: Age of its surfaces; None draws surface and age of each role.

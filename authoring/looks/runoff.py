@@ -36,7 +36,7 @@ class Stains:
     Attributes:
         corner: Lower corner of the map [m], shape (2,), float64.
         height: Height that the stain begins at [m], shape (rows, columns), float32.
-        reach: How far down it goes [m], shape (rows, columns), float32.
+        reach: Length downwards [m], shape (rows, columns), float32.
         strength: How strong it is [1], shape (rows, columns), float32.
     """
 
@@ -46,7 +46,7 @@ class Stains:
     strength: Floats
 
     def below(self, place: Floats) -> Floats:
-        """Tell how much of a stain each place has.
+        """Compute how much of a stain each place has.
 
         Args:
             place: World positions [m], shape (N, 3), float32.

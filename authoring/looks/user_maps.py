@@ -62,7 +62,7 @@ class Picture:
         return Path(self.member or self.file.name).name
 
     def read(self) -> bytes:
-        """Read its bytes, no more than it says it has.
+        """Read its bytes, at most the stated number.
 
         Raises:
             InputError: Damaged, encrypted, or too large.
@@ -132,7 +132,7 @@ def find_sets(root: Path) -> tuple[MapSet, ...]:
 
 
 def _pictures(root: Path) -> Iterator[tuple[str, str, Picture]]:
-    """Every picture with the family and the set that it belongs to."""
+    """List every picture with its family and its set."""
     if root.is_file():
         yield from _packed("", root)
         return

@@ -1,4 +1,4 @@
-"""Users' surfaces on a bridge: which roles a family suits, and its maps as the texture files of a material."""
+"""Users' surfaces on a bridge: the roles that a family fits, and its maps as the texture files of a material."""
 
 import struct
 import tempfile
@@ -23,7 +23,7 @@ _ROUGHNESS = 0.8  # of a surface without a map of it [1]
 
 _CONCRETE = tuple(role for role in ROLES if "Concrete" in role)
 _STEEL = ("Role_GirderSteel", "Role_RailingSteel", "Role_CableSteel")
-# Words of a family's or a set's name, and the roles that it suits. Source: materials by component in the Random
+# Words of a family's or a set's name, and the roles that it fits. Source: materials by component in the Random
 # Bridge Generator.
 FAMILIES: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...] = (
     (("asphalt", "pavement", "road", "tarmac"), ("Role_DeckAsphalt",)),
@@ -38,7 +38,7 @@ FAMILIES: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...] = (
 
 
 def suitable(sets: Iterable[MapSet]) -> dict[str, tuple[MapSet, ...]]:
-    """Sort surfaces by the roles that they suit.
+    """Group surfaces by the roles that they fit.
 
     Args:
         sets: Users' surfaces.
@@ -121,7 +121,7 @@ def place_set(one: MapSet, folder: Path, metres: float, texels: int) -> tuple[Sh
 
 
 def _roles(one: MapSet) -> tuple[str, ...]:
-    """Roles that a family's name suits; where it tells nothing, the set's own name may."""
+    """List the roles that a family's name suggests; otherwise those that the set's own name suggests."""
     for name in (one.family.lower(), one.name.lower()):
         for words, roles in FAMILIES:
             if any(word in name for word in words):
@@ -172,7 +172,7 @@ def _decode_exr(data: bytes, where: str) -> U8:
 
 
 def _stated_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height that a PNG says before anything is unpacked."""
+    """Read width and height from a PNG header before anything is decoded."""
     return struct.unpack(">II", data[16:24]) if data[:4] == b"\x89PNG" and len(data) > 24 else None
 
 

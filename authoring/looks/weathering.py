@@ -59,7 +59,7 @@ def weather(pieces: Iterable[Component | Scatter], pixels: int, age: float, rng:
         rows = slice(top, top + _ROWS)
         factors[rows] *= (scale[of_triangle[charts.triangle[rows]]] * flecks[rows])[..., None]
     factors = spread(factors, charts.triangle >= 0)
-    factors[:: pixels - 1, :: pixels - 1] = 1  # parts without a chart look up the corner (0, 0)
+    factors[:: pixels - 1, :: pixels - 1] = 1  # parts without a chart read the corner (0, 0)
     return factors
 
 

@@ -200,7 +200,7 @@ def _backwall_part(
     near, far, top = spans.backwall, ABUTMENT_BACK + _LAP, -levels.surfacing - _LOWER
     low, half = levels.seat - _LAP, 0.5 * width - _SIDE_STEP
     at = np.array([stand.station, stand.station + stand.back * far])
-    # Level on the wall, its top goes with the road: up its grade, and round where the crossfall changes.
+    # Its bottom is level on the wall, its top follows the road: its grade, and changes of its crossfall.
     twist = float(np.diff(place.crossfall(at))[0]) / (stand.back * far)
     frame = wedge(level, (stand.station, 0.0), (low, top), high=(stand.grade, 0.0), twist=twist)
     outline = replace(stand, station=0.0).outline([(near, low), (far, low), (far, top), (near, top)])

@@ -12,7 +12,7 @@ from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, joined
 
 SUNK = 0.010  # [m] sleeves and saddles into what they stand on
-HELD = 0.12  # [m] of a cable's end inside the body that holds it
+HELD = 0.12  # [m] of a cable's end inside its anchorage
 _BORE = 0.001  # [m] clamp into cable
 
 
@@ -150,7 +150,7 @@ def _pipes(begin: F64, end: F64, inner: float, outer: float, sides: int) -> list
     """Build pipes: each two tubes, the inner one turned inside out, and the rings that join their ends."""
     shells = tubes(np.stack([begin, begin, end, end], axis=1), np.array([inner, outer, outer, inner]), sides)
     quads = 3 * sides
-    # The two end faces give way to the bore.
+    # The two end faces are cut out for the bore.
     j = np.arange(sides)
     k = (j + 1) % sides
     bore = np.stack([j, quads + j, quads + k, k], axis=1)

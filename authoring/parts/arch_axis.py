@@ -1,4 +1,4 @@
-"""The line of an arch: parabola, circle or catenary, and the polygon that a rib along it is made of."""
+"""The line of an arch: parabola, circle or catenary, and the polygon of a rib along it."""
 
 from dataclasses import dataclass
 from functools import cached_property

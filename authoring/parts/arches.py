@@ -152,7 +152,7 @@ def rib_parts(rib: Rib, section: RibSection, kind: str, place: Alignment) -> lis
 
 
 def facetted(surface: Surface) -> Surface:
-    """Lay the texture on every face for itself, undistorted, its v running up the face.
+    """Map the texture to every face separately, undistorted, with v upwards on the face.
 
     Args:
         surface: A solid of few flat faces.

@@ -125,7 +125,7 @@ def bearing_parts(
         spans: Stations.
         levels: Levels of the deck.
         place: Axis of the bridge.
-        soffit: Width across and length along the bridge of what lies on each bearing [m]; 0 where it goes on.
+        soffit: Width across and length along the bridge of the member on each bearing [m]; 0 where it is continuous.
     """
     parts = []
     bearings = _beside(_askew(bearings, place.skew), soffit)

@@ -1,4 +1,4 @@
-"""How one gets into the box of a cable-supported deck, and what hangs beside it: hatches in its soffit, services."""
+"""Access to the box of a cable-supported deck, and its attachments: hatches in its soffit, services."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ _FROM_END = 5.0  # [m] from the deck's ends to a hatch: in front of the abutment
 _INTO, _BELOW = 0.004, 0.030  # [m] frame into the soffit, and below it
 _COVER, _DEEPER = 0.06, 0.012  # [m] cover inside its frame, and below that
 _PIPE, _HUNG = 0.16, 0.09  # [m] diameter of the services' pipe, and its crown below the cantilever
-_LEAST = 0.75  # [m] of cantilever that services want
+_LEAST = 0.75  # [m] of cantilever that services need
 _STRAP, _STRAP_PITCH = 0.05, 4.0  # [m] width of the straps that hold the pipe, and between them
 _END = 0.6  # [m] services before the deck's ends
 

@@ -1,4 +1,4 @@
-"""Decks that hang on cables: a slab on edge beams, on a box or on plate girders, with floor beams and brackets."""
+"""Cable-supported decks: a slab on edge beams, on a box or on plate girders, with floor beams and brackets."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -105,7 +105,7 @@ def cable_deck_parts(
         deck: Cross-section.
         low: Station of its first end [m].
         high: Station of its last end [m].
-        floor: Stations of the floor beams [m]; a box has diaphragms there, which nothing sees.
+        floor: Stations of the floor beams [m]; a box has diaphragms there, which are hidden.
         levels: Levels of the deck.
         place: Axis of the bridge.
     """

@@ -177,7 +177,7 @@ class _TubeNet:
 
 @lru_cache(maxsize=256)
 def _tube_net(count: int, sides: int, steps: bytes, halved: bool) -> _TubeNet:
-    """Lay the faces of a tube.
+    """Build the faces of a tube.
 
     Args:
         count: Number of rings.

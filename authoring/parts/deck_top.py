@@ -125,7 +125,7 @@ class DeckTop:
 
 
 def road_section(top: DeckTop, walls: float) -> RoadSection | None:
-    """Tell what the approaches of a road bridge take over; None for a railway.
+    """Return what the approaches of a road bridge continue; None for a railway.
 
     Args:
         top: What lies on the deck.

@@ -14,7 +14,7 @@ from groundwork.settings import Settings
 
 @dataclass(frozen=True)
 class Draws:
-    """Where the open parameters of a bridge come from.
+    """Source of the open parameters of a bridge.
 
     Attributes:
         rng: Random stream of the bridge.
@@ -117,7 +117,7 @@ def chosen(
     Args:
         weights: How often each option is drawn, any scale [1]; True comes before False.
         description: What it is.
-        among: Which bridges the shares speak of, such as " of those with several spans"; default: all.
+        among: Which bridges the shares apply to, such as " of those with several spans"; default: all.
         paper: How often the profile `paper` draws each option [1]; default: the same.
         ge: Least number that a user may fix [any unit].
         le: Largest number that a user may fix [any unit].
@@ -140,7 +140,7 @@ def chosen_by(
     Args:
         tables: How often each option is drawn, any scale [1], by where: "on roads", "under one plane of stays".
         description: What it is.
-        paper: How often the profile `paper` draws each option [1]; default: as `tables` says.
+        paper: How often the profile `paper` draws each option [1]; default: those of `tables`.
 
     Returns:
         The pydantic field, default None; its description ends with the shares.

@@ -19,11 +19,11 @@ from groundwork.settings import Settings
 _EMBEDDED = 0.005  # [m] grates into asphalt, conduits and pipes into the deck's edge
 CLEAR = 1.0  # [m] between a fitting and a joint
 _LAMP_BASE, _LAMP_SEAT = 0.22, 0.20  # [m] side of the base plate, and from its middle to the parapet's foot
-_LEAST_VERGE = 0.33  # [m] beside the carriageway that a lamp post wants
+_LEAST_VERGE = 0.33  # [m] beside the carriageway that a lamp post needs
 _WIDE = 9.0  # [m] carriageway that is lit from both sides
 _GRATE = (0.45, 0.15)  # [m] along and across the road
 _GRATE_LEFT = 0.10  # [m] from the kerb to the middle of a grate
-_LEAST_SHOULDER = 0.28  # [m] between kerb and edge line that a grate wants
+_LEAST_SHOULDER = 0.28  # [m] between kerb and edge line that a grate needs
 _OUTLET, _CONDUIT = 0.07, 0.14  # [m] below the structural deck's top
 _PIPE_OUT = 0.16  # [m] from the deck's edge to the middle of a drain pipe
 _PIPE_BELOW = 0.15  # [m] that a drain pipe ends under the girders

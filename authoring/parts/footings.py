@@ -1,4 +1,4 @@
-"""Spread footings: blocks in the ground, whose bottoms lie below it everywhere; their tops show where asked for."""
+"""Spread footings: blocks in the ground, with bottoms below it everywhere; their tops are visible on request."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from authoring.solids.sweep import Surface
 Ground = Callable[[F64], F64]
 
 _LEAST_SHAFT = 0.5  # [m] that stays between a footing and what its shafts carry
-_BESIDE = 0.3  # [m] round a block where the ground is asked for
+_BESIDE = 0.3  # [m] around a block where the ground is sampled
 
 
 @dataclass(frozen=True)

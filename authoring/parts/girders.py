@@ -1,4 +1,4 @@
-"""Concrete girders: which section suits a deck, where the lines lie, the girders and the diaphragms between them."""
+"""Concrete girders: the choice of section, the positions of the lines, the girders and the diaphragms between them."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -21,7 +21,7 @@ from groundwork.settings import Settings
 
 Shape = Literal["i", "bulb_t", "t", "u", "box", "rectangle"]
 
-SPAN_TO_DEPTH = (10.0, 30.0)  # [1] of girders that a user may ask for
+SPAN_TO_DEPTH = (10.0, 30.0)  # [1] of girders that a user may set
 _SHORTER = 0.012  # [m] than the slab at either end, so that their end faces do not lie in one plane
 _WIDE_SHAPES = ("u", "box")
 _CLOSE = (1.8, 3.0, 0.6, 1.2)  # [m] least and largest spacing, least and largest overhang
@@ -138,7 +138,7 @@ def draw_girders(settings: GirderSettings, width: float, longest_span: float, dr
 
 
 def shape_weights(longest_span: float, width: float) -> dict[str, float]:
-    """List the sections that suit a span, with their weights.
+    """List the sections that fit a span, with their weights.
 
     Args:
         longest_span: Longest span [m].

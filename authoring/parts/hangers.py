@@ -75,7 +75,7 @@ def hanger_parts(hangers: Hangers, name: str, above: RibAbove, line: float, foot
     Args:
         hangers: Dimensions.
         name: Ending of the names, e.g. `004_L`.
-        above: What it hangs from, and where.
+        above: Its upper support, and the position there.
         line: Distance to the left of the axis [m].
         foot: Height of what the socket stands on [m].
     """

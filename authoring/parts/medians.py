@@ -28,7 +28,7 @@ def median_parts(
     name: str = "",
     noses: tuple[bool, bool] = (False, False),
 ) -> list[Part]:
-    """Build the strip, parted where masts stand.
+    """Build the strip, interrupted at masts.
 
     Args:
         roadway: Cross-section of the road.

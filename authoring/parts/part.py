@@ -80,7 +80,7 @@ def _rounded(parameters: dict[str, object]) -> dict[str, object]:
 
 
 def _meshes(surfaces: list[Surface], atlas: list[F64], ids: I64) -> list[Mesh]:
-    """Lay every member's texture elsewhere, and mirror that of some along the member: what runs down still does."""
+    """Shift every member's texture, and mirror that of some along the member: stains still run downwards."""
     offsets = np.stack([_OFFSET_RANGE * (ids * step % 1.0) for step in _OFFSET_STEP], axis=1)
     flips = np.where(ids * _FLIP_STEP % 1.0 < 0.5, -1.0, 1.0)
     flips = np.stack([flips, np.ones(len(ids))], axis=1)

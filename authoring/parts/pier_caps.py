@@ -1,4 +1,4 @@
-"""Pier caps: the beams across the bridge that bring the bearings' loads to the shafts."""
+"""Pier caps: the beams across the bridge that transfer the bearings' loads to the shafts."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Which kind of pier and cap suits a deck: the weights, and what excludes what."""
+"""The choice of pier and cap for a deck: the weights, and which combinations are excluded."""
 
 from typing import Literal
 
@@ -77,7 +77,7 @@ def choose_kind(
         weights = {name: weight for name, weight in weights.items() if name != "pi_frame"}
     possible = weights if kind is None else {str(kind): 1.0}
     suited = {k: w for k, w in possible.items() if _suits(k, cap, columns)}
-    if not suited and kind is None:  # what the user fixed wants a kind that would not be drawn here
+    if not suited and kind is None:  # the user's settings need a kind that would not be drawn here
         suited = {k: 1.0 for k in _NARROW if _suits(k, cap, columns)}
     if not suited:
         raise _contradiction(kind, cap, columns)

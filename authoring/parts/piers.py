@@ -244,7 +244,7 @@ def _with_cap(piers: Piers, taper: float) -> Piers:
     depth, arm = piers.cap_depth, 0.5 * (piers.cap_length - piers.column_width)
     if piers.kind == "wall":
         depth = max(0.55 * depth, 0.5)
-    elif piers.kind in ("single", "hammerhead"):  # cantilevers want depth
+    elif piers.kind in ("single", "hammerhead"):  # cantilevers need depth
         depth = max(depth, 0.28 * arm)
     elif piers.kind in ("y", "v"):
         depth = max(0.75 * depth, 0.6)
@@ -295,7 +295,7 @@ def pier_parts(
 
 
 def _as_stout_as_tall(piers: Piers, inner: F64, levels: Levels, place: Alignment, ground: Ground) -> Piers:
-    """Let the shafts of the piers at some stations grow until the tallest is not too slender."""
+    """Widen the shafts of the piers at some stations until the tallest is not too slender."""
     axis = place.point(inner, np.zeros(len(inner)), np.full(len(inner), levels.seat - piers.cap_depth))
     tallest = float(np.max(axis[:, 2] - ground(axis[:, :2])))
     shafts = limit_slenderness(piers.shafts, tallest, piers.slenderness)

@@ -22,7 +22,7 @@ _HEAD_TAPER = 0.25  # [1] of its width that a head loses on either side towards 
 _FLUSH = 0.015  # [m] cross beams behind the legs' faces
 _TAPER = 0.010  # growth of a leg along the bridge towards its foot, each side [1]
 _DEEP_WATER = -2.5  # [m] world height: ground below it lies under water
-_CAP_DRY = 0.6  # [m] world height of a pile cap's top in deep water: boats see it, and piles are driven from above it
+_CAP_DRY = 0.6  # [m] world height of a pile cap's top in deep water: visible to boats; piles are driven from above
 _CAP_SHOWN = 0.35  # [m] of a cap that shows on land
 
 
@@ -221,7 +221,7 @@ def _beam(
 
 
 def _on_line(halves: list[float], heights: list[float], k: int) -> bool:
-    """Tell whether an inner corner lies on the line between its neighbours, where no face ends."""
+    """Check whether an inner corner lies on the line between its neighbours, where no face ends."""
     if k in (0, len(halves) - 1):
         return False
     (a, b, c), (x, y, z) = halves[k - 1 : k + 2], heights[k - 1 : k + 2]

@@ -93,7 +93,7 @@ class RailingRun:
     """Where one railing stands.
 
     Attributes:
-        left: Middle of the posts [m]; the rails below the top hang on the side towards the axis.
+        left: Center of the posts [m]; the rails below the top are fixed on the side towards the axis.
         bottom: Top of the concrete that they stand on [m].
         top: Top of the top rail [m].
         low: Station where it begins [m].
@@ -159,7 +159,7 @@ def _rail_solids(railings: Railings, run: RailingRun, place: Alignment) -> list[
     section = circle(rail / np.cos(np.pi / 12), 12) if railings.round_rails else _square(rail)
     rails = [Prism(np.add(section, (left, top - 0.5 * rail)), low, high, "station", place)]
     inward = -float(np.sign(left))
-    face = left + inward * (0.5 * (rail + _POST_WIDER) - _INTO_POST)  # of what hangs on the posts
+    face = left + inward * (0.5 * (rail + _POST_WIDER) - _INTO_POST)  # of the rails on the posts
     if railings.infill != "bars":
         size = 0.6 * rail
         for number in range(railings.rails):

@@ -190,7 +190,7 @@ def _asphalt_outline(roadway: Roadway, half: float, depth: float, place: Alignme
     if not place.falls:
         return outline
     under = _lane_lines(roadway)[0][::-1]
-    crown = _CROWN * (1.0 - (under / half) ** 2)  # so little that no one sees it, and the section stays convex
+    crown = _CROWN * (1.0 - (under / half) ** 2)  # too little to be visible, and the section stays convex
     return np.concatenate([outline[:3], np.column_stack([under, crown]), outline[3:]])
 
 

@@ -19,7 +19,7 @@ from groundwork.settings import Settings
 LEAST_DEPTH = 0.25  # [m]
 SIMPLE, CONTINUOUS = 22.0, 25.0  # span over depth [1] of road slabs
 RAIL_SIMPLE, RAIL_CONTINUOUS = 15.0, 17.0  # of railway slabs, which carry several times the load
-SLENDERNESS = (0.6, 1.4)  # of the usual span over depth, that a user may ask for [1]
+SLENDERNESS = (0.6, 1.4)  # of the usual span over depth, that a user may set [1]
 _PAPER_DEPTH = 1.0  # [m]
 _TIP = 0.22  # [m] thickness of a cantilever at its edge
 _CLOSEST_LINES, _WIDEST_LINES = 1.4, 4.5  # [m] between bearings

@@ -113,7 +113,7 @@ def _spread(low: float, high: float) -> F64:
 
 
 def _to(sign: float, near: float, far: float) -> tuple[float, float]:
-    """Lay a range to either side of 0 [m]; the lower end comes first."""
+    """Mirror a range to either side of 0 [m]; the lower end comes first."""
     return _ordered(sign * near, sign * far)
 
 

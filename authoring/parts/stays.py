@@ -57,7 +57,7 @@ class Stays:
         """Find the distance from the pylon's axis to every foot in the side span [m].
 
         Args:
-            pylon: What the stays hang on.
+            pylon: The pylon that carries the stays.
         """
         faces = [pylon.face(height) for height in self.heights]
         return tuple(f + self.shrink * (x - f) for f, x in zip(faces, self.offsets, strict=True))
@@ -110,7 +110,7 @@ def head_heights(arrangement: str, runs: Sequence[Run], zone: HeadZone) -> tuple
     even = (top - zone.lowest) / (len(runs) - 1) if arrangement == "semi_fan" else 0.0
     heads, least = [top], [run for _, run in runs[::-1]]
     for upper, lower in pairwise(least):
-        # The lower one is told by the upper one's height, from which it slants a little more than it does.
+        # The lower one uses the upper one's height, so it is a little steeper here than it is built.
         spread = [zone.collar * float(np.hypot(1.0, (heads[-1] - foot) / run)) for run in (upper, lower)]
         heads.append(heads[-1] - max(even, sum(spread) + _BETWEEN))
     return tuple(heads[::-1])
@@ -121,7 +121,7 @@ def stay_parts(stays: Stays, pylon: Pylon, pylons: tuple[tuple[int, float, int],
 
     Args:
         stays: Where they end.
-        pylon: What they hang on.
+        pylon: The pylon that carries them.
         pylons: Number of the support, station [m] and direction of the main span (1 or -1) of every pylon.
         place: Axis of the bridge.
     """

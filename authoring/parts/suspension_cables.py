@@ -132,7 +132,7 @@ class _Run:
 
 
 def _cable_points(cables: SuspensionCables, run: _Run, left: float, place: Alignment) -> F64:
-    """Find points along a cable: at its ends, at its hangers, and so many between that the chords keep to the curve."""
+    """Find points along a cable: at its ends, at its hangers, and enough between that the chords follow the curve."""
     low, high, hung = run.low, run.high, run.hung
     fixed = np.concatenate([[low], hung[(hung > low + 0.1) & (hung < high - 0.1)], [high]])
     stations = [fixed[:1]]
@@ -251,7 +251,7 @@ def anchorage_volume(pull: float) -> float:
 
 
 def _growth(cables: SuspensionCables) -> tuple[float, float]:
-    """Find how long an anchor block has to be, and how much wider than its casting wants [m]."""
+    """Compute the length of an anchor block, and how much wider than its casting it has to be [m]."""
     side = anchorage_volume(cables.pull) ** (1.0 / 3.0)
     return min(1.1 * side, _LONGEST), min(0.55 * side, _WIDEST)
 

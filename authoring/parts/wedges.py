@@ -64,7 +64,7 @@ def wedge(
     high: Slope = FLAT,
     twist: float = 0.0,
 ) -> Alignment:
-    """Lay the origin of a level frame on one spot, and let its planes turn about it.
+    """Set the origin of a level frame on one point, about which its planes turn.
 
     Args:
         frame: A level, right-angled frame.

@@ -18,7 +18,7 @@ from usd_schemas.reading.stage_reader import read_stage
 
 
 def add_survey(scene: Path, settings: AnySurvey, seed: int | None = None) -> CameraPath:
-    """Fly a survey over a scene as it is now, edits included, and add it as a layer with its RenderProduct.
+    """Plan a survey of the current scene, edits included, and add it as a layer with its RenderProduct.
 
     Args:
         scene: Root layer of an editable scene of ours.

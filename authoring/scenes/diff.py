@@ -142,7 +142,7 @@ def _compare(before: Usd.Prim, after: Usd.Prim, looks: tuple["_Looks", "_Looks"]
 
 
 def _distance(before: Usd.Prim, after: Usd.Prim) -> float | None:
-    """Tell how far a prim's origin has gone [m], or that nothing about its transform has changed."""
+    """Compute how far a prim's origin has moved [m]; None where its transform has not changed."""
     poses = []
     for prim in (before, after):
         xform = UsdGeom.Xformable(prim)
@@ -200,7 +200,7 @@ class _Looks:
         self._known: dict[str, Any] = {}
 
     def name(self, prim: Usd.Prim) -> str:
-        """Name the material that a prim wears."""
+        """Return the name of the material bound to a prim."""
         material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
         return str(material.GetPath()) if material else ""
 

@@ -37,7 +37,7 @@ class Inventory:
         layers: Layer or texture, relative to the scene, to SHA-256, sorted.
         scene_hash: Hash of these files.
         variant_hash: Hash of these files and the selections.
-        changed: Files that are not as the manifest says.
+        changed: Files that differ from the manifest.
     """
 
     tree: list[dict[str, Any]]
@@ -55,7 +55,7 @@ class Inventory:
 
 
 def take_inventory(path: Path, depth: int = 4) -> Inventory:
-    """Look through a stage.
+    """Examine a stage.
 
     Args:
         path: Root layer of a scene, or any other stage.

@@ -19,7 +19,7 @@ _EDITS = "./edits/"
 
 
 def write_labels(settings: LabelSettings, folder: Path) -> None:
-    """Switch the label layers of a new scene as its settings say.
+    """Switch the label layers of a new scene according to its settings.
 
     Args:
         settings: Which of them.
@@ -32,7 +32,7 @@ def write_labels(settings: LabelSettings, folder: Path) -> None:
 
 
 def write_taxonomy_layer(folder: Path, name: str) -> None:
-    """Put a table in force in a scene; the layer of another one goes out of force, and its file stays.
+    """Activate a table in a scene; the layer of another one is deactivated, and its file stays.
 
     A compatibility layer that the scene has is written anew, since it spells out the classes in force.
 
@@ -71,7 +71,7 @@ def write_replicator_layer(folder: Path) -> None:
 
 
 def _exchange_sublayer(folder: Path, path: str, former: str) -> None:
-    """Put a sublayer in below the user's edits, where a path is given; what starts with `former` goes out."""
+    """Insert a sublayer below the user's edits, if a path is given; sublayers that start with `former` are removed."""
 
     def exchange(layer: Sdf.Layer) -> None:
         others = [name for name in layer.subLayerPaths if not name.startswith(former)]

@@ -52,7 +52,7 @@ def write_scene_manifest(recipe: SceneRecipe, folder: Path) -> None:
 
 
 def refresh_manifest(folder: Path) -> None:
-    """Bring the hashes up to date after files were added or changed; a folder without a manifest gets none.
+    """Update the hashes after files were added or changed; a folder without a manifest gets none.
 
     Args:
         folder: Scene folder.

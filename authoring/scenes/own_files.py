@@ -33,7 +33,7 @@ _BESIDE = frozenset(
 
 
 def own_files(root: Path) -> tuple[str, ...]:
-    """List what belongs to a scene: files that its layers name, variants beside the root layer, and the manifest's.
+    """List the files of a scene: those that its layers name, variants beside the root layer, and the manifest's.
 
     Whatever else lies in the folder is not the scene's, and no link leads out of it.
 

@@ -47,7 +47,7 @@ def validate_scene(path: Path) -> list[str]:
             stage.GetPrimAtPath(prim).GetVariantSet(name).SetVariantSelection(variant)
         label = f" ({selection[1]}={selection[2]})" if selection else ""
         for line in sorted({line for rule in RULES for line in rule(stage)}):
-            if line not in findings:  # what the scene has as it is need not be said again for each variant
+            if line not in findings:  # findings of the scene itself are not repeated for each variant
                 findings[line + label] += 1
     return sorted(findings)
 
@@ -135,7 +135,7 @@ def kind_findings(stage: Usd.Stage) -> Iterator[str]:
 
 
 def camera_findings(stage: Usd.Stage) -> Iterator[str]:
-    """Poses lie at the integer codes 0 to N - 1, and the lens says what the calibration says.
+    """Check that poses lie at the integer codes 0 to N - 1, and that the lens equals the calibration.
 
     Args:
         stage: Stage to look at.
@@ -165,7 +165,7 @@ def camera_findings(stage: Usd.Stage) -> Iterator[str]:
 
 
 def asset_findings(path: Path) -> Iterator[str]:
-    """Every arc and file that any layer names, in any variant, starts with ./ , never climbs, and exists.
+    """Check that every arc and file that any layer names, in any variant, starts with ./ , has no `..`, and exists.
 
     Args:
         path: Root layer.
@@ -242,7 +242,7 @@ def lens_values(lens: UsdLens) -> tuple[float, float, float, float, float]:
 
 
 def _is_elsewhere(error: UsdValidation.ValidationError) -> bool:
-    """Tell whether a finding says only that MaterialX is not installed here: the shader is for those that have it."""
+    """Check whether a finding is only that MaterialX is not installed here: the shader serves other programs."""
     return error.GetName() == "MissingShaderIdInRegistry" and "'ND_" in error.GetMessage()
 
 

@@ -1,4 +1,4 @@
-"""Faces of swept solids, whatever their points are: laid once for each make of solid."""
+"""Faces of swept solids: computed once for each kind of solid, independent of its points."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -37,7 +37,7 @@ class Net:
 
 @lru_cache(maxsize=512)
 def net(count: int, size: int, twisted: bytes, first: Pieces, last: Pieces, left_handed: bool) -> Net:
-    """Lay the faces of a solid: sides, those that are twisted as two triangles each at the end, and both ends.
+    """Build the faces of a solid: sides (twisted ones as two triangles each, listed last), and both ends.
 
     Args:
         count: Number of outlines.
@@ -69,7 +69,7 @@ def net(count: int, size: int, twisted: bytes, first: Pieces, last: Pieces, left
 
 
 def twisted_quads(rings: F64) -> list[bytes]:
-    """Tell which quads between the rings of some solids leave their plane.
+    """Find which quads between the rings of some solids leave their plane.
 
     Args:
         rings: Points [m], shape (N, S, P, 3), float64.

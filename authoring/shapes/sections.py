@@ -113,7 +113,7 @@ def miters(outlines: F64) -> F64:
 
 
 def is_convex(outlines: F64) -> bool:
-    """Tell whether counter-clockwise outlines never turn right.
+    """Check whether counter-clockwise outlines never turn right.
 
     Args:
         outlines: Corners [m], shape (..., P, 2), float64.

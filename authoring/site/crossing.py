@@ -1,4 +1,4 @@
-"""What a bridge leads over: a river, a road, a railway, a valley or a harbour, chosen to suit the bridge."""
+"""The obstacle that a bridge crosses: a river, a road, a railway, a valley or a harbour, chosen to fit the bridge."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,10 +27,10 @@ _BANK = 4.5  # [m] beside water, carriageway or ballast before a valley's side r
 
 @dataclass(frozen=True)
 class _Rule:
-    """When a crossing suits a bridge.
+    """Conditions for a crossing.
 
     Attributes:
-        weight: How often it is drawn among those that suit.
+        weight: How often it is drawn among those that fit.
         spans: Least and largest longest span [m].
         headroom: Least height of the bearing seats over the land [m].
     """
@@ -47,11 +47,11 @@ _RULES: dict[CrossingKind, _Rule] = {
     "valley": _Rule(30.0, (14.0, 400.0), 8.0),
     "harbour": _Rule(40.0, (60.0, 2000.0), 5.0),
 }
-SPARED: CrossingKind = "river"  # where nothing else suits
+SPARED: CrossingKind = "river"  # where nothing else fits
 
 
 def choose_crossing(layout: Layout, rng: np.random.Generator) -> CrossingKind:
-    """Draw a crossing among those that suit the bridge's longest span and height.
+    """Draw a crossing among those that fit the bridge's longest span and height.
 
     Args:
         layout: The bridge.
@@ -67,7 +67,7 @@ def choose_crossing(layout: Layout, rng: np.random.Generator) -> CrossingKind:
 
 
 def told_crossings() -> str:
-    """Say how often each crossing is drawn among those that suit a bridge, and which bridges suit it."""
+    """State how often each crossing is drawn among those that fit a bridge, and which bridges fit it."""
     return ", ".join(
         f"{kind} {rule.weight:g} (spans of {rule.spans[0]:g} to {rule.spans[1]:g} m, seats {rule.headroom:g} m high)"
         for kind, rule in _RULES.items()
@@ -77,7 +77,7 @@ def told_crossings() -> str:
 def draw_crossing(
     kind: CrossingKind, layout: Layout, rng: np.random.Generator, sides: np.random.Generator
 ) -> tuple[Crossing, Valley | None]:
-    """Let the crossing pass under the middle of the longest span, nearly square to the axis.
+    """Place the crossing under the middle of the longest span, nearly square to the axis.
 
     Args:
         kind: What to lead over.
@@ -184,7 +184,7 @@ def _rail(span: float, rng: np.random.Generator) -> Bottom:
 
 
 def _valley(span: float, rng: np.random.Generator) -> Bottom:
-    """Let a brook or a road run along a valley's bottom."""
+    """Place a brook or a road along a valley's bottom."""
     brook, width = rng.random() < 0.6, min(rng.uniform(4.0, 9.0), 0.4 * span)
     return ("river", width, -rng.uniform(1.0, 1.4), min(0.6, width / 6)) if brook else _road(span, rng)
 

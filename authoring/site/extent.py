@@ -28,7 +28,7 @@ class Box:
     heading: float
 
     def contains(self, points: F64, margin: float = 0.0) -> NDArray[np.bool_]:
-        """Tell which world positions lie inside.
+        """Find which world positions lie inside.
 
         Args:
             points: World positions [m], shape (N, 3), float64.

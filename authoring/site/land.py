@@ -35,7 +35,7 @@ def draw_land(kind: CrossingKind | None, relief: float, layout: Layout, reach: f
     """Draw the land.
 
     Args:
-        kind: What the bridge leads over; None: what suits it.
+        kind: What the bridge crosses; None: chosen to fit it.
         relief: Scale of the natural relief [1].
         layout: The bridge.
         reach: Length on which the approach roads continue the bridge's axis [m].
@@ -90,7 +90,7 @@ def strip_lines(land: Land, run_out: float, half_width: float, fine: tuple[float
 def strip_ground(land: Land, stations: F64, lefts: F64) -> tuple[HeightField, Soup]:
     """Shape the site's ground on grid lines; heights are whole tenths of a millimetre.
 
-    One more line all round, `FIRST_STEP` outside, enters the normals, so that a background shades the joint alike.
+    One more line all around, `FIRST_STEP` outside, enters the normals, so that a background shades the joint alike.
 
     Args:
         land: The land.

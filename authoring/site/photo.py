@@ -49,7 +49,7 @@ class PhotoSquare:
 
 
 def photo_squares(field: HeightField, half: float, ends: tuple[float, float], reach: float) -> tuple[PhotoSquare, ...]:
-    """Lay squares along a bridge; their borders are lines of the ground's grid.
+    """Place squares along a bridge; their borders are lines of the ground's grid.
 
     Args:
         field: The ground.

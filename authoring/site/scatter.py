@@ -156,7 +156,7 @@ def _places(
 
 
 def _untilled(land: Land, station: F64, left: F64) -> B:
-    """Tell which places lie on no crop, ploughed land or yard, shape (N,), bool."""
+    """Find which places lie on no crop, ploughed land or yard, shape (N,), bool."""
     covers = land.shape(station, left, no_hills).covers
     taken = [covers[name] > -_BESIDE for name in _TILLED if name in covers]
     return ~np.any(taken, axis=0) if taken else np.ones(len(station), bool)
@@ -177,7 +177,7 @@ def _shore_places(land: Land, ground: HeightField, count: int, rng: np.random.Ge
 
 
 def clear(land: Land, station: F64, left: F64, bridge_gap: float, edge_gap: float) -> B:
-    """Tell where nothing stands in the way: no road, no water, no bridge.
+    """Find free places: no road, no water, no bridge.
 
     Args:
         land: The land.

@@ -209,7 +209,7 @@ def crossfall(along: F64, across: F64) -> F64:
 
 @dataclass(frozen=True)
 class Shape:
-    """Ground heights and the fields that say what covers the ground: each is positive inside its cover.
+    """Ground heights and the fields of ground cover: each is positive inside its cover.
 
     Attributes:
         height: World heights [m], shape (...), float64.
@@ -270,7 +270,7 @@ class Land:
         return Shape(height, covers)
 
     def _used(self, plots: Plots, station: F64, left: F64, height: F64, hills: Hills) -> dict[str, F64]:
-        """Lay out the plots between the ways, beside the toes of the fills."""
+        """Place the plots between the ways, beside the toes of the embankments."""
         room = self.crossing.distance(station, left) - self.crossing.half_width - plots.aside
         room = np.minimum(room, plots.room(station, left))
         room = np.minimum(room, np.abs(left) - self.layout.width / 2 - CLEAR)

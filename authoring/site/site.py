@@ -30,7 +30,7 @@ LONG = 250.0  # [m] of bridge from which the fine mesh grows coarser
 
 
 class SiteSettings(Settings):
-    """What the site looks like."""
+    """Appearance of the site."""
 
     crossing: CrossingKind | None = Field(
         default=None,
@@ -62,7 +62,7 @@ class SiteSettings(Settings):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Site:
-    """The ground strip and all that belongs to it.
+    """The ground strip and everything on it.
 
     Attributes:
         land: What shapes the ground, here and beyond the strip.
@@ -83,7 +83,7 @@ class Site:
     squares: tuple[PhotoSquare, ...] = ()
 
     def ground(self, xy: F64) -> F64:
-        """Find the height of the ground mesh; beyond the strip its edge goes on level.
+        """Find the height of the ground mesh; beyond the strip, the height of its edge.
 
         Args:
             xy: World positions in plan [m], shape (N, 2), float64.
@@ -98,7 +98,7 @@ def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) 
     """Draw a site for a bridge.
 
     Args:
-        settings: What the site looks like.
+        settings: Appearance of the site.
         layout: The bridge's axis, supports, width and depth.
         rng: Random stream `site`.
 

@@ -72,7 +72,7 @@ def draw_valley(layout: Layout, station: float, floor: float, deep: bool, rng: n
         layout: The bridge.
         station: Where the crossing meets the axis [m].
         floor: Half the width that the crossing needs at the bottom [m].
-        deep: The user asked for a valley: low bridges get one, too.
+        deep: The user requires a valley: low bridges get one, too.
         rng: Random stream.
 
     Returns:
@@ -100,7 +100,7 @@ def draw_valley(layout: Layout, station: float, floor: float, deep: bool, rng: n
 def _feet(
     layout: Layout, station: float, sign: float, side: tuple[float, float], rim: float
 ) -> list[tuple[float, float]]:
-    """List where a bridge wants the land on one side: a level shelf at each of its feet, by distance and height [m]."""
+    """List the ground that a bridge needs on one side: level shelves at its feet, by distance and height [m]."""
     knots, lowest = [], 0.0
     for away, height in sorted((sign * (foot - station), height) for foot, height in layout.feet):
         if not side[0] < away < side[1] - _SHELF:

@@ -100,7 +100,7 @@ def shifted(surface: Surface, offset: F64) -> Surface:
 
 
 def in_one_chart(surface: Surface) -> Surface:
-    """Lay all charts of a surface beside each other, as one: members of many pieces stay cheap to pack.
+    """Place all charts of a surface beside each other, as one: members of many pieces stay cheap to pack.
 
     Args:
         surface: Any number of charts.

@@ -57,7 +57,7 @@ def calibration(model: CameraModel, width: int | None = None, height: int | None
 
     Args:
         model: Camera.
-        width: Image width [px]; the camera's own when None, or what goes with `height`.
+        width: Image width [px]; the camera's own when None, or that which corresponds to `height`.
         height: Image height [px]; what keeps the camera's aspect when None.
     """
     if width is None:

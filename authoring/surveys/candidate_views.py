@@ -1,4 +1,4 @@
-"""The views among which an inspection chooses: places round a bridge, each with directions all round."""
+"""The views among which an inspection chooses: places round a bridge, each with directions all around."""
 
 from dataclasses import dataclass
 
@@ -35,7 +35,7 @@ class Candidates:
 
 
 def directions(heading: float, highest: float) -> F64:
-    """List the rotations of the views of a place: headings all round at several pitches, straight up and down.
+    """List the rotations of the views of a place: headings all around at several pitches, straight up and down.
 
     Args:
         heading: First heading, counter-clockwise from +x [rad].

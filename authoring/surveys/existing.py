@@ -1,4 +1,4 @@
-"""A camera that is in a stage already, animated in a DCC: found, and taken as it is."""
+"""An existing camera of a stage, animated in a DCC: found, and used unchanged."""
 
 from authoring.surveys.path import Flown
 from authoring.surveys.settings import StageSettings
@@ -35,7 +35,7 @@ def existing_flight(settings: StageSettings, scene: FlatScene) -> Flown:
 def _find(wanted: str, scene: FlatScene) -> int:
     own = [row for row, track in enumerate(scene.cameras) if track.path]  # the framing camera has no prim
     found = [row for row in own if wanted in ("", scene.cameras[row].path, _leaf(scene.cameras[row]))]
-    if not wanted:  # whoever names none means the one that no survey of ours flew
+    if not wanted:  # without a name: the flight that was not made by a survey of Falsework
         found = [row for row in found if "kind" not in scene.cameras[row].facts] or found
     if len(found) == 1:
         return found[0]

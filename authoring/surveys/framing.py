@@ -10,7 +10,7 @@ from usd_schemas.pinhole import Pinhole
 
 F64 = NDArray[np.float64]
 
-BORDER = 33  # places along each side of a picture that are undistorted to find how wide it sees
+BORDER = 33  # places along each side of a picture that are undistorted to find its field of view
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Eye:
         return np.column_stack([self.distortion.undistort(drawn), np.ones(len(pixels))])
 
     def framed(self, points: F64, pose: F64) -> NDArray[np.bool_]:
-        """Tell which points fall into a picture; what may hide them does not count.
+        """Find which points fall into a picture; what may hide them does not count.
 
         Args:
             points: World positions [m], shape (N, 3), float64.
@@ -53,7 +53,7 @@ class Eye:
         return self.framed_local((points - pose[:3, 3]) @ pose[:3, :3])
 
     def framed_local(self, local: F64) -> NDArray[np.bool_]:
-        """Tell which points in camera axes fall into the picture; what may hide them does not count.
+        """Find which points in camera axes fall into the picture; what may hide them does not count.
 
         Args:
             local: Positions from the camera's centre, axes right, down, forward [m], shape (N, 3), float64.
@@ -64,7 +64,7 @@ class Eye:
         camera = self.camera
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             normalized = local[:, :2] / local[:, 2:]
-            # Far outside the picture the polynomial folds, and would bring points back in.
+            # Far outside the picture the polynomial is not monotonic, and would map points into the picture.
             near = np.sum(normalized**2, axis=1) <= self.widest**2
             pixels = self.distortion.distort(normalized) * [camera.fx, camera.fy] + [camera.cx, camera.cy]
             inside = ((pixels >= 0.0) & (pixels < [camera.width, camera.height])).all(axis=1)
@@ -72,7 +72,7 @@ class Eye:
 
 
 def eye_of(camera: Pinhole, distortion: Distortion = NO_DISTORTION) -> Eye:
-    """Find how wide a camera sees.
+    """Compute the field of view of a camera.
 
     Args:
         camera: Intrinsics.

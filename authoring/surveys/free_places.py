@@ -67,7 +67,7 @@ def _box(subject: Subject, reach: float) -> OrientedBox:
 def _free_cells(
     subject: Subject, box: OrientedBox, corner: F64, blocks: I64, edge: float, distances: tuple[float, float]
 ) -> Cells:
-    """Tell which cells keep their distance and are within reach of the bridge, shape (X, Y, Z), bool."""
+    """Find which cells keep their distance and are within reach of the bridge, shape (X, Y, Z), bool."""
     reach, safety = distances
     least = safety + 0.5 * np.sqrt(3.0) * edge  # no corner of the cell is nearer
     numbers = np.stack(np.meshgrid(*(np.arange(count) for count in blocks), indexing="ij"), axis=-1).reshape(-1, 3)

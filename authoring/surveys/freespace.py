@@ -27,7 +27,7 @@ class FreeSpace:
         box: The box.
         edge: Length of a cell's edge [m].
         clearance: Distance of each cell's middle to the nearest surface, rounded to centimetres [m], shape (X, Y, Z).
-        free: Whether the whole cell keeps its distance, and belongs to the largest connected part, shape (X, Y, Z).
+        free: Whether the whole cell keeps its distance, and is in the largest connected part, shape (X, Y, Z).
         cut_off: Whether it keeps its distance, but no way leads there, shape (X, Y, Z).
     """
 

@@ -48,7 +48,7 @@ def along_axis(offsets: F64) -> F64:
 
 
 def drawn_to_lines(offsets: F64, targets: F64, lines: F64) -> F64:
-    """Let low cameras look back at the bearing line that they passed last, which a square view leaves out of the frame.
+    """Turn low cameras back to the bearing line that they passed last, which a square view leaves out of the frame.
 
     On the other side of the bridge the flight passes the lines the other way, so that each is seen from both of its
     sides, and no camera has to swing from the line behind to the line ahead.

@@ -18,8 +18,8 @@ from usd_schemas.pinhole import Pinhole
 F64 = NDArray[np.float64]
 
 DECIMALS = 4  # positions are rounded to it [m], so that every CPU places the same cameras
-USUAL_DISTANCE = 10.0  # [m] from the bridge where no sampling is asked for
-COLUMNS, ROWS = 24, 18  # rays that tell whether an image shows the bridge
+USUAL_DISTANCE = 10.0  # [m] from the bridge where no ground sampling distance is set
+COLUMNS, ROWS = 24, 18  # rays that test whether an image shows the bridge
 TILT = np.radians(-90.0 + 1.0)  # over the deck: straight down, but for what keeps the heading defined
 
 
@@ -44,9 +44,9 @@ def fly_grid(settings: GridSettings, subject: Subject, rng: np.random.Generator)
     """Plan the rows.
 
     Args:
-        settings: What the scenario says.
+        settings: Settings of the scenario.
         subject: Bridge and site.
-        rng: Not drawn from: a grid is what the pilot says it is.
+        rng: Not used: a grid has no random values.
 
     Returns:
         camera_to_world of each image [m], shape (N, 4, 4), float64.

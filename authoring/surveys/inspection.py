@@ -25,7 +25,7 @@ I64 = NDArray[np.int64]
 
 LATTICE = 2.0  # [m] between the places that views are chosen from
 STAND_OFF = 1.5  # greatest distance of these to what is inspected, in distances that are flown at [1]
-MARGIN = 1.5  # by which a view must show more pixels than asked for, as samples only estimate them [1]
+MARGIN = 1.5  # by which a view must show more pixels than required, as samples only estimate them [1]
 WELL = 0.5  # share of the best view of a stretch that another one must show [1]
 MEMBER = 1000  # worth of a view that a member lacks, over that of a stretch [1]
 LOOKED_AT = 3000  # free places looked at for a member that the lattice hardly sees
@@ -38,7 +38,7 @@ def fly_inspection(
     """Choose the views, put them in order, and photograph along the legs between them.
 
     Args:
-        settings: What the scenario says.
+        settings: Settings of the scenario.
         subject: Bridge and site.
         rng: Stream `survey/<id>`: it shifts the lattice of places and turns the headings.
         before: camera_to_world of images that are taken anyway [m], shape (N, 4, 4), float64.
@@ -190,7 +190,7 @@ def _taken(
 
 
 def _wanted(settings: InspectionSettings, targets: Targets, sight: Sight, taken: _Taken | None) -> Wanted:
-    """Say what every view is good for: members large enough, and stretches nearly as well as any view shows them."""
+    """Find what every view shows: members large enough, and stretches nearly as well as any other view."""
     count = len(targets.samples.ids)
     members = _at_least(sight.pixels, np.full(count, MARGIN * settings.pixels))
     needs = np.full(count, settings.views, np.int64) - (0 if taken is None else taken.members)
@@ -209,7 +209,7 @@ def _wanted(settings: InspectionSettings, targets: Targets, sight: Sight, taken:
 
 
 def _at_least(counts: sparse.csr_matrix, enough: F64) -> sparse.csr_matrix:
-    """Mark the entries of a table that reach what each column asks for."""
+    """Mark the entries of a table that reach the threshold of their column."""
     flat = counts.tocoo()
     kept = flat.data >= enough[flat.col]
     ones = np.ones(int(kept.sum()), np.int64)

@@ -1,4 +1,4 @@
-"""Views put in the order of a flight: legs along which a drone photographs, and jumps between them."""
+"""Views in the order of a flight: legs along which a drone photographs, and transfers between them."""
 
 from itertools import pairwise
 

@@ -1,4 +1,4 @@
-"""Which images of a flight a reconstruction will link: a prediction from what they see in common."""
+"""A prediction of which images of a flight a reconstruction will link, from the surfaces that they have in common."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,7 +79,7 @@ def _seen(pose: F64, eye: Eye, obstacles: RayScene) -> F64:
 
 
 def _shared(points: F64, own: F64, other: F64, eye: Eye, obstacles: RayScene) -> tuple[float, float]:
-    """Find the share of what one image sees that another sees at all, and that it sees alike enough to know."""
+    """Find the share of an image's surfaces that another sees at all, and that it sees alike enough to match."""
     if not len(points):
         return 0.0, 0.0
     framed = points[eye.framed(points, other)]

@@ -39,7 +39,7 @@ def fly_local(settings: LocalSettings, subject: Subject, rng: np.random.Generato
     slerp between key cameras, up-sampling to 0.5 m. How the path is drawn is lost; goals, costs and field are ours.
 
     Args:
-        settings: What the scenario says.
+        settings: Settings of the scenario.
         subject: Bridge and site.
         rng: Stream `survey/<id>`.
 
@@ -113,7 +113,7 @@ def _reach_target(settings: LocalSettings, target: int, space: FreeSpace, subjec
 
 
 def _limits(space: FreeSpace, subject: Subject) -> str:
-    """Say what keeps a flight from more of its box; empty where the box alone does."""
+    """Describe what limits a flight besides its box; empty where only the box does."""
     gap = gap_between(space)
     if gap is None:
         return ""
@@ -157,7 +157,7 @@ def _draw_way(
 
 
 def _part(way: F64, length: float, share: float) -> F64:
-    """Cut a part of some length out of a way [m], shape (K, 3), float64; `share` tells where it begins."""
+    """Cut a part of some length out of a way [m], shape (K, 3), float64; `share` sets where it begins."""
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
     first = share * (arc[-1] - length)
     inner = (arc > first) & (arc < first + length)
@@ -166,7 +166,7 @@ def _part(way: F64, length: float, share: float) -> F64:
 
 
 def _is_smooth(way: F64, spacing: float) -> bool:
-    """Tell whether neighbouring images keep nearly their step as the crow flies: no turn on the spot."""
+    """Check whether neighbouring images keep nearly their step along a straight line: no turn on the spot."""
     chords = np.linalg.norm(np.diff(equal_steps(way, spacing), axis=0), axis=1)
     return bool(chords.min() > STRAIGHT * chords.max())
 

@@ -11,7 +11,7 @@ from groundwork.errors import InputError
 
 F64 = NDArray[np.float64]
 
-_SLICE = 2.0  # [m] of the bridge whose middle tells where its axis runs
+_SLICE = 2.0  # [m] of the bridge whose middle is a point of its axis
 _FOOT = 0.5  # [m] of the box over the lowest ground
 
 

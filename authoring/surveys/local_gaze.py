@@ -12,7 +12,7 @@ I64 = NDArray[np.int64]
 DECIMALS = 4  # points of interest are rounded to it [m], so that every CPU aims alike
 WIDEST = np.radians(120.0)  # between two key cameras: beyond it the turn passes through the sky
 FASTEST = np.radians(12.0)  # that neighbouring images may be turned against each other
-TOO_NEAR = 0.7  # [m] to a point of interest: nearer cameras see one member's paint and nothing else
+TOO_NEAR = 0.7  # [m] to a point of interest: nearer cameras see only the surface of one member
 
 
 def gaze(positions: F64, subject: Subject, highest: float, coarse: float) -> F64:
@@ -70,7 +70,7 @@ def key_cameras(positions: F64, points: F64, components: NDArray[np.integer]) ->
 
 
 def _followed(rows: I64, looks: F64, distance: F64) -> list[int]:
-    """Choose the key cameras that a gimbal can follow; of two that ask for too fast a turn, the nearer one counts."""
+    """Choose the key cameras that a gimbal can follow; of two that need too fast a turn, the nearer one counts."""
     turns = look_along(looks)
     kept = [0]
     for key in range(1, len(rows)):
@@ -87,7 +87,7 @@ def _followed(rows: I64, looks: F64, distance: F64) -> list[int]:
 
 
 def _eased(where: F64, looks: F64, targets: F64, positions: F64, stations: F64, highest: float) -> tuple[F64, F64]:
-    """Put a key camera between two that look apart by more than the widest turn, aimed between what they look at."""
+    """Insert a key camera between two that differ by more than the widest turn, aimed between their targets."""
     places, directions = [float(where[0])], [looks[0]]
     for key in range(1, len(where)):
         if angle_between(look_along(looks[key - 1 : key])[0], look_along(looks[key : key + 1])[0]) > WIDEST:

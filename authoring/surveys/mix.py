@@ -18,7 +18,7 @@ def fly_mix(settings: MixSettings, subject: Subject, rng: np.random.Generator, k
     """Fly the legs in order; each draws from a stream of its own, so that one more leg changes none before it.
 
     Args:
-        settings: What the scenario says.
+        settings: Settings of the scenario.
         subject: Bridge and site.
         rng: Stream `survey/<id>`.
         kinds: How each other kind is flown: camera_to_world of each image [m], shape (N, 4, 4), float64.

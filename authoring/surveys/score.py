@@ -29,7 +29,7 @@ class FlightScore:
     Attributes:
         images: Number of images.
         length: Length of the flight [m].
-        duration: Flight time [s]; 0 when the stage tells no times.
+        duration: Flight time [s]; 0 when the stage has no times.
         clearance: Least distance of a camera to bridge and site [m].
         overlap: Mean share of what an image sees that the next one sees as well [1].
         linked: Predicted share of the images that a reconstruction registers [1].

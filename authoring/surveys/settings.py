@@ -1,4 +1,4 @@
-"""What a scenario may say about surveys."""
+"""Settings of surveys in a scenario."""
 
 from typing import Annotated, Literal, Self
 
@@ -231,7 +231,7 @@ class MixSettings(CameraSettings):
 
 
 class StageSettings(RecordSettings):
-    """A camera that is in the stage already, animated in a DCC: taken as it is, and given a record."""
+    """An existing camera of the stage, animated in a DCC: used unchanged, with a record added."""
 
     kind: Literal["stage"]
     id: str = Field(default="stage", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name, unique in the scene")

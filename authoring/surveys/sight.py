@@ -51,7 +51,7 @@ def sample_pixels(toward: F64, depth: F64, samples: SurfaceSamples, rows: I64, e
 
 
 def visible_samples(places: F64, samples: SurfaceSamples, reach: float, obstacles: RayScene) -> tuple[I64, I64]:
-    """Find which samples places see when they look all round: within reach, from the front, nothing in between.
+    """Find which samples places see when they look all around: within reach, from the front, nothing in between.
 
     Args:
         places: Camera centres [m], shape (P, 3), float64.

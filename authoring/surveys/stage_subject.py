@@ -1,4 +1,4 @@
-"""What a survey sees of any stage, ours or another program's."""
+"""The input of surveys from any stage, ours or another program's."""
 
 import numpy as np
 

@@ -17,7 +17,7 @@ LAND = frozenset({"ground", "road", "rail_bed", "water", "embankment", "riverban
 
 @dataclass(frozen=True)
 class Subject:
-    """A bridge on its site as surveys see it.
+    """A bridge on its site, as the input of surveys.
 
     Attributes:
         bridge: Corner positions of the bridge's triangles [m], shape (T, 3, 3), float64.

@@ -20,7 +20,7 @@ class SurfaceSamples:
     Attributes:
         points: World positions [m], shape (N, 3), float64.
         normals: Outward unit normals [1], shape (N, 3), float64.
-        areas: Surface that each sample stands for [m²], shape (N,), float64.
+        areas: Area that each sample represents [m²], shape (N,), float64.
         component: Row in `ids` of each sample, shape (N,), int64.
         ids: Instance ids, ascending, shape (K,), int64.
     """

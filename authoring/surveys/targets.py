@@ -1,4 +1,4 @@
-"""What an inspection has to see: every member of a bridge, and its surface in stretches."""
+"""Targets of an inspection: every member of a bridge, and its surface in stretches."""
 
 from dataclasses import dataclass
 

@@ -37,7 +37,7 @@ def angle_between(first: F64, second: F64) -> float:
 
 
 def pitch_of(rotations: F64) -> F64:
-    """Measure how far cameras look up, negative below the horizon.
+    """Measure the elevation of viewing directions, negative below the horizon.
 
     Args:
         rotations: Camera to world, axes right, down, forward [1], shape (N, 3, 3), float64.
@@ -70,7 +70,7 @@ def look_along(directions: F64, right: F64 | None = None) -> F64:
 
 
 def lowered(rotations: F64, highest: float) -> F64:
-    """Turn cameras that look up further than a gimbal does down to its limit, by the least turn.
+    """Turn cameras above a gimbal's upper limit down to it, by the smallest rotation.
 
     Args:
         rotations: Camera to world, axes right, down, forward [1], shape (N, 3, 3), float64.
@@ -89,7 +89,7 @@ def lowered(rotations: F64, highest: float) -> F64:
 
 
 def limit_pitch(directions: F64, highest: float) -> F64:
-    """Lower the directions that look up further than a gimbal does; the heading stays.
+    """Lower the directions above a gimbal's upper limit; the heading stays.
 
     Args:
         directions: Where cameras look [m], shape (N, 3), float64.

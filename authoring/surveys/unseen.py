@@ -48,7 +48,7 @@ def hardly_seen(flights: Sequence[Mapping[int, int]]) -> dict[int, int]:
 
 
 def propose_legs(subject: Subject, few: Mapping[int, int], rng: np.random.Generator) -> Proposal:
-    """Find legs that show members often enough, and say what they would show.
+    """Find legs that show members often enough, and list what they would show.
 
     Args:
         subject: Bridge and site.
@@ -74,7 +74,7 @@ def propose_legs(subject: Subject, few: Mapping[int, int], rng: np.random.Genera
 
 
 def proposed_settings(members: tuple[int, ...]) -> InspectionSettings:
-    """Give the settings of a flight that sees to some members alone.
+    """Return the settings of a flight for some members alone.
 
     Args:
         members: Their instance ids.

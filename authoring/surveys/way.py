@@ -14,7 +14,7 @@ _EASES = (0.8, 0.5, 0.3)  # [m] over which corners are eased, the first that is 
 
 
 def shortcut(way: F64, subject: Subject, safety: float) -> F64:
-    """Straighten a way: a leg replaces all corners between two that see each other over a safe line.
+    """Straighten a way: a leg replaces all corners between two that a safe straight line connects.
 
     Args:
         way: Corners [m], shape (M, 3), float64.
@@ -104,7 +104,7 @@ def equal_steps(way: F64, spacing: float) -> F64:
 
 
 def is_safe(way: F64, subject: Subject, safety: float) -> bool:
-    """Tell whether a way keeps its distance all along.
+    """Check whether a way keeps its distance all along.
 
     Args:
         way: Corners [m], shape (M, 3), float64.

@@ -19,7 +19,7 @@ DECIMALS = 4  # positions are rounded to it [m], so that every CPU places the sa
 DIVE = 26.0  # [m] of the side of a bridge without bearings for one dive
 LINGER = 1.5  # power of the wave: over 1 stays longer low than high
 BEHIND = 2.0  # [m] behind the bearings of an abutment where the first dive begins
-SAME_LINE = 3.0  # [m] along the bridge within which bearings belong to one line
+SAME_LINE = 3.0  # [m] along the bridge within which bearings form one line
 BEYOND = (-1.5, 0.5)  # [m] past the ends of the bridge, whose wing walls reach back
 # Over the road little but slanted asphalt is near: with the step of the sides, what links the two sides of the bridge
 # there is hundreds of metres away, and one side came to lie 18 m off.
@@ -37,7 +37,7 @@ def fly_whole(settings: GlobalSettings, subject: Subject, rng: np.random.Generat
     inner box). That is the tour "rings"; the default is a loop that needs fewer images.
 
     Args:
-        settings: What the scenario says.
+        settings: Settings of the scenario.
         subject: Bridge and site.
         rng: Stream `survey/<id>`.
 
@@ -89,7 +89,7 @@ def draw_route(
     """Draw a closed route round the extended box: over the bridge at its bearing lines and ends, low along its spans.
 
     Args:
-        settings: What the scenario says.
+        settings: Settings of the scenario.
         box: The bridge's box.
         lines: Distances of the bearing lines along the box [m], shape (L,), float64.
         subject: Bridge and site.
@@ -122,7 +122,7 @@ def clear_route(route: F64, box: OrientedBox, subject: Subject, safety: float) -
 
     Args:
         route: Closed route [m], shape (M, 3), float64.
-        box: The bridge's box, which tells outwards.
+        box: The bridge's box, which defines the outward direction.
         subject: Bridge and site.
         safety: Least distance to both [m].
 

@@ -1,4 +1,4 @@
-"""More choices for a scene that is there: looks, backgrounds and lights authored from its recipe when asked for."""
+"""More choices for an existing scene: looks, backgrounds and lights authored from its recipe on request."""
 
 import difflib
 from collections.abc import Callable, Iterator
@@ -83,7 +83,7 @@ def _set_choices(scene: Path, choices: dict[str, str], warn: Warn, origin: Point
 
 
 def write_variant(scene: Path, name: str, choices: dict[str, str], warn: Warn, origin: Point | None = None) -> Path:
-    """Write a scene variant beside a scene, whose own selections stay as they are.
+    """Write a scene variant beside a scene, whose own selections are unchanged.
 
     Args:
         scene: Root layer of a scene.
@@ -160,7 +160,7 @@ def _check_origin(choices: dict[str, str], origin: Point | None) -> None:
 
 
 def _ensure(scene: Path, choices: dict[str, str], warn: Warn, origin: Point | None) -> dict[str, str]:
-    """Make sure that a scene offers some choices, and tell their names; where one is refused, nothing has changed."""
+    """Make sure that a scene offers some choices, and return their names; where one is refused, nothing has changed."""
     offer = offered(Usd.Stage.Open(str(scene), Usd.Stage.LoadNone))
     with ExitStack() as staged, space_errors(scene.parent):
         makers: dict[str, Callable[[], str]] = {}
@@ -208,7 +208,7 @@ def _maker(scene: Path, axis: str, value: str, known: tuple[str, ...]) -> Callab
 
 
 def _check_file(axis: str, file: Path) -> None:
-    """A value that no choice is called by: say so where it is the path of a file that cannot be used as it is."""
+    """Refuse an unknown choice that is the path of a file which cannot be used directly, or of no file."""
     if axis == "background" and file.is_file():
         hint = "Make a world first: falsework background import FILE -o DIR, then background=DIR"
         raise InputError("is no USD file", where=file, field=axis, hint=hint)
@@ -225,7 +225,7 @@ def _settle(scene: Path, world: Path) -> str:
 
 
 def _wear(scene: Path, surfaces: Path) -> str:
-    """Dress the bridge in a user's folder of surfaces; what it does not suit stays as the scene's own look has it."""
+    """Apply a user's folder of surfaces to the bridge; roles without a fitting one keep that of the scene's look."""
     drawn, name = _draw(read_recipe(scene.parent)), Tf.MakeValidIdentifier(surfaces.stem)
     if name in LOOKS:
         raise InputError("has the name of a look of ours", where=surfaces, value=name, hint="Rename it")

@@ -39,7 +39,7 @@ _LABELS = (
 
 
 def stage_background(scene: Path, file: Path, warn: Warn, origin: Point = HERE) -> Staged:
-    """Make a background of a user's world beside its place; the scene stays as it is until it is committed.
+    """Make a background of a user's world beside its place; the scene is unchanged until it is committed.
 
     Args:
         scene: Root layer of the scene.

@@ -1,4 +1,4 @@
-"""Materials of the user's as a look: those that are named like the roles fill them, others come from another look."""
+"""Materials of the user as a look: those with names of roles are used for them, others are from another look."""
 
 from functools import partial
 from pathlib import Path
@@ -20,7 +20,7 @@ from usd_schemas.guard.layer_walk import Warn
 
 
 def stage_look(scene: Path, file: Path, warn: Warn) -> Staged:
-    """Make a look of the materials of a USD file beside its place; the scene stays as it is until it is committed.
+    """Make a look of the materials of a USD file beside its place; the scene is unchanged until it is committed.
 
     Args:
         scene: Root layer of the scene.

@@ -119,7 +119,7 @@ def _keep_out(scene: Usd.Stage) -> F64 | None:
 
 
 def _enters(corners: F64, planes: F64) -> bool:
-    """Tell whether a triangle reaches into a convex volume, by clipping it at each plane.
+    """Check whether a triangle reaches into a convex volume, by clipping it at each plane.
 
     Source: Sutherland, Hodgman, Reentrant polygon clipping, Communications of the ACM 17, 1974.
     """

@@ -69,7 +69,7 @@ def check_asset(scene: Path, axis: str, layer: Path, file: Path, warn: Warn) -> 
         axis: `background` or `look`.
         layer: Root layer of the asset.
         file: The file that it came from, for errors.
-        warn: Called with one line for what only USD's own validators find: it is the file's, and stays as it is.
+        warn: Called with one line for findings of USD's own validators alone: the file stays unchanged.
 
     Raises:
         InputError: The scene would not be sound with it.

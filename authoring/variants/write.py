@@ -33,7 +33,7 @@ def made_from(settings: AuthoringSettings, seed: int, asset: str) -> dict[str, s
     """Name what an asset depends on; another look or survey is none of the bridge's business.
 
     Args:
-        settings: What the scenario says.
+        settings: Settings of the scenario.
         seed: Seed of the scene.
         asset: `bridge`, `site` or `background`.
     """
@@ -60,7 +60,7 @@ def write_look(
         bridge: Pieces of the bridge.
         folder: Folder of the bridge.
         given: Users' folders of surfaces by the names that the settings have for them.
-        base: Look of the roles that the users' surfaces do not suit; the one of that name when empty.
+        base: Look of the roles without a fitting surface of the user; the one of that name when empty.
 
     Returns:
         Its file, relative to that folder.
@@ -81,7 +81,7 @@ def write_background(
     """Build a background round a site.
 
     Args:
-        settings: What the scenario says.
+        settings: Settings of the scenario.
         seed: Seed of the scene.
         name: Name of the background.
         site: The site.
@@ -122,7 +122,7 @@ def write_light(settings: LightSettings, seed: int, name: str, folder: Path, ski
         seed: Seed of the scene.
         name: Name of the light.
         folder: Scene folder.
-        skies: Photographed skies by the name under which `light.sky` asks for them.
+        skies: Photographed skies by their name in `light.sky`.
 
     Returns:
         Its file, relative to that folder.

@@ -23,7 +23,7 @@ from usd_schemas.pinhole import unproject
 
 F64 = NDArray[np.float64]
 
-STRIDE = 4  # [px] between the rays of an image; a ray stands for STRIDE x STRIDE pixels
+STRIDE = 4  # [px] between the rays of an image; a ray represents STRIDE x STRIDE pixels
 PIXELS, VIEWS = 50, 3
 FIRST_SEED = 100  # of the first bridge
 POINTS = 400  # on a member's surface, at random, that are looked for from free places
@@ -66,7 +66,7 @@ def draw_bridge(family: str, seed: int) -> Drawn:
 
 
 def can_be_seen(drawn: Drawn, member: int, places: F64, focal: float) -> bool:
-    """Tell whether a camera at any of some places, looking at a member, would show enough pixels of it.
+    """Check whether a camera at any of some places, looking at a member, would show enough pixels of it.
 
     Args:
         drawn: Bridge and site.
@@ -157,7 +157,7 @@ def shown_by(drawn: Drawn, path: CameraPath) -> Shown:
 
 
 def inspection_rows(bridges: int) -> list[str]:
-    """Fly an inspection of random bridges, the families in turn, and say what each shows.
+    """Plan inspections of random bridges, the families in turn, and measure what each shows.
 
     Args:
         bridges: Number of bridges.

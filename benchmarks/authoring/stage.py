@@ -77,8 +77,8 @@ def measure(count: int) -> dict[str, float]:
 
 
 def _export(layers: tuple[Sdf.Layer, Sdf.Layer], folder: Path) -> None:
-    for name, layer in zip(("geometry", "semantics"), layers, strict=True):
-        export(layer, folder / f"bridge/{name}.usdc")
+    for name, layer in zip(("geometry.usdc", "semantics.usda"), layers, strict=True):
+        export(layer, folder / "bridge" / name)
 
 
 def _best(

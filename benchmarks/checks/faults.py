@@ -1,11 +1,14 @@
 """What was killed, filled up, damaged and flipped, how often: `python -m benchmarks.checks.faults`.
 
 Writes `docs/benchmarks/faults.md` from the tests marked `faults` and from the rows that `make test-faults` wrote into
-docs/proof.json. Nothing is run here.
+docs/proof.json. pytest counts the cases of each test; none is run here.
 """
 
 import ast
-from collections.abc import Iterator
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,7 +40,14 @@ class FaultTest:
 def main() -> None:
     """Write the page."""
     tests = [test for path in sorted((ROOT / "tests").rglob("test_*.py")) for test in fault_tests(path)]
-    write_page(PAGE, page(tests, read_json(PROOF)["rows"]), __file__)
+    write_page(PAGE, page(tests, count_cases(), read_json(PROOF)["rows"]), __file__)
+
+
+def count_cases() -> Counter[str]:
+    """Ask pytest how many cases each marked test has: `file::name`, and how often it is run with other arguments."""
+    words = ("-m", "pytest", "-m", "faults", "--collect-only", "-q", "-n", "0")
+    said = subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    return Counter(line.partition("[")[0] for line in said.splitlines() if "::" in line)
 
 
 def fault_tests(path: Path) -> Iterator[FaultTest]:
@@ -57,11 +67,12 @@ def fault_tests(path: Path) -> Iterator[FaultTest]:
                 yield FaultTest(f"{path.relative_to(ROOT).as_posix()}::{node.name}", fact, tuple(_counts(node)))
 
 
-def page(tests: list[FaultTest], rows: list[dict[str, Any]]) -> str:
+def page(tests: list[FaultTest], cases: Mapping[str, int], rows: list[dict[str, Any]]) -> str:
     """Write the page.
 
     Args:
         tests: The marked tests.
+        cases: How many cases each of them has.
         rows: Rows of docs/proof.json.
     """
     measured: dict[str, list[dict[str, Any]]] = {}
@@ -70,18 +81,21 @@ def page(tests: list[FaultTest], rows: list[dict[str, Any]]) -> str:
     lines = [
         "# Faults, and how often each was tried",
         "",
-        "Written by `python -m benchmarks.checks.faults` from the tests marked `faults`. *Quick* is the count in `make "
-        "test`, *full* the one in `make test-faults`; a test without counts tries each of its cases once in both. "
-        "*Measured*: what the last full run wrote into [proof.json](../proof.json), with its commit.",
+        "Written by `python -m benchmarks.checks.faults` from the tests marked `faults`. *Cases*: how often "
+        "a test runs with other arguments. *Quick* is the count within a case in `make test`, *full* the one in `make "
+        "test-faults`; a test without counts is the same in both, and has no row of its own. *Measured*: what the last "
+        "full run wrote into [proof.json](../proof.json), with its commit.",
         "",
-        "| fact | test | quick | full | measured |",
-        "|---|---|---|---|---|",
+        "| fact | test | cases | quick | full | measured |",
+        "|---|---|---|---|---|---|",
     ]
     for test in tests:
-        quick, full = (", ".join(str(pair[one]) for pair in test.counts) or "all" for one in (0, 1))
+        quick, full = (", ".join(f"{pair[one]:,}" for pair in test.counts) for one in (0, 1))
         done = "; ".join(f"{row['count']:,} ({row['commit'][:7]})" for row in measured.get(test.place, []))
         name = test.place.removeprefix("tests/")
-        lines.append(f"| {test.fact.replace('|', chr(92) + '|')} | `{name}` | {quick} | {full} | {done} |")
+        lines.append(
+            f"| {test.fact.replace('|', chr(92) + '|')} | `{name}` | {cases[test.place]} | {quick} | {full} | {done} |"
+        )
     return "\n".join(lines) + "\n"
 
 

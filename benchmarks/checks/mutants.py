@@ -99,7 +99,7 @@ SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ),
     ),
     "scores": (
-        ("learn/metrics.py", "learn/panoptic.py", "learn/losses.py"),
+        ("learn/metrics.py", "learn/scoring/panoptic.py", "learn/losses.py"),
         ("tests/learn/test_metrics.py", "tests/learn/test_losses.py"),
     ),
 }
@@ -196,7 +196,7 @@ class TestRunner:
         self._process = subprocess.Popen(command, cwd=tree, env=environment, stdin=pipe, stdout=pipe, text=True)
 
     def passes(self) -> bool:
-        """Tell whether all tests pass; an endless loop counts as a failure."""
+        """Check whether all tests pass; an endless loop counts as a failure."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.write("\n")
@@ -204,7 +204,7 @@ class TestRunner:
         return self._process.stdout.readline() == "0\n"
 
     def notices(self, mutant: Mutant) -> bool:
-        """Put a fault into the copy, and tell whether its tests fail; the copy is as it was, afterwards.
+        """Put a fault into the copy, check whether its tests fail, and restore the copy.
 
         Args:
             mutant: The fault.
@@ -313,7 +313,7 @@ def _places(tree: ast.Module) -> Iterator[tuple[ast.AST, "Change"]]:
 
 
 class _Nothing(ast.Not):
-    """Stands for `not not`: the operand as it is."""
+    """Marker of `not not`: the unchanged operand."""
 
 
 @dataclass(frozen=True)
@@ -339,7 +339,7 @@ class Change:
 
 
 def _is_counted(node: ast.Compare) -> bool:
-    """Tell whether a whole number, or the number of things, is written on one side of a comparison."""
+    """Check whether one side of a comparison is an integer or a length."""
     sides = (node.left, *node.comparators)
     return any(
         (isinstance(side, ast.Constant) and type(side.value) is int)
@@ -349,7 +349,7 @@ def _is_counted(node: ast.Compare) -> bool:
 
 
 def _is_annotation(node: ast.BinOp) -> bool:
-    """Tell whether `|` joins types, such as `Path | None`."""
+    """Check whether `|` joins types, such as `Path | None`."""
     leaves = list(ast.walk(node))
     has_none = any(isinstance(leaf, ast.Constant) and leaf.value is None for leaf in leaves)
     has_type = any(isinstance(leaf, ast.Name) and leaf.id[:1].isupper() for leaf in leaves)
@@ -357,7 +357,7 @@ def _is_annotation(node: ast.BinOp) -> bool:
 
 
 def _shown(node: ast.AST) -> str:
-    """Spell what changes: of a branch, its condition."""
+    """Describe the change: of a branch, its condition."""
     return ast.unparse(node.test if isinstance(node, ast.If) else node)
 
 

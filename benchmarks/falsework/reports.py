@@ -106,7 +106,7 @@ def measure(kind: str, places: Sequence[Path], folder: Path) -> Opened:
 
 
 def open_once(page: Path, profile: Path) -> float:
-    """Open a page in a browser of its own, and tell how long it took [s].
+    """Open a page in a new browser, and measure how long it took [s].
 
     Args:
         page: HTML file.
@@ -126,7 +126,7 @@ def _navigated(tab: "Tab", page: Path) -> float:
 
 
 def page_lines(rows: Sequence[Opened], machine: str) -> list[str]:
-    """Spell the page.
+    """Write the page.
 
     Args:
         rows: What was measured.

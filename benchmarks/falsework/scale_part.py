@@ -31,7 +31,7 @@ WORKERS = 2
 
 
 def no_work(job: SceneJob) -> tuple[Outcome, list[str]]:
-    """Stand for a scene that takes no time.
+    """Replace the scene stage by one that takes no time.
 
     Args:
         job: Which.
@@ -66,7 +66,7 @@ PARTS: dict[str, Callable[[Scenario, Path], None]] = {"plan": plan, "schedule": 
 
 
 def memory() -> float:
-    """Tell the greatest resident memory of this process so far [MB]."""
+    """Return the peak resident memory of this process so far [MB]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
 
 

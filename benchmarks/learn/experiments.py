@@ -66,7 +66,7 @@ def compare(runs: Sequence[Path], name: str, output: Path) -> None:
 
 
 def ground_offsets(pieces: Sequence[Path], fewest: int) -> dict[str, tuple[float, float]]:
-    """Tell how far the ground that each cloud shows lies above the one that the laser's shows, tile by tile.
+    """Compute how far the ground of each cloud lies above that of the laser scan, tile by tile.
 
     Args:
         pieces: Folders of cut bridges.
@@ -91,7 +91,7 @@ def ground_offsets(pieces: Sequence[Path], fewest: int) -> dict[str, tuple[float
 
 
 def experiment_page(record: Mapping[str, Any], name: str, grounds: Mapping[str, tuple[float, float]]) -> str:
-    """Put the tables of an experiment below a sentence that says where they come from.
+    """Put the tables of an experiment below a sentence about their source.
 
     Args:
         record: What `falsework compare` wrote.

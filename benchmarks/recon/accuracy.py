@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 import falsework
 from benchmarks.page import write_page
+from benchmarks.recon.by_distance import distance_lines, nearest_camera
 from falsework.commands.console import ConsoleProgress
 from groundwork.files import read_json
 from recon.cloud import Cloud, read_cloud
@@ -99,6 +100,7 @@ class Judged:
 
     Attributes:
         cloud: The cloud.
+        distance: Distance of each point from the nearest camera that saw it [m], shape (N,), float64.
         near: Whether each point is on the true surface, shape (N,), bool.
         right: Whether each is there and has the class of that surface, shape (N,), bool.
         clear: Whether each is there, has another class, and the nearest surface of its own class lies more than
@@ -106,6 +108,7 @@ class Judged:
     """
 
     cloud: Cloud
+    distance: F64
     near: Bools
     right: Bools
     clear: Bools
@@ -146,11 +149,12 @@ def scenario_of_row(row: Row, seed: int) -> dict[str, Any]:
     }
 
 
-def judge(cloud: Cloud, corners: F64, labels: NDArray[np.uint8]) -> Judged:
+def judge(cloud: Cloud, distance: F64, corners: F64, labels: NDArray[np.uint8]) -> Judged:
     """Compare a cloud with its truth.
 
     Args:
         cloud: A cloud of a capture with truth.
+        distance: Distance of each point from the nearest camera that saw it [m], shape (N,), float64.
         corners: Triangles of its stage [m], shape (T, 3, 3), float64.
         labels: Class of each, shape (T,), uint8.
     """
@@ -161,7 +165,7 @@ def judge(cloud: Cloud, corners: F64, labels: NDArray[np.uint8]) -> Judged:
     own = distance_to_class(columns["coord"][wrong].astype(np.float64), columns["segment"][wrong], corners, labels)
     clear = np.zeros(len(near), bool)
     clear[wrong] = own - columns["surface_distance"][wrong] > CLEAR
-    return Judged(cloud, near, right, clear)
+    return Judged(cloud, distance, near, right, clear)
 
 
 def distance_to_class(points: F64, classes: NDArray[np.uint8], corners: F64, labels: NDArray[np.uint8]) -> F64:
@@ -310,6 +314,10 @@ def accuracy_page(found: Mapping[Row, Mapping[str, Judged]], rejected: Mapping[R
     missing = [row.name for row in ROWS if row not in found and row not in rejected]
     if missing:
         lines += ["", f"Not made: {', '.join(missing)}."]
+    for mode in MODES:
+        judged = [by[mode] for by in found.values() if mode in by]
+        lines += ["", f"## By distance from the nearest camera, {mode}", "", "| distance | points | near | right |"]
+        lines += ["|---|---|---|---|", *distance_lines([(each.distance, each.near, each.right) for each in judged])]
     head = "| class | points | near | right | right where confidence is 1 | clearly wrong | instances right |"
     for mode in MODES:
         lines += ["", f"## By class, {mode}", "", head]
@@ -341,7 +349,9 @@ def _clouds(run: Path) -> dict[str, Judged]:
         mode = str(read_json(record)["source"]).removeprefix("sfm-")
         if mode in MODES:  # the others are samples
             surface = lay_out(load_scene(record.parents[2] / "stage" / "scene.usda"))
-            found[mode] = judge(read_cloud(record.parent), surface.corners, surface.labels)
+            cloud = read_cloud(record.parent)
+            distance = nearest_camera(record.parent, cloud)
+            found[mode] = judge(cloud, distance, surface.corners, surface.labels)
     return found
 
 

@@ -1,4 +1,4 @@
-"""What `pycolmap` makes of photographs when nobody tells it anything: `python -m benchmarks.recon.colmap_defaults`."""
+"""Reconstruct photographs with the default settings of `pycolmap`: `python -m benchmarks.recon.colmap_defaults`."""
 
 import shutil
 import time
@@ -31,7 +31,7 @@ class Found:
         points: Number of points.
         pairs: Image pairs tried, or why there is no model.
         seconds: Processor time of each step [s]; of steps that were taken over, nothing.
-        thrice: Share of the points that three or more images saw [1]; None where nobody counted.
+        thrice: Share of the points that three or more images saw [1]; None where not counted.
     """
 
     names: tuple[str, ...]

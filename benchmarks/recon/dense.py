@@ -216,7 +216,7 @@ class _Labeled:
     spent: tuple[float, ...]
 
     def sentence(self, most: float, name: str) -> str:
-        """Say how long it took."""
+        """Format the time that it took."""
         return (
             f"Labels, uncertainty and displacement of {len(self.seen.counts):,} points ({len(self.error):,} "
             f"observations) take {min(self.waited):.2f} s ({max(self.waited):.2f} at most in {len(self.waited)} "

@@ -72,7 +72,7 @@ def main() -> None:
 
 
 def figures_of(folder: Path) -> dict[str, Any]:
-    """Read what a cloud says of its photographs.
+    """Read a cloud's data about its photographs.
 
     Args:
         folder: Cloud folder.
@@ -250,7 +250,7 @@ def _cells(figures: dict[str, Any]) -> list[str]:
 
 
 def control_section(name: str, on_gps: Cloud, on_points: Cloud) -> str:
-    """Write what the frame made of GPS states of itself beside what control points say of it.
+    """Write the stated accuracy of the GPS frame beside the errors at control points.
 
     Args:
         name: Name of the photographs.

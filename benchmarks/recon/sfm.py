@@ -120,7 +120,7 @@ class _Rows:
 
 
 def _measured(name: str, run: Run, capture: Capture, truth: Truth, work: Path) -> Row:
-    """Go one way; a way that dies has a row that says so, and the others go on."""
+    """Run one method; a failed one gets a row with its failure, and the others continue."""
     steps = work / f"steps{len(capture.images)}"
     steps.mkdir(exist_ok=True)
     title = TITLES[name]
@@ -158,7 +158,7 @@ def _judged(name: str, title: str, capture: Capture, found: Found, truth: Truth)
 
 
 def _rendered(folder: Path, count: int) -> Path:
-    """Render the flight of the paper's first global scene with a number of images; goes on where it was interrupted."""
+    """Render the flight of the paper's first global scene with a number of images; resumes after interruption."""
     scenario = load_scenario(SCENARIO)
     flight = scenario.survey[0].model_copy(update={"images": count})
     scenario = scenario.model_copy(update={"survey": (flight,)})

@@ -30,7 +30,7 @@ class Row:
         right: Share of them within `LIMIT` of the truth [1].
         median: Median distance of right camera centres to the truth [m]; None without one.
         p95: Their 95 % quantile [m].
-        thrice: Share of the points that three or more images saw [1]; None where nobody counted.
+        thrice: Share of the points that three or more images saw [1]; None where not counted.
     """
 
     way: str
@@ -139,7 +139,7 @@ def every_pair_estimated(ours: Row, smaller: Row) -> float:
 
 
 def equally_accurate(ours: Row, other: Row) -> bool:
-    """Tell whether one way is as accurate as another.
+    """Check whether one method is as accurate as another.
 
     Args:
         ours: The one.
@@ -152,7 +152,7 @@ def equally_accurate(ours: Row, other: Row) -> bool:
 
 
 def _mappers(rows: list[Row]) -> list[str]:
-    """Compare the mappers at each count, and tell from how many images on `auto` should map globally."""
+    """Compare the mappers at each count, and find from how many images on `auto` should map globally."""
     lines, pays, pairs = [], "", list[tuple[Row, Row]]()
     for count in sorted({row.images for row in rows}):
         one, all_at_once = _found(rows, OURS, count), _found(rows, GLOBAL, count)
@@ -172,7 +172,7 @@ def _mappers(rows: list[Row]) -> list[str]:
 
 
 def crossing(pairs: list[tuple[Row, Row]]) -> float | None:
-    """Tell from how many images on one way maps faster than another, if both go on as they did.
+    """Estimate from how many images on one method is faster than another, by extrapolation of both.
 
     Args:
         pairs: The way that is faster with few images and the other, at two counts or more.

@@ -46,7 +46,7 @@ def with_settings(**changes: object) -> Run:
 
 
 def nothing(reason: str, seconds: dict[str, float]) -> Found:
-    """Say that a way made no model.
+    """Build the row of a method that made no model.
 
     Args:
         reason: Why.
@@ -82,7 +82,7 @@ class Meter(Silent):
 
 
 def paid(work: Path) -> dict[str, float]:
-    """Read what the finished steps of a work folder cost, whoever made them.
+    """Read the recorded cost of the finished steps of a work folder.
 
     Args:
         work: Work folder.
@@ -100,7 +100,7 @@ def _finished(work: Path, step: str) -> list[Path]:
 
 
 def _clear_unpaid(work: Path) -> None:
-    """Take away models, which each way makes anew, and what nobody knows the cost of: steps that were interrupted."""
+    """Remove models, which each method makes again, and interrupted steps, whose cost is unknown."""
     for folder in sorted(work.glob("*-*")):
         if folder.name.startswith(_FOLDERS["mapping"]) or not (folder / _COST).is_file():
             shutil.rmtree(folder)

@@ -39,7 +39,7 @@ class FrameMeter:
         """Ignore a line."""
 
     def per_frame(self) -> tuple[float, float]:
-        """Tell what an image after the first `WARM` costs: processor time of all threads, waiting time [s].
+        """Measure an image after the first `WARM`: processor time of all threads, waiting time [s].
 
         Raises:
             RuntimeError: Too few images were reported.
@@ -52,7 +52,7 @@ class FrameMeter:
 
 
 def processor_time() -> float:
-    """Tell the processor time of all children of this process, those that are gone and those at work [s]."""
+    """Return the processor time of all children of this process, finished and running [s]."""
     while True:
         gone = _gone()
         total = gone + sum(_spent(child) for child in _children())

@@ -125,7 +125,7 @@ def view_poses(layout: Layout) -> F64:
 
 
 def draw_ours(scene: FlatScene, poses: F64) -> list[Seen]:
-    """Draw the views in `standard`, without haze, and tell where each region is.
+    """Draw the views in `standard`, without haze, and find the regions.
 
     Args:
         scene: The scene.
@@ -187,7 +187,7 @@ def draw_cycles(work: Path, poses: F64) -> list[F32]:
 def _regions(
     scene: FlatScene, rays: RayScene, prepared: Prepared, pose: F64, seen: tuple[NDArray[np.uint32], F32, F32]
 ) -> dict[str, B]:
-    """Tell where each of `REGIONS` is: by class and normal, and by rays to the sun."""
+    """Find each of `REGIONS`: by class and normal, and by rays to the sun."""
     draw, depth, coded = seen
     row = np.maximum(draw.astype(np.int64) - 1, 0)
     normal = coded[..., :3].astype(np.float64)
@@ -212,7 +212,7 @@ def _regions(
 
 
 def _sunlit(rays: RayScene, prepared: Prepared, pose: F64, depth: F64, normal: F64) -> B:
-    """Tell what the sun's rays reach, shape (H, W), bool."""
+    """Find what the sun's rays reach, shape (H, W), bool."""
     sun = np.asarray(prepared.light.daylight.sun_direction, np.float64)
     v, u = np.mgrid[0 : CAMERA.height, 0 : CAMERA.width] + 0.5
     way = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones_like(u)], axis=-1)

@@ -63,8 +63,8 @@ class Cost:
         name: Who rendered it.
         cpu: Processor time of all threads [s].
         wall: Waiting time [s].
-        memory: Most memory of one process of its [GB]; 0 where nobody looked.
-        once: Processor time that a survey takes besides, however many images it has [s]; 0 where nobody looked.
+        memory: Peak memory of one of its processes [GB]; 0 where not measured.
+        once: Processor time of a survey that is independent of its number of images [s]; 0 where not measured.
     """
 
     name: str

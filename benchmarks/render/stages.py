@@ -1,4 +1,4 @@
-"""Stages that nobody here wrote: how many are drawn as their thumbnails show them.
+"""Public stages by others: how many are drawn like their thumbnails.
 
 Usage: python -m benchmarks.render.stages FOLDER [--sheets OUT]
 
@@ -38,7 +38,7 @@ from usd_schemas.reading.scene_cache import load_scene
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "benchmarks" / "stages.md"
 VERDICTS = Path(__file__).with_name("stages.toml")
-MOST_OF_A_FOLDER = 3  # a folder of twenty frame rates says no more than three of them
+MOST_OF_A_FOLDER = 3  # twenty frame rates of one stage show no more than three
 PARTS = ("_geom", "_look", "_payload", "_Geometry", "_Materials", "_Payload")  # layers that are no stage by themselves
 WIDTH, HEIGHT = 256, 192  # [px]
 LEAST_SEEN = 0.002  # share of an image below which there is nothing to compare

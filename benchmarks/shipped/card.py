@@ -98,7 +98,7 @@ def _head(folder: Path, facts: ModelFacts, model: PointModel) -> list[str]:
 
 
 def _sources(facts: DatasetFacts, validation: Sequence[str], model: ModelFacts) -> list[str]:
-    """Tell what each bridge was for; of those that only the model before this one has seen no cloud is left."""
+    """Return the use of each bridge; those that only the previous model has seen have no cloud any more."""
     own = {str(source["bridge"]) for source in facts.sources}
     earlier = sorted(set(model.data.get("earlier", [])) - own)
     rows = [[f"`{bridge[:16]}`", "the model before", "", ""] for bridge in earlier]

@@ -52,7 +52,7 @@ def clouds_below(places: Sequence[Path]) -> list[Path]:
 
 
 def bridge_of(cloud: Path) -> str:
-    """Tell which bridge a cloud shows.
+    """Find which bridge a cloud shows.
 
     Args:
         cloud: Folder of a cloud.

@@ -1,4 +1,4 @@
-"""Label real scans that nobody labelled point by point, and tell how many of their points got a class they can have.
+"""Label real scans without point labels, and count the points whose predicted class is possible there.
 
 Usage: python -m benchmarks.shipped.real_scans FOLDER [--model FOLDER]
 
@@ -94,7 +94,7 @@ SCANS = (
 
 @dataclass(frozen=True)
 class Figures:
-    """What a model says of a real scan.
+    """A model's predictions for a real scan.
 
     Attributes:
         points: Points after thinning.

@@ -48,7 +48,7 @@ class Row:
 
 
 def on_bridge(scan: Scan) -> Bools:
-    """Tell which points are on the bridge.
+    """Find the points on the bridge.
 
     Args:
         scan: The scan.

@@ -49,7 +49,7 @@ class Scan:
         coord: Positions in the unit and frame of the scan, shape (N, 3), float64.
         place: The same points in metres with z up, where they were before any change, shape (N, 3), float64.
         labels: True classes in each of `TABLES`, 255 where unknown, shape (N,), uint8.
-        settings: What its owner says of it.
+        settings: Its settings.
     """
 
     coord: F64
@@ -69,7 +69,7 @@ class Scan:
 
 @dataclass(frozen=True, eq=False)
 class Labeled:
-    """What a model says of the thinned points of a scan.
+    """A model's predictions for the thinned points of a scan.
 
     Attributes:
         place: Where they were before any change [m], shape (V, 3), float64.

@@ -106,7 +106,7 @@ class _Epochs(Silent):
 
 
 def epochs_in(minutes: float, data: TrainingData, settings: TrainSettings) -> int:
-    """Time an epoch, the second of two, and tell how many fit.
+    """Time an epoch, the second of two, and compute how many fit.
 
     Args:
         minutes: What all have together, the two of the measurement left out [min].

@@ -1,4 +1,4 @@
-"""What `falsework background import` does, in a child process: the file may come from anywhere."""
+"""Child process of `falsework background import`: the file is untrusted."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -19,10 +19,10 @@ def import_world(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
 
     Args:
         request: `{file, folder, name, said, up, scale}`.
-        progress: Told what is left out.
+        progress: Listener, for notes on what is left out.
 
     Returns:
-        What was found: counts, extent, attribution.
+        Facts of the world: counts, extent, attribution.
     """
     from authoring.imported.asset import write_city
     from groundwork.files import space_errors
@@ -40,7 +40,7 @@ def import_world(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
 
 
 def _read(file: Path, up: str, scale: float, progress: Progress) -> "CityModel":
-    """Choose the reader by the file's suffix."""
+    """Read a file with the reader for its suffix."""
     from authoring.imported.cityjson import read_cityjson
     from authoring.imported.mesh import MESH_SUFFIXES, read_mesh
     from authoring.imported.usd import USD_SUFFIXES, read_usd
@@ -60,7 +60,7 @@ def _read(file: Path, up: str, scale: float, progress: Progress) -> "CityModel":
 
 
 def describe_world(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
-    """Read a world back.
+    """Read the facts of an imported world.
 
     Args:
         request: `{world}`.

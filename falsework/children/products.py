@@ -1,4 +1,4 @@
-"""Which surveys a stage offers; a stage from elsewhere is looked through and opened in a child, with limits."""
+"""List the surveys of a stage; an untrusted stage is checked and opened in a child process with limits."""
 
 from pathlib import Path
 from typing import Any
@@ -8,9 +8,9 @@ from groundwork.errors import ChildError, InputError
 from groundwork.output_reading import reading
 from groundwork.progress import SILENT, Progress
 
-TIME_LIMIT = 120.0  # [s] composing a hostile stage may never end
+TIME_LIMIT = 120.0  # [s] composing a malicious stage may never end
 MEMORY_LIMIT = 4.0  # [GB]
-ADDRESS_LIMIT = 32.0  # [GB] one array that claims more fails at once; threads of many cores reserve some
+ADDRESS_LIMIT = 32.0  # [GB] address space: a larger array fails at once; threads of many cores reserve some
 
 
 def surveys_of(
@@ -19,19 +19,20 @@ def surveys_of(
     progress: Progress = SILENT,
     choices: dict[str, Any] | None = None,
 ) -> list[str]:
-    """Name the products of a stage, or its cameras where it has none.
+    """List the products of a stage or, if it has none, its cameras.
 
     Args:
         stage: USD file.
-        allow_roots: Folders beside that of the stage from which it may take files.
-        progress: Told what is odd about the stage.
-        choices: JSON of `StageChoices`, or None for the stage as it is.
+        allow_roots: Further folders from which the stage may load files.
+        progress: Listener, for warnings about the stage.
+        choices: JSON of `StageChoices`, or None for no changes.
 
     Returns:
         Names, in the order of the stage.
 
     Raises:
-        InputError: Not a stage, nothing in it to render, files from elsewhere, or more than can be read safely.
+        InputError: Not a stage, nothing in it to render, files outside the allowed folders, or too large to be read
+            safely.
     """
     roots = [str(root) for root in allow_roots]
     request = {"stage": str(stage), "allow_roots": roots, "choices": choices}
@@ -46,7 +47,7 @@ def read_safely(
     time_limit: float | None = None,
     memory_limit: float | None = None,
 ) -> Any:
-    """Run a child that reads a stage from elsewhere; whatever kills it is the fault of that stage.
+    """Run a child that reads an untrusted stage; a crash is reported as an error of that stage.
 
     Args:
         module: Module that serves the request.
@@ -60,7 +61,7 @@ def read_safely(
         The child's answer.
 
     Raises:
-        InputError: The child found bad input, crashed, or went over a limit.
+        InputError: The child found bad input, crashed, or exceeded a limit.
     """
     time_limit = TIME_LIMIT if time_limit is None else time_limit
     memory_limit = MEMORY_LIMIT if memory_limit is None else memory_limit
@@ -88,7 +89,7 @@ def _answer(request: dict[str, Any], progress: Progress) -> list[str]:
     for line in said:
         progress.note(line)
     scene = load_scene(stage, choices=choices_from(request.get("choices")))
-    return [product.name for product in scene.products]  # what the reader leaves out, the renderer notes
+    return [product.name for product in scene.products]  # the renderer reports what the reader leaves out
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What `falsework sample` does, in a child process: the stages that it opens may come from anywhere."""
+"""Child process of `falsework sample`: the stages that it opens are untrusted."""
 
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ def sample(request: dict[str, Any], progress: Progress) -> int:
 
     Args:
         request: `{kind, settings, stage, allow_roots, folder}`: mesh, terrestrial, mobile or airborne, JSON of its
-            settings, the USD file, folders beside that of the stage from which it may take files, and an empty folder.
+            settings, the USD file, further folders from which the stage may load files, and an empty folder.
         progress: Listener.
 
     Returns:

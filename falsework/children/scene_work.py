@@ -1,4 +1,4 @@
-"""What the verbs of `falsework scene` do, in a child process: the stages that they open may come from anywhere."""
+"""Child process of the verbs of `falsework scene`: the stages that they open are untrusted."""
 
 from collections.abc import Callable
 from dataclasses import asdict
@@ -13,7 +13,7 @@ Request = dict[str, Any]
 
 
 def info(request: Request, progress: Progress) -> dict[str, Any]:
-    """Look through a scene.
+    """Describe a scene.
 
     Args:
         request: `{scene, depth}`.
@@ -50,11 +50,11 @@ def diff(request: Request, progress: Progress) -> dict[str, Any]:
 
 
 def choose(request: Request, progress: Progress) -> dict[str, str]:
-    """Choose look, background and light, or write a variant that does.
+    """Choose look, background and light of a scene, or write a variant with these choices.
 
     Args:
         request: `{scene, choices, variant, origin}`; `variant` is empty for the scene itself.
-        progress: Told what a file of the user's loses.
+        progress: Listener, for notes on what is lost of a user's file.
     """
     from authoring.variants.add import set_choices, write_variant
 
@@ -78,7 +78,7 @@ def flatten(request: Request, progress: Progress) -> list[str]:
 
 
 def package(request: Request, progress: Progress) -> list[str]:
-    """Put a scene into one file.
+    """Package a scene as one file.
 
     Args:
         request: `{scene, out, bake, texels}`.

@@ -1,4 +1,4 @@
-"""The surfaces of a stage with one colour a triangle, few enough to be shown, in a child: it may come from anywhere."""
+"""Child process that reads the surfaces of an untrusted stage: few triangles with one colour each, for display."""
 
 from pathlib import Path
 from typing import Any
@@ -12,20 +12,20 @@ from groundwork.progress import Progress
 
 SMALL = 64  # [px] to which a texture is reduced for its mean
 GRAY = (0.5, 0.5, 0.5)
-NEAR = 10.0  # [m] from what matters most, within which distance does not count
+NEAR = 10.0  # [m] distances below this to the most important part count as equal
 
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
 
 def reduced(corners: F64, level: NDArray[np.int64], most: int, reach: float = np.inf) -> NDArray[np.int64]:
-    """Choose triangles: the lowest levels first, and of one level those that look largest from the lowest one.
+    """Choose triangles: the lowest levels first, and within a level those that appear largest from the lowest one.
 
     Args:
         corners: Corner positions [m], shape (T, 3, 3), float64.
-        level: 0 for what matters most, shape (T,), int64.
-        most: Triangles at most.
-        reach: How far from the middle of what matters most other triangles may lie [m].
+        level: 0 for the most important triangles, shape (T,), int64.
+        most: Largest number of triangles.
+        reach: Largest distance of other triangles to the middle of the most important ones [m].
 
     Returns:
         Their rows in ascending order, shape (K,), int64.
@@ -41,7 +41,7 @@ def reduced(corners: F64, level: NDArray[np.int64], most: int, reach: float = np
 
 
 def material_color(material: Any) -> tuple[float, float, float]:
-    """Give the mean sRGB colour of a material [1]; grey for a texture that cannot be read.
+    """Compute the mean sRGB colour of a material [1]; grey for an unreadable texture.
 
     Args:
         material: A `usd_schemas.flat_scene.Material`.
@@ -78,10 +78,10 @@ def _linear(coded: tuple[float, float, float]) -> tuple[float, float, float]:
 
 
 def _variants(path: Path) -> list[dict[str, Any]]:
-    """List the variant sets of a stage that offer a choice."""
+    """List the variant sets of a stage with more than one variant."""
     from pxr import Usd
 
-    found, stage = [], Usd.Stage.Open(str(path))  # held: prims die with their stage
+    found, stage = [], Usd.Stage.Open(str(path))  # kept alive: prims expire with their stage
     for prim in stage.Traverse():
         for name in prim.GetVariantSets().GetNames():
             one = prim.GetVariantSet(name)
@@ -93,7 +93,7 @@ def _variants(path: Path) -> list[dict[str, Any]]:
 
 
 def _colors(scene: Any, rows: NDArray[np.uint32]) -> U8:
-    """Give each triangle the colour of its material, or the mean of its vertex colours, shape (T, 3)."""
+    """Compute the colour of each triangle: that of its material, or the mean of its vertex colours, shape (T, 3)."""
     geometry, draws = scene.geometry, scene.draws
     of_material = np.array([material_color(material) for material in scene.materials])
     colors = of_material[draws.material][rows]

@@ -1,4 +1,4 @@
-"""What `falsework survey` does, in a child process: the stages that it opens may come from anywhere."""
+"""Child process of `falsework survey`: the stages that it opens are untrusted."""
 
 from collections import Counter, defaultdict
 from dataclasses import asdict
@@ -12,21 +12,21 @@ from groundwork.child import answer_parent
 from groundwork.errors import InputError
 from groundwork.progress import Progress
 
-LINKED_ENOUGH = 0.9  # predicted share of registered images below which a flight is warned of
-MANY = 600  # images of one flight that are worth a word
+LINKED_ENOUGH = 0.9  # predicted share of registered images below which a warning is given
+MANY = 600  # fewer images of one flight give no warning
 OUTLINE = 20_000  # points of the bridge in the figure
 
 
 def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
-    """Judge the flights of a stage.
+    """Score the flights of a stage.
 
     Args:
         request: `{scene, survey, propose}`; `survey` is empty for all.
         progress: Listener.
 
     Returns:
-        For each flight its name, score, coverage by class, warnings, and what the figure draws; the last one also says
-        which members all of them together show too seldom, and which legs would show them.
+        For each flight its name, score, coverage by class, warnings, and the data of the figure; the last one also
+        lists the members that too few images of all flights show, and legs that would show them.
     """
     from authoring.surveys.framing import eye_of
     from authoring.surveys.score import score_flight
@@ -43,7 +43,7 @@ def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
     progress.stage("score", len(scene.products))
     for number, product in enumerate(scene.products):
         track = scene.cameras[product.camera]
-        if not track.path:  # the camera that frames a stage without any
+        if not track.path:  # the default camera of a stage without any
             continue
         camera = track.calibration or pinhole_from_lens(track.lens, product.width, product.height)
         times = track.facts.get("capture_times")
@@ -70,7 +70,7 @@ def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
 
 
 def _unseen(answers: list[dict[str, Any]], subject: Any, classes: dict[int, str], propose: bool) -> dict[str, Any]:
-    """Name what all flights together show too seldom, by class, and the legs that would show it."""
+    """List the members that too few images of all flights show, by class, and legs that would show them."""
     from authoring.streams import stream
     from authoring.surveys.unseen import hardly_seen, propose_legs
 
@@ -92,11 +92,11 @@ def _unseen(answers: list[dict[str, Any]], subject: Any, classes: dict[int, str]
 
 
 def plan(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
-    """Fly one more survey over a scene and add it.
+    """Plan a further survey of a scene and add it.
 
     Args:
-        request: `{scene, plan, members, seed}`: settings of the survey, the ids, classes or `unseen` that an
-            inspection is for, and a seed or None for that of the scene.
+        request: `{scene, plan, members, seed}`: settings of the survey; ids, classes or `unseen` for an inspection; a
+            seed, or None for that of the scene.
         progress: Listener.
     """
     from authoring.scenes.add_survey import add_survey
@@ -120,7 +120,7 @@ def plan(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
 
 
 def _members(scene: Path, words: list[str], own: str) -> list[int]:
-    """Find the instances that words mean: ids, classes, or `unseen` for what no flight but the one replaced shows."""
+    """Find the instances for ids, classes, or `unseen`: those that no flight but the replaced one shows."""
     from authoring.surveys.framing import eye_of
     from authoring.surveys.score import member_views
     from authoring.surveys.stage_subject import stage_subject
@@ -171,7 +171,7 @@ def _warnings(linked: float, clearance: float) -> list[str]:
 
 
 def _outline(corners: Any, ids: Any, classes: dict[int, str]) -> dict[str, Any]:
-    """Take points all over the bridge, for orientation in a figure, each with its member; and the class of these."""
+    """Sample points on the bridge for a figure, each with its member, and the class of each member."""
     from authoring.surveys.surface_samples import sample_surfaces
 
     samples = sample_surfaces(corners, ids)

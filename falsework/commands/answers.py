@@ -1,4 +1,4 @@
-"""What a verb says on standard output: lines for people, or with --json one versioned object for scripts."""
+"""Standard output of the verbs: lines for people, or with --json one versioned object for scripts."""
 
 import json
 import math
@@ -19,7 +19,7 @@ def answer(value: Mapping[str, Any]) -> int:
     """Print one JSON object, and nothing else.
 
     Args:
-        value: What was found or made.
+        value: The result.
 
     Returns:
         The exit code of a verb that is done: 0.
@@ -29,7 +29,7 @@ def answer(value: Mapping[str, Any]) -> int:
 
 
 def _known(value: Any) -> Any:
-    """Put null for what is not finite: JSON has no word for it."""
+    """Replace numbers that are not finite by null, because JSON has none."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
@@ -40,12 +40,12 @@ def _known(value: Any) -> Any:
 
 
 def tell(value: Mapping[str, Any], lines: Iterable[str], as_json: bool) -> int:
-    """Say what was found or made, to a script or to a person.
+    """Print a result for a script or for a person.
 
     Args:
         value: The JSON object.
-        lines: The same in words.
-        as_json: Which of the two.
+        lines: The same as lines of text.
+        as_json: Whether to print the JSON object.
 
     Returns:
         The exit code of a verb that is done: 0.
@@ -58,7 +58,7 @@ def tell(value: Mapping[str, Any], lines: Iterable[str], as_json: bool) -> int:
 
 
 def cloud_facts(folder: Path) -> dict[str, Any]:
-    """Say what a cloud is, in numbers: its folder, source, points, and images by what became of them.
+    """Describe a cloud as JSON: folder, source, points, and images by status.
 
     Args:
         folder: A cloud that was just written.
@@ -71,7 +71,7 @@ def cloud_facts(folder: Path) -> dict[str, Any]:
 
 
 def capture_facts(folder: Path) -> dict[str, Any]:
-    """Say what a capture is, in numbers: its folder, survey, images, and their size [px].
+    """Describe a capture as JSON: folder, survey, images, and their size [px].
 
     Args:
         folder: A capture that was just written.

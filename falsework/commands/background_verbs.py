@@ -7,11 +7,14 @@ import tyro
 
 from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
+from falsework.commands.given_files import USD_SUFFIXES
 from groundwork.child import run_child
+from groundwork.errors import InputError
 
 WORKER = "falsework.children.background_work"
 TIME_LIMIT = 1800.0  # [s]
 MEMORY_LIMIT = 12.0  # [GB]
+_SUFFIXES = (".json", ".jsonl", ".glb", ".gltf", ".obj", ".ply", ".zip", *USD_SUFFIXES)
 
 File = tyro.conf.Positional[Path]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
@@ -27,21 +30,23 @@ def import_background(
     license: str = "",
     as_json: AsJson = False,
 ) -> int:
-    """Turn a city from elsewhere into a world that scenes are put into: metres, z up, its own origin, labelled.
+    """Import a city model as a background for scenes: in metres, z up, with its own origin and labels.
 
-    A CityJSON file says what is a building; in a mesh the ground is found as the lowest surface, and what stands out of
-    it is built. Colours and textures come along.
+    A CityJSON file states what is a building. In a mesh, the lowest surface is the ground, and everything that rises
+    above it is a building. Colours and textures are kept.
 
     Args:
         file: CityJSON 1.0 to 2.0 or CityJSONSeq (.json, .jsonl); .glb, .gltf, .obj, .ply, or a .zip with one of them
             and its textures; or any USD stage (.usd, .usda, .usdc, .usdz).
         output: Folder to write; its name is the name of the world.
-        up: Axis that points up in .obj, .ply, .gltf and .glb, y or z; unless said, y for glTF and z for the others.
-        scale: Metres that one unit of a mesh is, e.g. 0.01 for centimetres.
-        attribution: Who made the data, where the file does not say so.
-        license: Its licence, where the file does not say so.
+        up: Axis that points up in .obj, .ply, .gltf and .glb, y or z; default: y for glTF and z for the others.
+        scale: Metres per unit of a mesh, e.g. 0.01 for centimetres.
+        attribution: Author of the data, if the file does not state it.
+        license: Licence of the data, if the file does not state it.
         as_json: Print one JSON object instead of lines.
     """
+    if file.is_file() and file.suffix.lower() not in _SUFFIXES:
+        raise InputError("no city model", where=file, value=file.suffix, allowed=", ".join(_SUFFIXES))
     from groundwork.output_folder import fresh_output
 
     said = {name: text for name, text in (("attribution", attribution), ("license", license)) if text}
@@ -67,7 +72,7 @@ def import_background(
 
 
 def info(world: File, *, as_json: AsJson = False) -> int:
-    """Say what an imported world holds, and whose it is.
+    """Show the contents and the licence of an imported world.
 
     Args:
         world: Its root layer or folder.

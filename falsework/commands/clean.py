@@ -1,4 +1,4 @@
-"""Free space in a run's folder: leftovers of killed runs, and on request results that no scene uses."""
+"""Free disk space in a run's folder: leftovers of killed runs and, on request, results that no scene uses."""
 
 import json
 import os
@@ -29,12 +29,12 @@ from groundwork.progress import Progress
 
 @dataclass
 class Cleaning:
-    """What was removed, or would be.
+    """Report of what was removed, or would be.
 
     Attributes:
-        removed: What it was.
-        left: What stays although it is not needed, one line each, with the reason.
-        freed: Its size [bytes].
+        removed: What was removed, one line each.
+        left: What is kept although it is not needed, one line each, with the reason.
+        freed: Size of what was removed [bytes].
     """
 
     removed: list[Leftover] = field(default_factory=list)
@@ -44,13 +44,13 @@ class Cleaning:
 
 @dataclass(frozen=True)
 class TaskRecord:
-    """What is told of a task by a file of ours: the result's manifest, or the record of an eviction or failure.
+    """A task as recorded in a file of the store: the result's manifest, or the record of an eviction or failure.
 
     Attributes:
         key: Key of the task.
         inputs: Name of each input to its key.
-        leftover: What goes if no scene needs it.
-        strange: Files in it that we did not write, one line each; then it stays.
+        leftover: Files to remove if no scene needs the task.
+        strange: Files in it that Falsework did not write, one line each; if there are any, it is kept.
     """
 
     key: str
@@ -59,20 +59,20 @@ class TaskRecord:
     strange: tuple[str, ...] = ()
 
 
-Traces = dict[str, list[TaskRecord]]  # by what they say of the stage and its settings
+Traces = dict[str, list[TaskRecord]]  # by their stage and settings
 
 
 def clean(root: Path, progress: Progress, *, unused: bool = False, dry_run: bool = False) -> Cleaning:
-    """Remove what is not needed; nothing of a running process, and nothing that Falsework did not write.
+    """Remove what is not needed, except files of a running process and files that Falsework did not write.
 
     Args:
         root: Output folder of a run.
         progress: Listener.
-        unused: Also what no scene of its `scenario.toml` leads to, on this machine or another one.
-        dry_run: Remove nothing.
+        unused: Also remove results that no scene of its `scenario.toml` uses, on this machine or another one.
+        dry_run: Only report what would be removed.
 
     Returns:
-        What is gone, or would be.
+        The report.
 
     Raises:
         InputError: A run is working in the folder, and unused results are asked for; or its scenario cannot be read.
@@ -97,7 +97,7 @@ def clean(root: Path, progress: Progress, *, unused: bool = False, dry_run: bool
 
 
 def _unused(root: Path, progress: Progress, done: Cleaning) -> list[Leftover]:
-    """Find the results, and the records of such, that no scene leads to."""
+    """Find the results and records that no scene uses."""
     scenario = load_scenario(root / "scenario.toml")
     sources, traces = read_sources(scenario, progress), _traces(root)
     used: set[str] = set()
@@ -109,7 +109,7 @@ def _unused(root: Path, progress: Progress, done: Cleaning) -> list[Leftover]:
 
 
 def _used_by(chain: Chain, traces: Traces) -> set[str]:
-    """Name the keys that a scene leads to; those of other machines differ by the platform alone."""
+    """List the keys of a scene's results; those of other machines differ only by the platform."""
     keys: dict[str, set[str]] = {}
     for step in chain.steps:
         keys[step.input_name] = {step.task.key}
@@ -121,7 +121,7 @@ def _used_by(chain: Chain, traces: Traces) -> set[str]:
                 keys[step.input_name].add(trace.key)
     report = chain.report()
     keys.setdefault("stage", {report.task.inputs.get("stage", "")})
-    last = {  # without the flights that became no result
+    last = {  # without the flights that have no result
         trace.key
         for trace in _alike(report, traces)
         if all(key in keys.get(name, ()) for name, key in trace.inputs.items())
@@ -139,7 +139,7 @@ def _likeness(task: dict[str, Any]) -> str:
 
 
 def _traces(root: Path) -> Traces:
-    """Read what tells of tasks; what is damaged or a stranger's is left to `verify`."""
+    """Read all records of tasks; damaged and foreign files are left to `verify`."""
     found: Traces = defaultdict(list)
     links = _links(root)
     for stage in STAGES:
@@ -173,7 +173,7 @@ def _task_of(manifest: Path) -> dict[str, Any] | None:
 
 
 def _links(root: Path) -> dict[Path, list[Path]]:
-    """List the links of the scenes by the result that they lead to, or into."""
+    """List the links of the scenes by the result that they point to."""
     found: dict[Path, list[Path]] = defaultdict(list)
     for folder, folders, files in os.walk(root / "scenes"):
         for path in sorted(Path(folder, name) for name in (*folders, *files)):

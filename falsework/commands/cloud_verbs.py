@@ -1,4 +1,4 @@
-"""The verbs that make clouds of photographs, and that hand clouds and captures to other programs."""
+"""The verbs that reconstruct clouds from photographs, and that export clouds and captures."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -27,21 +27,21 @@ def reconstruct(
     model: Path | None = None,
     as_json: AsJson = False,
 ) -> int:
-    """Reconstruct a capture, or a folder of photographs, into a cloud, annotated where the capture carries its truth.
+    """Reconstruct a cloud from a capture or a folder of photographs; with labels if the capture has its truth.
 
-    Killed at any moment, the same command goes on where it stopped.
+    An interrupted command can be repeated and continues where it stopped.
 
     Args:
         capture: Capture folder, or a folder of JPEG or PNG files.
         output: Folder to write.
         settings: Scenario whose `[recon]` section applies.
-        gcp: Ground control points and scale bars, as a gcp_list.txt or as Metashape's tables; not with truth.
-        mode: Which points. sparse: those of structure from motion; dense: one for nearly every pixel that enough
-            photographs confirm, the way to train on; both: a cloud of each, from one model. Left out: as the scenario
-            says, else dense.
-        quality: How fine the depth maps of a dense cloud are. ultra: a depth for every pixel of the photographs; high
-            for each 2 x 2 of them, medium 4 x 4, low 8 x 8. Left out: as the scenario says, else high.
-        model: A cloud of the same photographs: its cameras are used again, and not looked for.
+        gcp: File of ground control points and scale bars, as a gcp_list.txt or as Metashape's tables; not with truth.
+        mode: Kind of cloud. sparse: the points of structure from motion; dense: a point for nearly every pixel that
+            enough photographs confirm, recommended for training; both: one cloud of each kind from one model. Default:
+            as in the scenario, else dense.
+        quality: Resolution of the depth maps of a dense cloud. ultra: a depth for every pixel of the photographs; high
+            for each 2 x 2 of them, medium 4 x 4, low 8 x 8. Default: as in the scenario, else high.
+        model: A cloud of the same photographs whose cameras are reused.
         as_json: Print one JSON object instead of lines.
     """
     from falsework.commands.verbs import reconstruct_folder
@@ -70,16 +70,16 @@ def export(
     photographs: Path | None = None,
     as_json: AsJson = False,
 ) -> int:
-    """Write a cloud or a capture for another program.
+    """Export a cloud or a capture for another program.
 
-    Of a capture: its true cameras (colmap, nerfstudio), or a film of the flight (video). Of a cloud: its points (laz,
-    las, ply, hdf5, pointcept, s3dis), or the reconstructed cameras with them (colmap, nerfstudio).
+    From a capture: its true cameras (colmap, nerfstudio), or a video of the flight (video). From a cloud: its points
+    (laz, las, ply, hdf5, pointcept, s3dis), or points and reconstructed cameras (colmap, nerfstudio).
 
     Args:
         source: Cloud or capture folder.
         output: Folder to write.
         to: Format.
-        photographs: Capture of a cloud: its photographs are copied beside the cameras (colmap, nerfstudio).
+        photographs: Capture of the cloud, to copy its photographs beside the cameras (colmap, nerfstudio).
         as_json: Print one JSON object instead of lines.
     """
     from falsework.commands.verbs import export_folder

@@ -1,4 +1,4 @@
-"""What an experiment would still make: results, hours and disk space; nothing is written."""
+"""Plan of an experiment: missing results, hours and disk space; nothing is written."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -11,8 +11,8 @@ from falsework.execution.costs import free_space
 from falsework.execution.events import read_events
 from learn.trained import FOREST
 
-# CPU-seconds of one unit of work before any was measured here: a sample of 4,096 points through a network, forwards and
-# backwards or forwards alone; a cloud that is cut; a draw whose covariances a forest takes.
+# CPU-seconds per unit of work, used until one was measured here: a sample of 4,096 points through a network, forwards
+# and backwards or only forwards; the cutting of a cloud; the covariance features of a draw for a forest.
 _SECONDS = {
     "noise": 30.0,
     "pieces": 15.0,
@@ -26,20 +26,21 @@ _SECONDS = {
     "scores": 0.07,
     "training": 0.5,
 }
-_POINT_BYTES = 40.0  # of a cut point: position, label, uncertainty, and its place in some windows
+_POINT_BYTES = 40.0  # [bytes] per cut point: position, label, uncertainty, and its rows in windows
 _MODEL_BYTES = {FOREST: 30e6}
 _NETWORK_BYTES, _SCORE_BYTES = 8e6, 2e4
 
 
 def planned(experiment: Experiment) -> dict[str, Any]:
-    """Look what is there and what is missing.
+    """List existing and missing results.
 
     Args:
-        experiment: What would be run.
+        experiment: The experiment.
 
     Returns:
-        For JSON: `kinds`, each with how many results are there and to make and how long that takes [s]; `hours`,
-        `bytes` and `free_bytes`; `known` is false where windows can only be counted when the bridges are cut.
+        For JSON: `kinds`, each with the numbers of existing and missing results and the time to make these [s];
+        `hours`, `bytes` and `free_bytes`; `known` is false if windows can only be counted after the bridges are
+        cut.
     """
     store, settings = experiment.store, experiment.settings
     noise = experiment.noise_jobs()
@@ -71,7 +72,7 @@ def planned(experiment: Experiment) -> dict[str, Any]:
 
 
 def plan_lines(found: dict[str, Any]) -> list[str]:
-    """Spell a plan for people.
+    """Format a plan as lines.
 
     Args:
         found: Of `planned`.
@@ -91,7 +92,7 @@ def plan_lines(found: dict[str, Any]) -> list[str]:
 
 
 def _rates(experiment: Experiment) -> dict[str, float]:
-    """Mean seconds of a unit of work of each kind, from what was made in this folder."""
+    """Compute the mean seconds per unit of work of each kind, from results in this folder."""
     seconds: Counter[str] = Counter()
     work: Counter[str] = Counter()
     for event in read_events(experiment.store.root):
@@ -115,7 +116,7 @@ def _add(kinds: dict[str, dict[str, float]], kind: str, there: bool, seconds: fl
 
 
 def _bytes(experiment: Experiment, missing: Iterable[Job], counts: Counter[str]) -> float:
-    """Expect the size of what is missing."""
+    """Estimate the size of the missing results."""
     points = {(one.set, one.name): sum(_points(path) for path in one.clouds.values()) for one in experiment.bridges}
     cut = {job.task.key for job in missing if job.task.stage == "pieces"}
     total = 0.0

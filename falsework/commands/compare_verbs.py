@@ -1,4 +1,4 @@
-"""The verb that compares ways of making training clouds: the same bridges, windows, steps and seeds for each."""
+"""The verb that compares methods of making training clouds: the same bridges, windows, steps and seeds for each."""
 
 import shlex
 import sys
@@ -40,10 +40,10 @@ def compare(
     set: Given = (),
     as_json: AsJson = False,
 ) -> int:
-    """Train arms that differ in their clouds alone, test each on the same bridges, and tell how sure one can be.
+    """Train arms that differ only in their clouds, test each on the same bridges, and give confidence intervals.
 
-    Every training is kept under its key: the same command goes on where it was stopped, and several may share OUT.
-    Begin with --plan. Needs the extra learn.
+    Every training is stored under its key: an interrupted command can be repeated, and several commands may share OUT.
+    Start with --plan. Needs the extra learn.
 
     Args:
         sources: Output folders of runs, folders of single bridges with a folder for each cloud, or folders of such
@@ -51,9 +51,9 @@ def compare(
         output: Folder to write: results, comparison.json and comparison.md.
         preset: sensor-matrix, sparse-or-dense, uncertainty-filter, task-local-1, task-local-2, task-local-3, global, or
             a TOML file of your own (docs/comparisons.md).
-        plan: Say what there is to make, hours and disk space; write nothing.
+        plan: Only show what would be made, with hours and disk space.
         page: Also write the tables to this Markdown file.
-        bridge: Name of the bridge of each source, where its clouds do not know it; once for each, in their order.
+        bridge: Name of the bridge of each source whose clouds do not state it; once for each source, in their order.
         set: A further setting, such as `seeds=8`, `steps=2000` or `tile.voxel=0.1`; may be given more than once.
         as_json: Print one JSON object instead of lines.
     """
@@ -112,7 +112,7 @@ def _experiment(
 
 
 def _run(experiment: "Experiment", command: str) -> dict[str, Any]:
-    """Make what is missing, and sum up."""
+    """Make the missing results, and summarize."""
     from learn.compare.findings import findings
     from learn.compare.selection import losses_of
 
@@ -154,7 +154,7 @@ def _run(experiment: "Experiment", command: str) -> dict[str, Any]:
 
 
 def _facts(experiment: "Experiment") -> list[str]:
-    """Say in lines what was compared."""
+    """Describe the comparison in lines."""
     settings, splits = experiment.settings, experiment.splits
     kept = {
         arm: f", points up to {settings.kept(arm):g} m of uncertainty" if arm in settings.filters else ""
@@ -233,7 +233,7 @@ def _named(text: str) -> tuple[str, Path]:
 
 
 def _command(sources: tuple[str, ...], preset: str, bridges: tuple[str, ...], given: tuple[str, ...]) -> str:
-    """Spell the command without places of this machine: names of folders alone."""
+    """Format the command with names of folders instead of their paths."""
     short = [
         f"{name}={Path(folder).name}" if equals else Path(text).name
         for text in sources

@@ -1,4 +1,4 @@
-"""The bridges that an experiment finds in the folders that it is given: each with its clouds by name."""
+"""Finds the bridges of an experiment in the given folders, each with its clouds by name."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ class Bridge:
     Attributes:
         set: Name of the set.
         name: Its name in the set.
-        bridge: Hash that all clouds of the bridge share, or the name that the user gives.
+        bridge: Hash that all clouds of the bridge share, or a name from the user.
         clouds: Name of each cloud to its folder.
-        digests: The same names to hashes of their contents.
+        digests: Name of each cloud to the hash of its contents.
     """
 
     set: str
@@ -35,19 +35,19 @@ class Bridge:
 def find_bridges(
     sources: Sequence[tuple[str, Path]], wanted: Mapping[str, set[str]], names: Sequence[str] = ()
 ) -> list[Bridge]:
-    """Look through runs and folders of clouds.
+    """Find bridges in runs and folders of clouds.
 
     Args:
         sources: Name of a set and a folder: of a run, or of one bridge with a folder for each of its clouds.
         wanted: Name of each set to the clouds that the experiment uses.
-        names: A name for each source that is one bridge and has clouds of an older format.
+        names: A name for each source that is one bridge with clouds of an older format.
 
     Returns:
         All bridges that have any of the clouds.
 
     Raises:
-        InputError: No cloud in a source, a set or a cloud that is not there, clouds of two bridges in one place, or
-            clouds that do not say which bridge they show.
+        InputError: No cloud in a source, a missing set or cloud, clouds of two bridges in one folder, or clouds that do
+            not state their bridge.
     """
     if names and len(names) != len(sources):
         raise InputError(
@@ -78,7 +78,7 @@ def find_bridges(
 
 
 def _check_sources(sources: Sequence[tuple[str, Path]], wanted: Mapping[str, set[str]]) -> None:
-    """Refuse sets without a folder, folders of no set, and folders that are given twice."""
+    """Refuse sets without a folder, folders without a set, and duplicate folders."""
     for name in sorted(wanted):
         if name not in {found for found, _ in sources}:
             hint = "Name the folder of a run" if name == DEFAULT_SET else f"Name it: {name}=FOLDER"
@@ -98,7 +98,7 @@ def _check_sources(sources: Sequence[tuple[str, Path]], wanted: Mapping[str, set
 
 
 def _clouds_by_place(folder: Path, given: str) -> dict[Path, dict[str, Path]]:
-    """Find the folders of bridges in a source, each with its clouds; one folder alone where a name is given for it."""
+    """Find the folders of bridges in a source, each with its clouds; only one folder if a name is given for it."""
     places = {place: _clouds(place) for place in _places(folder)}
     if not any(places.values()):
         raise InputError(
@@ -119,12 +119,12 @@ def _clouds_by_place(folder: Path, given: str) -> dict[Path, dict[str, Path]]:
 
 
 def _clouds(place: Path) -> dict[str, Path]:
-    """Name the clouds of a bridge: the folders that hold one."""
+    """List the clouds of a bridge: the folders that hold one."""
     return {path.name: path for path in sorted(place.iterdir()) if (path / "cloud.json").is_file()}
 
 
 def _places(folder: Path) -> list[Path]:
-    """List the folders that hold a folder for each cloud of a bridge: of a run, itself, or those that are in it."""
+    """List the folders that hold one folder for each cloud of a bridge: of a run, itself, or its subfolders."""
     need_folder(folder, "a run, or a folder with a bridge's clouds")
     if (folder / "scenes").is_dir():
         return sorted(path for path in folder.glob("scenes/*/cloud") if path.is_dir())
@@ -136,7 +136,7 @@ def _places(folder: Path) -> list[Path]:
 def _bridge(name: str, label: str, place: Path, clouds: Mapping[str, Path], given: str) -> Bridge:
     found, digests = set(), {}
     for cloud, path in clouds.items():
-        if (path / MANIFEST).is_file():  # of a store: its files are hashed already
+        if (path / MANIFEST).is_file():  # in a store: its files are already hashed
             digests[cloud] = digest(read_manifest(path / MANIFEST)["files"])
             found.add(given or _told(path))
         else:

@@ -1,4 +1,4 @@
-"""The conductor of an experiment: every cut bridge, fit, training and test is a result of a store, under its key."""
+"""Conductor of an experiment: every cut bridge, fit, training and test is a result in a store under its key."""
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -29,7 +29,7 @@ from learn.compare.trial import SCORES, score_trial, train_trial
 from learn.datasets.split import TRAIN, VAL
 from learn.trained import FOREST
 
-VERSIONS = {"noise": 1, "pieces": 1, "training": 1, "scores": 1}  # raised by hand, as those of falsework.stages
+VERSIONS = {"noise": 1, "pieces": 1, "training": 1, "scores": 1}  # increased by hand, as in falsework.stages
 _PACKAGES = ("lightning", "numpy", "safetensors", "scikit-learn", "scipy", "torch")
 _NOISE = "noise.json"
 
@@ -38,14 +38,14 @@ Make = Callable[[Path], None]
 
 @dataclass(frozen=True)
 class Job:
-    """A result that shall exist.
+    """A result to be made.
 
     Attributes:
-        task: What its key is made of.
-        make: Fills its folder.
-        kind: What its time is learned by.
-        work: Samples that pass through a network, or clouds that are cut: what its time grows with [1].
-        about: What it is of, for people.
+        task: The task, which determines its key.
+        make: Function that fills its folder.
+        kind: Kind of work, by which its time is estimated.
+        work: Amount of work: samples processed by a network, or clouds cut [1].
+        about: Description for people.
     """
 
     task: Task
@@ -78,15 +78,15 @@ class TrialJobs:
 
 @dataclass
 class Experiment:
-    """An experiment over bridges that are there, in an output folder.
+    """An experiment on given bridges, in an output folder.
 
     Attributes:
-        settings: What is compared.
+        settings: Settings of the experiment.
         bridges: The bridges of all sets.
-        store: Where results are.
+        store: Store of the results.
         progress: Listener.
-        made: Results made now.
-        reused: Results that were there.
+        made: Number of results made in this call.
+        reused: Number of results that existed.
     """
 
     settings: ExperimentSettings
@@ -99,7 +99,7 @@ class Experiment:
 
     @cached_property
     def splits(self) -> dict[tuple[str, str], str]:
-        """Set and bridge to train, val or test."""
+        """Return the split of each set and bridge: train, val or test."""
         sets: dict[str, list[str]] = {}
         for bridge in self.bridges:
             sets.setdefault(bridge.set, []).append(bridge.bridge)
@@ -107,12 +107,12 @@ class Experiment:
 
     @property
     def _parts(self) -> list[Part]:
-        """All clouds, those of arms first: windows along a bridge are laid over the first that it has."""
+        """List all clouds, those of arms first: windows along a bridge are laid out over the first that it has."""
         tests = (self.settings.test(name) for name in self.settings.tests)
         return list(dict.fromkeys([*parts_in(self.settings, self.settings.arms), *tests]))
 
     def noise_jobs(self) -> dict[Part, Job]:
-        """Fit the noise that parts ask for, each on the training bridges alone."""
+        """Describe the fits of noise models that parts use, each on the training bridges only."""
         jobs = {}
         for part in self._parts:
             if not part.like:
@@ -130,7 +130,7 @@ class Experiment:
         return jobs
 
     def piece_jobs(self, noise: Mapping[Part, Job]) -> dict[tuple[str, str], Job]:
-        """Cut each bridge: set and name to its job; a bridge without any of the clouds has none."""
+        """Describe the cutting of each bridge: set and name to its job; a bridge without any of the clouds has none."""
         jobs = {}
         for bridge in self.bridges:
             parts = [
@@ -160,10 +160,10 @@ class Experiment:
         return jobs
 
     def cut_scenes(self, pieces: Mapping[tuple[str, str], Job]) -> list[CutScene]:
-        """Look at the bridges that are cut.
+        """Read the counts of the cut bridges.
 
         Args:
-            pieces: Of `piece_jobs`; each has to be there.
+            pieces: From `piece_jobs`; all must be finished.
         """
         scenes = []
         for bridge in self.bridges:
@@ -173,7 +173,7 @@ class Experiment:
         return scenes
 
     def trials(self, pieces: Mapping[tuple[str, str], Job], scenes: Sequence[CutScene]) -> list[TrialJobs]:
-        """Describe every training and its tests; arms that share windows in several groups are trained once.
+        """Describe every training and its tests; an arm in several groups with the same windows is trained once.
 
         Args:
             pieces: Of `piece_jobs`.
@@ -251,10 +251,10 @@ class Experiment:
         return Job(task, make, f"scores {model}", len(places), f"{training.about}, on {name}")
 
     def make_all(self, jobs: Iterable[Job]) -> None:
-        """Make what is missing; what another process makes just now comes last.
+        """Make the missing results; those that another process is making come last.
 
         Args:
-            jobs: Results that shall exist, none needing a later one.
+            jobs: Results to make; none depends on a later one.
         """
         jobs = list(jobs)
         missing = [job.task.key for job in jobs if not self.store.has(job.task)]
@@ -289,10 +289,10 @@ class Experiment:
             )
 
     def read_trials(self, trials: Sequence[TrialJobs]) -> list[Trial]:
-        """Read what the tests found.
+        """Read the results of the tests.
 
         Args:
-            trials: Of `trials`; every test has to be there.
+            trials: From `trials`; all tests must be finished.
         """
         found = []
         for one in trials:
@@ -307,7 +307,7 @@ class Experiment:
 
 
 def data_facts(settings: ExperimentSettings, noisy: float) -> dict[str, Any]:
-    """Say how samples were made, in the words of a data set: what a prediction needs to cut a scan alike.
+    """Describe how samples were made, in the format of a data set, so that a prediction can cut a scan the same way.
 
     Args:
         settings: The experiment.
@@ -355,7 +355,7 @@ def _spelt(sampling: SampleSettings) -> dict[str, Any]:
 
 
 def _named(places: Sequence[WindowPlace], keys: Mapping[Path, str]) -> dict[str, Any]:
-    """Spell windows for a key: how many, and the hash of which."""
+    """Describe windows for a key: their number and their hash."""
     return {"count": len(places), "digest": digest([[keys[one.folder], one.cloud, one.number] for one in places])}
 
 

@@ -1,4 +1,4 @@
-"""The script with which a shell completes verbs, options and their choices on Tab."""
+"""Scripts for the completion of verbs, options and their values in a shell."""
 
 import contextlib
 import functools
@@ -15,7 +15,7 @@ PROGRAM = "falsework"
 
 
 def completion_script(verbs: Mapping[str, Callable[..., int]], shell: str) -> str:
-    """Spell the script of one shell.
+    """Return the script for one shell.
 
     Args:
         verbs: Every verb, those of groups under two words, and its function.
@@ -35,7 +35,7 @@ def completion_script(verbs: Mapping[str, Callable[..., int]], shell: str) -> st
 
 
 def _group(head: str, verbs: Mapping[str, Callable[..., int]]) -> Callable[..., int]:
-    """A verb whose one argument is which of its verbs is meant: what the parser makes a second word of."""
+    """Make a verb whose only argument is the name of a verb in its group."""
     inner = {name.partition(" ")[2]: verb for name, verb in verbs.items() if name.startswith(f"{head} ")}
     choices = [Annotated[Any, tyro.conf.subcommand(name, constructor=verb)] for name, verb in inner.items()]
 

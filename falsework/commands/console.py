@@ -1,4 +1,4 @@
-"""Progress for people: a live line on a terminal, one plain line now and then elsewhere; always on standard error."""
+"""Progress for people on standard error: a live line on a terminal, else a plain line from time to time."""
 
 import sys
 import time
@@ -15,11 +15,11 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-PLAIN_INTERVAL = 10.0  # [s] between two lines of one stage where no terminal is watching
+PLAIN_INTERVAL = 10.0  # [s] between two lines of one stage if the output is not a terminal
 
 
 class ConsoleProgress:
-    """A listener that shows the stage, the count and the time left; use it as a context manager."""
+    """A listener that shows the stage, the count and the remaining time; use it as a context manager."""
 
     def __init__(self) -> None:
         """Choose the live line on a terminal and plain lines elsewhere."""
@@ -51,9 +51,9 @@ class ConsoleProgress:
         """Finish the last stage and the live line.
 
         Args:
-            kind: Type of an exception on its way, or None.
+            kind: Type of the exception that ends the block, or None.
             error: That exception.
-            trace: Its trace.
+            trace: Its traceback.
         """
         if kind is None:
             self._finish()

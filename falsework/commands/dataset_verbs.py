@@ -1,4 +1,4 @@
-"""The verbs of `falsework dataset`: clouds become training sets, and these become files of other programs."""
+"""The verbs of `falsework dataset`: make training sets from clouds, and export them."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,7 +32,7 @@ def local(
     set: Given = (),
     as_json: AsJson = False,
 ) -> int:
-    """Cut clouds into pieces of some meters.
+    """Make a data set of local pieces of some meters from clouds.
 
     Args:
         sources: Folders of clouds, output folders of runs, or scans from elsewhere (these with --class-map).
@@ -64,7 +64,7 @@ def whole(
     set: Given = (),
     as_json: AsJson = False,
 ) -> int:
-    """Take whole bridges, or large parts of them, with noisy points as a class.
+    """Make a data set of whole bridges or large parts of them, with noisy points as a class.
 
     Args:
         sources: Folders of clouds, output folders of runs, or scans from elsewhere (these with --class-map).
@@ -92,7 +92,7 @@ def export(
 ) -> int:
     """Write a data set for other training code.
 
-    Its own folders are those that Pointcept reads already.
+    Pointcept reads the folders of a data set without export.
 
     Args:
         dataset: A data set.
@@ -112,9 +112,9 @@ def export(
 
 
 def demo(output: Output, *, as_json: AsJson = False) -> int:
-    """Write labelled clouds of random bridges that come with the package, one folder each, with a card.
+    """Write the labelled clouds of random bridges that the package contains, one folder each, with a card.
 
-    They are small, sampled on the mesh and thinned; the card says what they are not.
+    They are small, sampled on the mesh and thinned; the card states their limits.
 
     Args:
         output: Folder to write.
@@ -133,7 +133,7 @@ def demo(output: Output, *, as_json: AsJson = False) -> int:
 
 @dataclass(frozen=True)
 class _Clouds:
-    """The clouds and scans of a data set: files and folders, class map of the scans, and names of their bridges."""
+    """Sources of a data set: files and folders, class map of the scans, and names of their bridges."""
 
     sources: tuple[Path, ...]
     class_map: str
@@ -176,7 +176,7 @@ def _build(
 
 
 def _facts(dataset: Path) -> dict[str, Any]:
-    """Say in numbers what a data set holds: pieces, points and bridges of each split."""
+    """Count pieces, points and bridges of each split of a data set."""
     from learn.datasets.layout import read_facts
 
     facts, splits = read_facts(dataset), dict[str, dict[str, int]]()
@@ -188,10 +188,10 @@ def _facts(dataset: Path) -> dict[str, Any]:
 
 
 def nested(given: dict[str, Any]) -> dict[str, Any]:
-    """Turn `tile.size` into a table with a key.
+    """Convert dotted keys such as `tile.size` to nested tables.
 
     Args:
-        given: What stood behind `--set`.
+        given: Settings of `--set`.
     """
     whole: dict[str, Any] = {}
     for key, value in given.items():
@@ -204,7 +204,7 @@ def nested(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def clouds_in(source: Path) -> list[Path]:
-    """List the clouds of a run; anything else stands for itself.
+    """List the clouds of a run; any other source is returned unchanged.
 
     Args:
         source: Output folder of a run, a cloud, or a scan.

@@ -1,4 +1,4 @@
-"""The verb that brings a DCC's edits home: `falsework scene import-edits`."""
+"""The verb that imports edits made in a DCC program: `falsework scene import-edits`."""
 
 from pathlib import Path
 from typing import Any
@@ -29,18 +29,18 @@ def import_edits(
     allow_root: tuple[Path, ...] = (),
     as_json: AsJson = False,
 ) -> int:
-    """Compare what Blender or another DCC exported with the scene it came from; write the changes as edits/user.usda.
+    """Compare an export of Blender or another DCC program with its scene; write the changes as edits/user.usda.
 
     Moved, hidden and changed meshes, recoloured materials, new meshes, solids, instances, cameras and lights, and the
-    sun are taken over. Whatever is not has a line that names it. A camera is a flight for a survey of kind "stage".
+    sun are imported. Each change that is not imported is listed. A camera can be flown by a survey of kind "stage".
 
     Args:
         edited: USD file that the DCC exported, with custom properties.
-        scene: The scene's folder or root layer, with the look and background that it had when it was opened in the DCC.
-        label: What new objects are called: a component kind or class, or `pattern=kind` by name; else what their
-            custom property `component` says; else background.
-        remove: Switch off the parts that were deleted; without it they are only named.
-        allow_root: Folders beside those of both files from which they may take layers and textures.
+        scene: The scene's folder or root layer, with the look and background that were selected when the DCC opened it.
+        label: Label of new objects: a component kind or class, or `pattern=kind` by name; default: their custom
+            property `component`, else background.
+        remove: Deactivate the parts that were deleted; without it they are only listed.
+        allow_root: Further folders from which both files may load layers and textures.
         as_json: Print one JSON object instead of lines.
     """
     with ConsoleProgress() as progress:
@@ -57,16 +57,16 @@ def harvest(
         edited: USD file that a DCC exported.
         scene: Root layer of the scene.
         label: Labels of new objects.
-        remove: Switch deleted parts off.
-        allow_roots: Folders beside those of both files from which they may take files.
-        progress: Told what is odd about the edited file.
+        remove: Deactivate deleted parts.
+        allow_roots: Further folders from which both files may load files.
+        progress: Listener, for warnings about the edited file.
 
     Returns:
         Names by kind of change: `moved`, `reshaped`, `recoloured`, `added` (name to label), `removed`, `missing`,
         `cameras` (name to number of poses), `lights` (name to type), `hidden`, `left_out`.
 
     Raises:
-        InputError: Missing, not readable, not of this scene, or the scene is a stored one.
+        InputError: Missing, not readable, not of this scene, or the scene is in a read-only store.
     """
     for path in (edited, scene):
         if path.is_dir():
@@ -84,7 +84,7 @@ def harvest(
 
 
 def report_lines(found: dict[str, Any]) -> list[str]:
-    """Say what was found, one line a kind of change.
+    """Describe the changes, one line per kind.
 
     Args:
         found: Answer of `harvest`.

@@ -1,4 +1,4 @@
-"""What stands below the help of each verb: commands as one would type them."""
+"""Example commands below the help of each verb."""
 
 EXAMPLES: dict[str, tuple[str, ...]] = {
     "doctor": ("falsework doctor",),
@@ -60,7 +60,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
 
 
 def examples_for(words: list[str]) -> tuple[str, ...]:
-    """Find the examples of the verb that a command line names; none for a group of verbs.
+    """Return the examples of the verb in a command line; none for a group of verbs.
 
     Args:
         words: Words after the program's name.

@@ -1,4 +1,4 @@
-"""What a user names and is not there, or is a file where a folder is wanted, is said before any room is loaded."""
+"""Early checks of the files and folders that a user names, before other rooms are imported."""
 
 import functools
 import inspect
@@ -12,17 +12,17 @@ from groundwork.errors import InputError, MissingError
 
 USD_SUFFIXES = (".usda", ".usdc", ".usd", ".usdz")
 STAGE_FILES = f"{', '.join(USD_SUFFIXES)}, or the folder of a scene"
-GIVEN = tyro.conf.Positional[Path]  # how the verbs annotate what they read
+GIVEN = tyro.conf.Positional[Path]  # annotation of the files that a verb reads
 
 
 def files_first(verb: Callable[..., int]) -> Callable[..., int]:
-    """Let a verb look for the files that it is given before it does anything else.
+    """Make a verb check its input files before anything else.
 
     Args:
-        verb: Function of the command line; its arguments of the type `GIVEN` are files or folders that it reads.
+        verb: Function of the command line; arguments of the type `GIVEN` are files or folders that it reads.
 
     Returns:
-        The same verb, which raises `MissingError` for the first of them that is not there.
+        The verb, which raises `MissingError` for the first file that does not exist.
     """
     signature = inspect.signature(verb)
     given = [name for name, parameter in signature.parameters.items() if parameter.annotation == GIVEN]
@@ -39,16 +39,16 @@ def files_first(verb: Callable[..., int]) -> Callable[..., int]:
 
 
 def need_folder(place: Path, wanted: str, field: str | None = None, mark: str | None = None) -> None:
-    """Refuse a file where a verb reads a folder, what is not there, and a folder of another kind.
+    """Refuse a missing folder, a file instead of a folder, and a folder of another kind.
 
     Args:
-        place: What the user named.
-        wanted: What it should be, such as `a capture, or a folder of photographs`.
+        place: Path from the user.
+        wanted: Expected kind, such as `a capture, or a folder of photographs`.
         field: The option that named it; None for an argument without one.
-        mark: File that such a folder holds; None where several kinds will do.
+        mark: File that such a folder contains; None if several kinds are accepted.
 
     Raises:
-        MissingError: Nothing is there, or the folder lacks that file.
+        MissingError: The folder does not exist, or lacks that file.
         InputError: It is a file.
     """
     if not place.exists():
@@ -57,17 +57,17 @@ def need_folder(place: Path, wanted: str, field: str | None = None, mark: str | 
         raise InputError("is a file, and a folder is wanted here", where=place, field=field, hint=f"Name {wanted}")
     from groundwork.output_reading import reading
 
-    with reading(place):  # finishes what was being put into place
+    with reading(place):  # finishes an interrupted replacement
         there = mark is None or (place / mark).is_file()
     if not there:
         raise MissingError(f"holds no {mark}", where=place, field=field, hint=f"Name {wanted}")
 
 
 def need_scenario(path: Path) -> None:
-    """Refuse what is not TOML, before the settings of all rooms are loaded to read it.
+    """Refuse a file that is not TOML, before the settings of all rooms are imported.
 
     Args:
-        path: What the user named.
+        path: Path from the user.
 
     Raises:
         MissingError: There is no such file.
@@ -93,14 +93,14 @@ def need_page(page: Path, field: str) -> None:
 
 
 def stage_file(stage: Path) -> Path:
-    """Find the file of a stage: a scene's folder, or that of a scene in a run, stands for its root layer.
+    """Find the root layer of a stage, also in a scene's folder or in that of a scene of a run.
 
     Args:
         stage: USD file, scene folder, or a folder of a run such as `OUT/scenes/0000`.
 
     Raises:
         MissingError: No such file, or a folder without a scene.
-        InputError: A file that USD does not open.
+        InputError: Not a USD file.
     """
     from authoring.scenes.checkout import find_root_layer
     from groundwork.output_reading import reading

@@ -1,4 +1,4 @@
-"""Settings as words of the command line: `--set key=value`."""
+"""Settings from the command line: `--set key=value`."""
 
 import json
 from typing import Any
@@ -7,13 +7,13 @@ from groundwork.errors import InputError
 
 
 def given_settings(words: tuple[str, ...]) -> dict[str, Any]:
-    """Read `key=value` words; a value is JSON where it can be, else plain text.
+    """Parse `key=value` words; a value is JSON if possible, else plain text.
 
     Args:
-        words: What the user wrote.
+        words: Words from the user.
 
     Returns:
-        The settings; the last word for a key counts.
+        The settings; of several words for one key the last is used.
 
     Raises:
         InputError: A word without an equals sign.

@@ -1,4 +1,4 @@
-"""From the words of a command line to the call of a verb; whatever is wrong with the words is one line."""
+"""Parsing of the command line into the call of a verb; errors are reported in one line."""
 
 import contextlib
 import difflib
@@ -15,32 +15,32 @@ import tyro
 from falsework.commands.given_files import files_first
 from groundwork.errors import InputError
 
-# An option is given or left out, never negated or set to None; positional arguments are called by their names.
+# Options have no negation and no value None; positional arguments are shown by their names.
 CONFIG: tuple[Any, ...] = (
     tyro.conf.FlagCreatePairsOff,
     tyro.conf.DisallowNone,
     tyro.conf.PositionalMetavarFromFieldName,
 )
-_NUMBERS = {"int()": "not a whole number", "to float": "not a number"}  # Python's words → ours
+_NUMBERS = {"int()": "not a whole number", "to float": "not a number"}  # names of Python's types → words for users
 
 Verb = Callable[..., int]
 
 
 def parse(verb: Verb, program: str, words: list[str]) -> Callable[[], int]:
-    """Read the arguments of a verb.
+    """Parse the arguments of a verb.
 
     Args:
         verb: Function of the command line.
-        program: How the user called it, such as `falsework scene info`.
-        words: What stands behind that.
+        program: Command as typed, such as `falsework scene info`.
+        words: The words after it.
 
     Returns:
-        The call: it looks for the files that were named, and then runs the verb.
+        The call: it checks the input files, and then runs the verb.
 
     Raises:
-        InputError: An argument is missing, unknown, or not what it has to be.
+        InputError: An argument is missing, unknown or invalid.
     """
-    printed = io.StringIO()  # the parser frames its errors for people at a terminal; scripts and logs want a line
+    printed = io.StringIO()  # the parser prints errors in a frame; scripts and logs need one line
     try:
         with contextlib.redirect_stderr(printed):
             call = tyro.cli(_later(verb), prog=program, args=words, config=CONFIG)
@@ -53,19 +53,19 @@ def parse(verb: Verb, program: str, words: list[str]) -> Callable[[], int]:
 
 
 def parse_verb(verbs: Mapping[str, Verb], program: str, words: list[str], about: str) -> Callable[[], int]:
-    """Read which verb is meant, and its arguments.
+    """Parse the name of a verb and its arguments.
 
     Args:
         verbs: Name to function.
-        program: How the user called it, such as `falsework scene`.
-        words: What stands behind that.
-        about: What the help says above the list of verbs.
+        program: Command as typed, such as `falsework scene`.
+        words: The words after it.
+        about: Text above the list of verbs in the help.
 
     Returns:
         The call.
 
     Raises:
-        InputError: No verb, none of this name, or wrong arguments.
+        InputError: No verb, an unknown verb, or wrong arguments.
     """
     if words and words[0] in verbs:
         return parse(verbs[words[0]], f"{program} {words[0]}", words[1:])
@@ -83,7 +83,7 @@ def parse_verb(verbs: Mapping[str, Verb], program: str, words: list[str], about:
 
 
 def _help(verbs: Mapping[str, Verb], program: str, about: str) -> Callable[[], int]:
-    """List the verbs, each with the first sentence of what it does."""
+    """List the verbs, each with the first sentence of its description."""
 
     def line(verb: Verb) -> Callable[[], int]:
         def shown() -> int:
@@ -98,7 +98,7 @@ def _help(verbs: Mapping[str, Verb], program: str, about: str) -> Callable[[], i
 
 
 def _later(verb: Verb) -> Callable[..., Callable[[], int]]:
-    """Let the parser bind a verb's arguments, and leave the call to whoever parsed."""
+    """Wrap a verb so that parsing binds its arguments without calling it."""
 
     @functools.wraps(verb)
     def bound(*values: Any, **named: Any) -> Callable[[], int]:
@@ -131,8 +131,8 @@ def _joined(doc: str) -> str:
 
 
 def _as_input_error(printed: str, program: str) -> InputError:
-    """Say in one line what the parser says in a frame of several parts."""
-    verb = program.partition(" ")[2] or None  # the program itself is named already
+    """Convert the parser's framed error to one line."""
+    verb = program.partition(" ")[2] or None  # the program is already named
     title, parts = _parts(printed)
     said, hint = " ".join(" ".join(parts[0]).split()), f"See {program} --help"
     if title == "Required options":
@@ -172,11 +172,11 @@ def _argument(name: str) -> str:
 
 
 def _parts(printed: str) -> tuple[str, list[list[str]]]:
-    """Take a frame apart: its title, and the lines between its rules, with their indentation."""
+    """Split a frame into its title and the lines between its rules, with their indentation."""
     first, *lines = re.sub(r"\x1b\[[0-9;]*m", "", printed).splitlines()
     parts: list[list[str]] = [[]]
     for line in lines:
-        inner = line[2:].rstrip(" │")  # where the terminal has no lines to draw frames with, they are blanks
+        inner = line[2:].rstrip(" │")  # without line-drawing characters the frame consists of blanks
         if inner.strip() and not inner.strip("─-╭╮╰╯ "):
             parts.append([])
         else:
@@ -185,6 +185,6 @@ def _parts(printed: str) -> tuple[str, list[list[str]]]:
 
 
 def _option(line: str) -> str:
-    """Spell an argument as one types it: its name, or all names of an option without what it takes."""
+    """Format an argument as typed: its name, or all names of an option without its value."""
     names = [word.strip(",") for word in line.split() if word.startswith("-")]
     return "/".join(names) or line.strip()

@@ -1,4 +1,4 @@
-"""The verb that says what a run would do."""
+"""The verb that shows what a run would do."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -25,13 +25,13 @@ def plan(
     retry_failed: bool = False,
     as_json: AsJson = False,
 ) -> int:
-    """Tell what `run` would do: results that are there, that it will make, time and disk space; writes nothing.
+    """Show what `run` would do: existing results, results to make, time and disk space; nothing is written.
 
     Args:
         scenario: TOML file.
-        output: Output folder of the run; without it, as if nothing were there.
+        output: Output folder of the run; default: an empty one.
         scenes: Part of the scenes, as `first:end`.
-        retry_failed: As `run --retry-failed` would do.
+        retry_failed: Plan for `run --retry-failed`.
         as_json: Print one JSON object instead of lines.
     """
     check_parts(scenes)
@@ -59,7 +59,7 @@ def _as_text(found: "Plan") -> str:
     lines = [f"{'stage':<8}" + "".join(f"{name.replace('_', ' '):>10}" for name in COLUMNS) + "    s each   MB each"]
     for name, stage in found.stages.items():
         counts = "".join(f"{getattr(stage, column):>10}" for column in COLUMNS)
-        source = "" if stage.learned else "  (the demo's)"
+        source = "" if stage.learned else "  (estimated from the demo)"
         lines.append(f"{name:<8}{counts}{stage.seconds:>10.1f}{stage.bytes / 1e6:>10.1f}{source}")
     lines += [f"scene {name} was rejected: {reason}" for name, reason in found.outcome.rejected.items()]
     lines += [f"scene {name} failed: {reason}" for name, reason in found.outcome.failed.items()]

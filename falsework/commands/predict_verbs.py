@@ -34,22 +34,23 @@ def predict(
     chunk: int = 2_000_000,
     as_json: AsJson = False,
 ) -> int:
-    """Label a scan: every point gets a class, a confidence and an instance, in a copy that keeps all that it held.
+    """Label a scan: write a copy with a class, a confidence and an instance for every point, and all else unchanged.
 
     Needs the extra learn.
 
     Args:
         scan: LAS, LAZ, PLY, E57, NPY or text file, or a cloud's folder with cloud.laz (for a PLY: cloud.ply) in it.
         output: File to write, of the same format, or .las or .laz; boxes of the instances go into a .json beside it.
-        model: What knows the classes: a folder that falsework train has written, or module:function of a model of
-            your own. Left out: the small model of the package, of positions alone; its card (its path is printed) names
+        model: Trained model: a folder that falsework train has written, or module:function of a model of your own.
+            Default: the small model of the package, which uses positions only; its card (its path is printed) states
             its limits.
-        unit: Unit of the coordinates; counts more than what the scan says.
-        scale: Metres that one unit of a cloud without scale stands for.
+        unit: Unit of the coordinates; overrides the unit that the scan states.
+        scale: Metres per unit, for a cloud without a scale.
         up: Axis of the scan that points up.
-        table: Table to sum into (docs/classes.md); left out: the model's own; falsework for a model of components.
-        classes: Classes to keep; the others become 255.
-        min_confidence: Less sure points become 255.
+        table: Class table of the result (docs/classes.md); default: the model's own; falsework for a model of
+            components.
+        classes: Classes to write; points of others get 255.
+        min_confidence: Points with a lower confidence get class 255.
         link: Points of a class in touching cubes of this side are one instance [m].
         chunk: Points of the scan in memory at once.
         as_json: Print one JSON object instead of lines.

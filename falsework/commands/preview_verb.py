@@ -1,4 +1,4 @@
-"""`falsework preview`: one picture from a scenario, before anything is flown."""
+"""`falsework preview`: one picture of a scenario, without flights."""
 
 import tempfile
 from pathlib import Path
@@ -32,18 +32,18 @@ def preview(
     scene: int = 0,
     as_json: AsJson = False,
 ) -> int:
-    """Show a scenario: author one of its scenes for a moment and take one picture of the whole bridge.
+    """Preview a scenario: author one of its scenes temporarily and render one picture of the whole bridge.
 
-    Nothing is kept but the picture.
+    Only the picture is kept.
 
     Args:
         scenario: TOML file.
         output: PNG file to write.
-        view: air: as a drone would, beside and above; ground: standing on the land; side: square to the bridge; auto:
-            whichever of air and ground shows most of the bridge in the best light.
+        view: air: from beside and above, as a drone; ground: standing on the ground; side: perpendicular to the bridge;
+            auto: air or ground, whichever shows more of the bridge in better light.
         width: Width of the picture [px].
         height: Its height [px].
-        quality: How much shading.
+        quality: Quality of the shading.
         scene: Number of the scene.
         as_json: Print one JSON object instead of a line.
     """
@@ -72,15 +72,15 @@ def preview(
 
 
 def _shading(scenario: "Scenario", quality: str) -> dict[str, Any]:
-    """Take over how the scenario renders, but for what a single picture wants otherwise."""
+    """Use the scenario's render settings, with the changes for a single picture."""
     told = scenario.rendering()
-    metering = told["sensor"]["metering"].replace("auto", "surfaces")  # as on the scene's surveys
+    metering = told["sensor"]["metering"].replace("auto", "surfaces")  # as for the scene's surveys
     sensor = {**told["sensor"], "metering": metering, "noise": False, "image_format": "png", "auto_exposure": 1.0}
     return {**told, "quality": quality, "normals": False, "workers": 1, "sensor": sensor}
 
 
 def _picture(scenario: "Scenario", scene: int, asked: dict[str, Any], progress: Progress) -> bytes:
-    """Author the scene without flights and variants, unless the scenario starts from a stage, and take its picture."""
+    """Author the scene without flights and variants, unless it starts from a stage, and render its picture."""
     from falsework.gallery.preview import photograph_stage
     from falsework.scenario import given_files, scene_seed
     from falsework.stages import STAGES, root_layer

@@ -1,4 +1,4 @@
-"""`falsework render`: any USD stage into captures; what is wrong with its words is said before the stage is read."""
+"""`falsework render`: render any USD stage into captures; options are checked before the stage is read."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -34,29 +34,30 @@ def render(
     allow_root: tuple[Path, ...] = (),
     as_json: AsJson = False,
 ) -> int:
-    """Render any USD stage into captures: one folder for each RenderProduct, or for each camera where there is none.
+    """Render any USD stage into captures: one folder for each RenderProduct or, if there is none, for each camera.
 
-    Killed at any moment, the same command goes on where it stopped.
+    An interrupted command can be repeated and continues where it stopped.
 
     Args:
         stage: USD file.
-        output: Folder to write into.
+        output: Folder to write.
         survey: Only this product or camera.
-        camera: Only this camera, by its name or prim path, whatever the products say.
-        frame: Time code of an image, or FIRST:LAST or FIRST:LAST:STEP; may be given more
-            than once. Else those of the camera.
-        width: Image width [px]; with it alone the image keeps its shape.
+        camera: Only this camera, by its name or prim path, instead of the products.
+        frame: Time code of an image, or FIRST:LAST or FIRST:LAST:STEP; may be given more than once. Default: those of
+            the camera.
+        width: Image width [px]; without a height the aspect ratio is kept.
         height: Image height [px].
-        exposure: `light` (dark things stay dark), `surfaces` (the middle tone becomes grey), a number of stops from
-            gain 1, or `auto`: surfaces for flights of ours, else light.
-        purpose: A purpose that is drawn beside `default`: render, proxy or guide; render alone when left out.
+        exposure: `light` (metered on the incident light: dark things stay dark), `surfaces` (metered on the picture:
+            the middle tone becomes grey), a number of stops relative to gain 1, or `auto`: surfaces for our own
+            flights, else light.
+        purpose: A purpose to draw beside `default`: render, proxy or guide; default: render.
         variant: /PRIM/PATH:SET=NAME; may be given more than once.
-        quality: How much shading.
-        subdivision: Times that subdivision surfaces are refined; 0 draws their cages.
-        noise: The sensor's noise is in the images; `--no-noise` leaves it out.
+        quality: Quality of the shading.
+        subdivision: Number of refinements of subdivision surfaces; 0 draws their control meshes.
+        noise: Add the sensor's noise to the images; `--no-noise` leaves it out.
         seed: Seed of the sensor's noise.
-        workers: Processes that share the frames of a survey; the bytes do not depend on them.
-        allow_root: Folders beside that of the stage from which it may take layers and textures.
+        workers: Number of processes that share the frames of a survey; it does not change the result.
+        allow_root: Further folders from which the stage may load layers and textures.
         as_json: Print one JSON object instead of lines.
     """
     from falsework.commands.verbs import render_file
@@ -79,7 +80,7 @@ def _choices(
     variant: tuple[str, ...],
     size: tuple[int, int],
 ) -> dict[str, Any] | None:
-    """Check settings and choices; the choices as JSON, None where the stage is read as it is."""
+    """Check settings and choices; return the choices as JSON, None if nothing is overridden."""
     from groundwork.settings import parse_settings
     from render.settings import RenderSettings
     from usd_schemas.reading.choices import AS_AUTHORED, StageChoices, check_choices, frames_of, variants_of
@@ -92,7 +93,7 @@ def _choices(
 
 
 def _exposure(word: str) -> dict[str, Any]:
-    """Turn the word into settings of the sensor."""
+    """Convert the option to settings of the sensor."""
     if word in ("auto", "light", "surfaces"):
         return {"metering": word}
     try:

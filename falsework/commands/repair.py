@@ -1,4 +1,4 @@
-"""Make a run's folder whole again: what is damaged, what was made from it and what those need, in the former bytes."""
+"""Repair a run's folder: remake damaged results, results made from them and their inputs, with the same bytes."""
 
 import os
 from pathlib import Path
@@ -15,17 +15,17 @@ from groundwork.progress import Progress
 
 
 def repair(root: Path, progress: Progress) -> list[str]:
-    """Make again what `verify` finds wanting, and compare it with what it was.
+    """Remake the results that `verify` finds damaged, and compare them with the originals.
 
     Args:
-        root: Output folder of a run; `scenario.toml` in it says how its results are made.
+        root: Output folder of a run; its `scenario.toml` describes how its results are made.
         progress: Listener.
 
     Returns:
-        What is still wrong, one line each; empty when everything is whole.
+        Remaining faults, one line each; empty if everything is intact.
 
     Raises:
-        InputError: Its scenario cannot be read any more.
+        InputError: Its scenario is not readable.
     """
     findings = inspect(root)
     if not findings.lines:
@@ -46,8 +46,8 @@ def repair(root: Path, progress: Progress) -> list[str]:
             _clear(root, place, findings)
     run_scenario(scenario, root, progress, scenes)
     after = inspect(root)
-    for place in after.manifests:  # what stands in the store was not let go
-        kind = place.partition("/")[0].replace("sample", "cloud")  # samples stay where clouds stay
+    for place in after.manifests:  # results in the store were not evicted
+        kind = place.partition("/")[0].replace("sample", "cloud")  # samples are kept if clouds are
         if kind in scenario.keep:
             (root / "evicted" / f"{place}.json").unlink(missing_ok=True)
     for folder in (*(root / "evicted").glob("*"), root / "evicted"):
@@ -64,7 +64,7 @@ def repair(root: Path, progress: Progress) -> list[str]:
 
 
 def _made_here(scenario: Scenario, scenes: list[int], progress: Progress) -> set[str]:
-    """Name the results that this scenario leads to on this machine; others could not be made again."""
+    """List the results of this scenario on this machine; others cannot be remade."""
     sources = read_sources(scenario, progress)
     found = set()
     for index in scenes:
@@ -73,7 +73,7 @@ def _made_here(scenario: Scenario, scenes: list[int], progress: Progress) -> set
 
 
 def _with_descendants(findings: Findings) -> set[str]:
-    """Add to what is damaged everything that was made from it, for it may have been made from damaged bytes."""
+    """Add all results made from damaged ones, because they may have been made from damaged bytes."""
     found = set(findings.damaged)
     while True:
         keys = {place.partition("/")[2] for place in found}
@@ -92,7 +92,7 @@ def _move_home(root: Path, place: str, true: str) -> None:
 
 
 def _clear(root: Path, place: str, findings: Findings) -> None:
-    """Take a result away; files in it that Falsework did not write are moved to `OUT/foreign`."""
+    """Remove a result; files in it that Falsework did not write are moved to `OUT/foreign`."""
     folder = root / "store" / place
     if not os.path.lexists(folder):
         return
@@ -104,7 +104,7 @@ def _clear(root: Path, place: str, findings: Findings) -> None:
             home.parent.mkdir(parents=True, exist_ok=True)
             path.rename(home)
     if place in findings.manifests and not place.startswith("report/"):
-        record = root / "evicted" / f"{place}.json"  # what it was stays known, whatever happens to us
+        record = root / "evicted" / f"{place}.json"  # written first, so that its hashes survive a kill
         record.parent.mkdir(parents=True, exist_ok=True)
         write_text(record, (folder / MANIFEST).read_text(encoding="utf-8"))
     _remove_result(root, place)

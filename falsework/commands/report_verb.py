@@ -1,4 +1,4 @@
-"""The verb that writes pages: of a scene, a cloud, a run, a data set, models with their scores, or a comparison."""
+"""The verb that writes report pages: of a scene, a cloud, a run, a data set, models with scores, or a comparison."""
 
 from pathlib import Path
 from typing import Annotated
@@ -21,10 +21,10 @@ SEVERAL = ("run", "model", "scores")
 
 
 def report(sources: Sources, output: Output, *, as_json: AsJson = False) -> int:
-    """Write a self-contained page: of a scene, a cloud, a run, a data set, a training or a comparison.
+    """Write a self-contained report page: of a scene, a cloud, a run, a data set, a training or a comparison.
 
-    The kind of page follows from what is in the folder. Several runs stand side by side in one page, and so do several
-    models with their scores. Nothing is fetched when the page is opened.
+    The kind of page depends on the content of the folder. Several runs are shown side by side in one page, and so are
+    several models with their scores. The page loads nothing from the network.
 
     Args:
         sources: Folder of a scene (`OUT/scenes/0000`), of a cloud, a run, a data set, a model or a comparison; JSON
@@ -50,7 +50,7 @@ def report(sources: Sources, output: Output, *, as_json: AsJson = False) -> int:
 
 
 def kind_of(source: Path) -> str:
-    """Tell what a folder or file is.
+    """Find the kind of a folder or file.
 
     Args:
         source: A folder, or a file.
@@ -73,13 +73,13 @@ def kind_of(source: Path) -> str:
         return "run"
     if (source / "capture").is_dir() or (source / "stage").exists():
         return "scene"
-    if _clouds_in(source):  # what `reconstruct --mode both` writes
+    if _clouds_in(source):  # result of `reconstruct --mode both`
         return "cloud"
     raise InputError("nothing here to report on", where=source, allowed=ALLOWED)
 
 
 def _clouds_in(source: Path) -> dict[str, Path]:
-    """Find the cloud that a folder is, or those in it."""
+    """List the clouds of a folder: itself, or those in it."""
     if (source / "cloud.json").is_file():
         return {source.absolute().name: source}
     return {path.parent.name: path.parent for path in sorted(source.glob("cloud/*/cloud.json"))}
@@ -122,6 +122,6 @@ def _write(kinds: list[str], sources: tuple[Path, ...], page: Path) -> None:
 
 
 def _name(source: Path, sources: tuple[Path, ...]) -> str:
-    """Name a source by its last part, or by all of its path where another one is called alike."""
+    """Name a source by its last part, or by its whole path if another one has the same name."""
     alike = [other for other in sources if other.stem == source.stem and other.suffix == source.suffix]
     return source.absolute().stem if len(alike) < 2 else str(source)

@@ -1,4 +1,4 @@
-"""A run as it is seen: the table of stages and scenes on a terminal, a plain line now and then elsewhere."""
+"""Progress of a run: the table of stages and scenes on a terminal, else a plain line from time to time."""
 
 import sys
 import threading
@@ -24,8 +24,8 @@ class RunConsole:
         """Choose the table on a terminal and plain lines elsewhere.
 
         Args:
-            costs: What results have cost so far.
-            console: Where to draw; standard error when None.
+            costs: Costs of results so far.
+            console: Console to draw on; None: standard error.
         """
         self._console = console or Console(stderr=True)
         self._table, self._lock = RunTable(costs.seconds), threading.RLock()
@@ -35,7 +35,7 @@ class RunConsole:
         self._phase, self._total, self._many, self._here, self._spoke = "", 0, False, True, time.monotonic()
 
     def __enter__(self) -> "RunConsole":
-        """Begin to draw."""
+        """Start drawing."""
         if self._console.is_terminal:
             self._live = Live(
                 get_renderable=self._draw,
@@ -53,12 +53,12 @@ class RunConsole:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Draw for the last time; what was in work stays to be seen.
+        """Draw for the last time; unfinished work stays visible.
 
         Args:
-            kind: Type of an exception on its way, or None.
+            kind: Type of the exception that ends the block, or None.
             error: That exception.
-            trace: Its trace.
+            trace: Its traceback.
         """
         if self._live is not None:
             self._live.stop()
@@ -66,22 +66,22 @@ class RunConsole:
             self._plain.__exit__(kind, error, trace)
 
     def expect(self, scenes: Sequence[str], steps: Mapping[str, int], workers: int) -> None:
-        """Take in what there is to do.
+        """Set the work to do.
 
         Args:
             scenes: Numbers of the scenes.
             steps: Name of each stage to the number of its results in one scene.
-            workers: How many scenes are worked on at once in other processes; 0 where this one does the work.
+            workers: Number of scenes processed in parallel by other processes; 0: by this one.
         """
         with self._lock:
             self._table.expect(scenes, steps, workers)
             self._many, self._here = len(scenes) > 1, workers == 0
 
     def tell(self, told: StepEvent) -> None:
-        """Take in one thing that happened.
+        """Add an event.
 
         Args:
-            told: What happened.
+            told: The event.
         """
         with self._lock:
             self._table.tell(told)
@@ -91,7 +91,7 @@ class RunConsole:
                 self._say_now_and_then()
 
     def stage(self, name: str, total: int) -> None:
-        """Begin a piece of the step that is in work.
+        """Begin a phase of the current step.
 
         Args:
             name: What is being done.
@@ -100,14 +100,14 @@ class RunConsole:
         with self._lock:
             self._phase, self._total = name, total
             if not self._here:
-                return  # the table tells it
+                return  # the table shows it
             if self._plain is not None:
                 self._plain.stage(name, total)
             elif self._now.stage:
                 self._table.tell(detailed(self._now, name, 0, 0))
 
     def advance(self, done: int) -> None:
-        """Report how far it is.
+        """Report the progress of the phase.
 
         Args:
             done: Units finished so far.

@@ -1,4 +1,4 @@
-"""How far a run is: a table of stages and scenes, its rate, the time that is left; to be drawn, or as a line."""
+"""State of a run: a table of stages and scenes, its rate and the remaining time; drawn, or as one line."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -10,9 +10,9 @@ from rich.text import Text
 
 from falsework.execution.board import StepEvent
 
-MOST_ROWS = 12  # scenes shown at a time: those in work, then those that ended last
-_MANY = 100.0  # [1/h] from which a rate is told without a decimal
-_SHORT, _LONG = 120.0, 7200.0  # [s] up to which a time is told in seconds, and in minutes
+MOST_ROWS = 12  # scenes shown at a time: those being processed, then those that ended last
+_MANY = 100.0  # [1/h] rates above are shown without a decimal
+_SHORT, _LONG = 120.0, 7200.0  # [s] times up to these are shown in seconds, and in minutes
 
 
 @dataclass
@@ -25,11 +25,11 @@ class _Scene:
 
 @dataclass
 class RunTable:
-    """The state of a run as it was told.
+    """The state of a run, from its events.
 
     Attributes:
-        seconds_of: Tells how long a result of a stage takes in the mean [s].
-        clock: Tells the time [s].
+        seconds_of: Returns the mean time of a result of a stage [s].
+        clock: Returns the time [s].
     """
 
     seconds_of: Callable[[str], float]
@@ -42,21 +42,21 @@ class RunTable:
     _worked: set[str] = field(default_factory=set)
 
     def expect(self, scenes: Sequence[str], steps: Mapping[str, int], workers: int) -> None:
-        """Take in what there is to do.
+        """Set the work to do.
 
         Args:
             scenes: Numbers of the scenes.
             steps: Name of each stage to the number of its results in one scene.
-            workers: How many scenes are worked on at once in other processes; 0 where this one does the work.
+            workers: Number of scenes processed in parallel by other processes; 0: by this one.
         """
         self._scenes, self._steps = {name: _Scene() for name in scenes}, dict(steps)
         self._workers, self._begin = max(workers, 1), self.clock()
 
     def tell(self, told: StepEvent) -> None:
-        """Take in one thing that happened.
+        """Add an event.
 
         Args:
-            told: What happened.
+            told: The event.
         """
         scene = self._scenes.get(told.scene)
         if scene is None:
@@ -75,18 +75,18 @@ class RunTable:
 
     @property
     def ended(self) -> int:
-        """Number of scenes that have ended, well or not."""
+        """Number of scenes that have ended, successfully or not."""
         return sum(scene.state != "" for scene in self._scenes.values())
 
     @property
     def rate(self) -> float:
-        """Scenes that were worked on and have ended, each hour [1/h]."""
+        """Rate of processed scenes [1/h]."""
         ended = sum(self._scenes[name].state != "" for name in self._worked)
         return 3600.0 * ended / max(self.clock() - self._begin, 1e-3)
 
     @property
     def seconds_left(self) -> float:
-        """Time that the rest takes, by the mean of each stage [s]; scenes of other jobs count as not begun."""
+        """Remaining time from the mean time of each stage [s]; scenes of other jobs count as not begun."""
         left = 0.0
         for stage, each in self._steps.items():
             missing = sum(each - len(scene.done.get(stage, ())) for scene in self._scenes.values() if not scene.state)
@@ -95,7 +95,7 @@ class RunTable:
         return left / max(min(self._workers, open_scenes), 1)
 
     def summary(self) -> str:
-        """Say in a line how far the run is."""
+        """Summarize the progress in one line."""
         bad = {state: sum(scene.state == state for scene in self._scenes.values()) for state in ("rejected", "failed")}
         parts = [f"{self.ended} of {len(self._scenes)} scenes"]
         parts += [f"{count} {state}" for state, count in bad.items() if count]
@@ -106,12 +106,12 @@ class RunTable:
         return ", ".join(parts)
 
     def line(self) -> str:
-        """Say all of it in one line, for where no terminal is watching."""
+        """Describe the whole state in one line, for output that is not a terminal."""
         counts = ", ".join(f"{stage} {self._count(stage)}" for stage in self._steps)
         return f"{self.summary()} ({counts})"
 
     def drawn(self) -> Group:
-        """Draw the scenes in work and those that ended last, the sums below, and how far the run is."""
+        """Draw the scenes being processed and those that ended last, the sums below, and the summary."""
         if not self._steps:
             return Group()
         table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold", show_footer=True)
@@ -125,7 +125,7 @@ class RunTable:
         return Group(table, Text(self.summary()))
 
     def _shown(self) -> list[str]:
-        """Choose scenes: in work first, the last told last; in the order of their numbers."""
+        """Choose the scenes to show: those being processed first, then the latest; in the order of their numbers."""
         known = [name for name, scene in self._scenes.items() if scene.seen]
         known.sort(key=lambda name: (self._scenes[name].state != "", -self._scenes[name].seen))
         return sorted(known[:MOST_ROWS])

@@ -18,11 +18,11 @@ File = tyro.conf.Positional[Path]
 
 
 def demo(output: Output = Path("demo-out"), *, seed: int | None = None, as_json: AsJson = False) -> int:
-    """Make one small bridge from nothing to an annotated dense point cloud and a report.
+    """Run the whole chain on one small bridge, up to an annotated dense point cloud and a report.
 
     Args:
         output: Folder to write into.
-        seed: Another bridge than the usual one.
+        seed: Seed of another bridge than the default one.
         as_json: Print one JSON object at the end instead of lines.
     """
     from falsework.scenario import demo_scenario
@@ -48,10 +48,10 @@ def run(
         scenario: TOML file.
         output: Folder to write into.
         scenes: Part of the scenes, as `first:end`.
-        workers: Worker processes that share the scenes; 0 runs them one after the other in this process.
+        workers: Number of worker processes that share the scenes; 0: one scene after the other in this process.
         cluster: Address of a Dask scheduler (tcp://HOST:PORT) whose workers share the scenes.
-        shard: Part of the scenes as i/n, i from 0 to n - 1: for arrays of jobs that share the output folder.
-        retry_failed: Try again what failed in an earlier run.
+        shard: Part of the scenes as i/n, i from 0 to n - 1: for job arrays that share the output folder.
+        retry_failed: Retry tasks that failed in an earlier run.
         as_json: Print one JSON object at the end instead of lines.
     """
     from groundwork.errors import InputError
@@ -77,13 +77,14 @@ def run(
 
 def _run(scenario: object, output: Path, scenes: list[int] | None, as_json: bool, **how: Any) -> int:
     from falsework.commands.run_console import RunConsole
+    from falsework.execution.amounts import amounts
     from falsework.execution.costs import Costs
     from falsework.execution.interrupts import prompt_ending
     from falsework.pipeline import run_scenario
     from falsework.scenario import Scenario
 
     assert isinstance(scenario, Scenario)
-    with prompt_ending(), RunConsole(Costs(output)) as console:
+    with prompt_ending(), RunConsole(Costs(output, amounts(scenario))) as console:
         outcome = run_scenario(scenario, output, console, scenes, board=console, **how)
     if as_json:
         paths = {"reports": [str(p) for p in outcome.reports], "clouds": [str(p) for p in outcome.clouds]}
@@ -109,7 +110,7 @@ def _run(scenario: object, output: Path, scenes: list[int] | None, as_json: bool
 
 
 def _few(clouds: list[Path]) -> list[str]:
-    """Name the classes that are few somewhere along the bridges, a line for each kind of cloud."""
+    """List the classes with few points somewhere along the bridges, one line for each kind of cloud."""
     from groundwork.files import read_json
     from recon.truth.per_class import scarce_classes_in_words
 

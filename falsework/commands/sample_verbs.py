@@ -1,4 +1,4 @@
-"""The verbs of `falsework sample`: clouds from a stage without any image, with the labels of the surface itself."""
+"""The verbs of `falsework sample`: clouds from a stage without images, with the labels of the surface."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -29,16 +29,16 @@ def mesh(
     allow_root: tuple[Path, ...] = (),
     as_json: AsJson = False,
 ) -> int:
-    """Spread points over the surface of a stage, uniformly by area.
+    """Sample points on the surface of a stage, uniformly by area.
 
     Args:
         stage: USD file.
         output: Folder to write: a cloud.
-        points: Number of points; by density when left out.
-        density: Points on each square meter.
-        scope: The bridge alone, or everything near it.
-        reach: How far `near` goes beyond the bridge's box [m].
-        visible: Only what at least one camera of the stage's surveys sees.
+        points: Number of points; default: from the density.
+        density: Points per square meter.
+        scope: Only the bridge, or everything near it.
+        reach: Distance of `near` beyond the bridge's bounding box [m].
+        visible: Only points that at least one camera of the stage's surveys sees.
         seed: Seed of every random draw.
         set: A further setting, such as `noise=0.005` or `min_views=3`; may be given more than once.
         allow_root: Folders beside that of the stage from which it may take files.
@@ -71,8 +71,8 @@ def lidar(
         stage: USD file.
         output: Folder to write: a cloud.
         kind: Kind of scanner.
-        scope: Keep the points on the bridge alone, or on everything near it.
-        reach: How far `near` goes beyond the bridge's box; left out: 10, of an aircraft 100 [m].
+        scope: Keep only the points on the bridge, or on everything near it.
+        reach: Distance of `near` beyond the bridge's bounding box; default: 10, for an aircraft 100 [m].
         seed: Seed of every random draw.
         set: A further setting, such as `angular_step=0.1`, `positions=[[5, -12, 1.8]]` or `path=global`; may be given
             more than once.

@@ -1,4 +1,4 @@
-"""The verbs of `falsework scene`: look into a scene, choose, compare, copy, and pass it on."""
+"""The verbs of `falsework scene`: inspect a scene, choose variants, compare, copy, flatten and package."""
 
 import sys
 from collections import Counter
@@ -17,9 +17,10 @@ from groundwork.errors import InputError
 from groundwork.output_reading import reading
 
 WORKER = "falsework.children.scene_work"
-LONG_WORK = ("choose", "flatten", "package")  # they author and bake, as long as it takes
+LONG_WORK = ("choose", "flatten", "package")  # no time limit: they author and bake
 TIME_LIMIT = 3600.0  # [s]
 MEMORY_LIMIT = 16.0  # [GB]
+_FEW = 3  # names of one parent, or of one material, that a line of `diff` holds
 
 File = tyro.conf.Positional[Path]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
@@ -71,7 +72,7 @@ def info(
 
 
 def validate(scene: File, *, allow_root: Roots = (), as_json: AsJson = False) -> int:
-    """Look for everything that is wrong with a scene, in every variant; exit code 1 where something is.
+    """Validate a scene in every variant; exit code 1 if anything is wrong.
 
     Args:
         scene: Scene folder, its root layer, or any other USD file.
@@ -89,12 +90,12 @@ def validate(scene: File, *, allow_root: Roots = (), as_json: AsJson = False) ->
 
 
 def diff(first: File, second: File, *, allow_root: Roots = (), as_json: AsJson = False) -> int:
-    """Tell how two scenes differ: what moved, changed shape or look, was relabelled, came and went.
+    """Compare two scenes: prims that moved, changed shape, look or label, and that were added or removed.
 
     Args:
         first: Scene folder or root layer before.
         second: Scene folder or root layer after.
-        allow_root: Folders beside those of the scenes from which they may take files.
+        allow_root: Further folders from which the scenes may load files.
         as_json: Print one JSON object instead of lines.
     """
     other = stage_file(second)
@@ -107,7 +108,7 @@ def diff(first: File, second: File, *, allow_root: Roots = (), as_json: AsJson =
     lines += [f"look        {line}" for line in _looks(found["look"])]
     for path, (before, after) in found["relabelled"].items():
         lines.append(f"relabelled  {path}  {' '.join(filter(None, before))} -> {' '.join(filter(None, after))}")
-    lines += [f"{word:<11} {path}" for word in ("light", "added", "removed") for path in found[word]]
+    lines += [f"{word:<11} {line}" for word in ("light", "added", "removed") for line in _together(found[word])]
     folders = Counter((name.rpartition("/")[0] or ".", what) for name, what in found["layers"].items())
     lines += [f"files       {folder}: {count} {what}" for (folder, what), count in sorted(folders.items())]
     for line in lines:
@@ -128,17 +129,17 @@ def set_(
     allow_root: Roots = (),
     as_json: AsJson = False,
 ) -> int:
-    """Choose look, background, light or class table of a scene; what it does not offer yet is made or brought in first.
+    """Choose look, background, light or class table of a scene; missing variants are made or imported first.
 
     Args:
         scene: Scene folder, or its root layer.
-        choices: look=NAME background=NAME light=NAME, or a USD file of yours as NAME (its materials are named like
-            the roles, or it is a world), or for the light a date and hour, 2024-12-21T10:00; taxonomy=kim2023 puts
-            another table of classes in force.
-        variant: Leave the scene as it is, and write variant_NAME.usda beside it.
-        re_origin: X Y Z of the point of your own background that becomes the scene's origin, where the bridge begins,
-            in metres with z up; for a world in map coordinates.
-        allow_root: Folders beside that of your own file from which it may take layers and textures.
+        choices: look=NAME background=NAME light=NAME, or your own USD file as NAME (a look with materials named like
+            the roles, or a background), or for the light a date and time, 2024-12-21T10:00; taxonomy=kim2023 selects
+            another class table.
+        variant: Do not change the scene, but write variant_NAME.usda beside it.
+        re_origin: X Y Z of the point of your own background at the scene's origin, where the bridge begins, in metres
+            with z up; for a background in map coordinates.
+        allow_root: Further folders from which your own file may load layers and textures.
         as_json: Print one JSON object instead of lines.
     """
     pairs = [choice.partition("=") for choice in choices]
@@ -156,11 +157,11 @@ def set_(
 
 
 def checkout(source: File, output: Output, *, as_json: AsJson = False) -> int:
-    """Copy a scene out of the read-only store, free to be edited.
+    """Copy a scene out of the read-only store for editing.
 
     Args:
         source: Scene folder, its root layer, or a folder such as `OUT/scenes/0000`.
-        output: Folder to make; what is there already is never replaced.
+        output: Folder to make; an existing one is never replaced.
         as_json: Print one JSON object instead of a line.
     """
     from authoring.scenes.checkout import checkout_scene
@@ -170,7 +171,7 @@ def checkout(source: File, output: Output, *, as_json: AsJson = False) -> int:
 
 
 def flatten(scene: File, output: Output, *, allow_root: Roots = (), as_json: AsJson = False) -> int:
-    """Write a scene as one layer, with the variants that it selects; texture paths stay relative.
+    """Write a scene as one layer, with its selected variants; texture paths stay relative.
 
     Args:
         scene: Scene folder, or its root layer.
@@ -193,14 +194,14 @@ def package(
     allow_root: Roots = (),
     as_json: AsJson = False,
 ) -> int:
-    """Put a scene into one file: usdz with all variants, or GLB for the web with those that are selected.
+    """Package a scene as one file: usdz with all variants, or GLB for the web with the selected ones.
 
     Args:
         scene: Scene folder, or its root layer.
         output: File to write, .usdz or .glb.
-        bake: Burn weathering and fine detail into the textures, for renderers that do not know them; the file then
-            holds the selected variants only.
-        texels: Texels along a side of each baked texture.
+        bake: Bake weathering and fine detail into the textures, for renderers that do not support them; the file then
+            holds only the selected variants.
+        texels: Side of each baked texture in texels.
         allow_root: Folders beside that of the scene from which it may take files.
         as_json: Print one JSON object instead of lines.
     """
@@ -211,10 +212,10 @@ def package(
 
 
 def schemas(*, path: bool = False, as_json: AsJson = False) -> int:
-    """Say where the schema plugin lies, for other hosts.
+    """Show the path of the schema plugin, for other USD hosts.
 
     Args:
-        path: Print the folder only, for PXR_PLUGINPATH_NAME.
+        path: Print only the folder, for PXR_PLUGINPATH_NAME.
         as_json: Print one JSON object instead of a line.
     """
     from usd_schemas.registration import register_schemas
@@ -238,15 +239,27 @@ SCENE_VERBS = {
 
 
 def _looks(changed: dict[str, list[str]]) -> list[str]:
-    """Write one line for each material that changed, with the prims that it is bound to."""
+    """Describe each changed material in one line, with the prims that it is bound to."""
     bound: dict[str, list[str]] = {}
     for path, (before, after) in changed.items():
         line = after if before == after else f"{before or 'none'} -> {after or 'none'}"
         bound.setdefault(line, []).append(path.rpartition("/")[2])
     return [
-        f"{line}: {', '.join(names[:3])}" + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+        f"{line}: {', '.join(names[:_FEW])}" + (f" and {len(names) - _FEW} more" if len(names) > _FEW else "")
         for line, names in sorted(bound.items())
     ]
+
+
+def _together(paths: list[str]) -> list[str]:
+    """Write a line for each path; one for all of a parent that has more than a few: a world has hundreds."""
+    below: dict[str, list[str]] = {}
+    for path in paths:
+        below.setdefault(path.rpartition("/")[0], []).append(path)
+    lines = list[str]()
+    for parent, own in below.items():
+        names = ", ".join(path.rpartition("/")[2] for path in own[:_FEW])
+        lines += own if len(own) <= _FEW else [f"{parent}: {names} and {len(own) - _FEW} more"]
+    return lines
 
 
 def _work(work: str, scene: Path, request: dict[str, Any], roots: Roots, *others: Path) -> Any:

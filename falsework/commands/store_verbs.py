@@ -1,4 +1,4 @@
-"""The verbs that look after a run's folder."""
+"""The verbs that maintain a run's folder."""
 
 import sys
 from pathlib import Path
@@ -14,11 +14,11 @@ OF_A_RUN = "the output folder of a run"
 
 
 def verify(output: tyro.conf.Positional[Path], *, repair: bool = False, as_json: AsJson = False) -> int:
-    """Find everything in a run's folder that is not as it was written: changed, missing, misplaced, foreign.
+    """Verify a run's folder: find files that are changed, missing, misplaced or foreign.
 
     Args:
         output: Output folder of a run.
-        repair: Make it whole: what is damaged, what was made from it, and what those need, with the former bytes.
+        repair: Remake damaged results, results made from them, and their inputs, with the same bytes.
         as_json: Print one JSON object instead of lines.
     """
     from falsework.store.store import Store
@@ -50,15 +50,15 @@ def clean(
     dry_run: bool = False,
     as_json: AsJson = False,
 ) -> int:
-    """Remove what killed runs left in a run's folder, and say what that frees.
+    """Remove leftovers of killed runs in a run's folder, and show how much space that frees.
 
-    Half-made results go, too, so that the next run begins them anew. What a process works on stays, and so does what
-    Falsework did not write.
+    Unfinished results are removed too, so that the next run starts them again. Files of running processes and files
+    that Falsework did not write are kept.
 
     Args:
         output: Output folder of a run.
-        unused: Also results that no scene of its scenario.toml leads to.
-        dry_run: Only say what would go.
+        unused: Also remove results that no scene of its scenario.toml uses.
+        dry_run: Only show what would be removed.
         as_json: Print one JSON object instead of lines.
     """
     from groundwork.marks import MARK, read_listing

@@ -1,4 +1,4 @@
-"""The verbs of `falsework survey`: flights, judged before they are rendered."""
+"""The verbs of `falsework survey`: plan flights, and score them before rendering."""
 
 import sys
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from groundwork.output_file import check_output_file, fresh_file
 
 WORKER = "falsework.children.survey_work"
 NAMED = 12  # ids in a line
-_FIGURE = ("poses", "half", "outline")  # what only the page needs
+_FIGURE = ("poses", "half", "outline")  # data for the page only
 
 File = tyro.conf.Positional[Path]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
@@ -33,14 +33,14 @@ def score(
     propose: Annotated[bool, tyro.conf.arg(help_behavior_hint="(default: with legs)")] = True,
     as_json: AsJson = False,
 ) -> int:
-    """Judge flights by casting rays: clearance, overlap, coverage, predicted registration, and what no image shows.
+    """Score flights by ray casting: clearance, overlap, coverage, registration, and members that no image shows.
 
     Args:
         scene: Scene folder, its root layer, or any other USD file with cameras.
         survey: Only this one.
-        output: HTML page to write: flight in space, plan and elevation, what is covered, and what no flight shows.
+        output: HTML page to write: flight in 3D, plan and elevation, coverage, and members that no flight shows.
         allow_root: Folders beside that of the scene from which it may take files.
-        propose: The legs are looked for that would show what no flight shows; `--no-propose` leaves them out.
+        propose: Search for legs that show the members that no flight shows; `--no-propose` leaves them out.
         as_json: Print one JSON object instead of lines.
     """
     stage = stage_file(scene)
@@ -82,14 +82,14 @@ def plan(
     set: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     as_json: AsJson = False,
 ) -> int:
-    """Fly one more survey over a scene of ours and add it as a layer; a former one of that name is replaced.
+    """Plan a further survey of an editable scene and add it as a layer; a survey of the same name is replaced.
 
     Args:
         scene: Folder or root layer of an editable scene (`scene checkout` gives one).
-        kind: Kind of survey; stage takes a camera that is there already, such as one animated in Blender.
-        name: Its id; that of the kind when left out.
-        seed: Another flight than the scene's own seed gives.
-        members: What an inspection is for: instance ids, classes, or `unseen` for all that no flight shows enough.
+        kind: Kind of survey; stage uses an existing camera, such as one animated in Blender.
+        name: Id of the survey; default: its kind.
+        seed: Seed of the flight; default: that of the scene.
+        members: Members to inspect: instance ids, classes, or `unseen` for all that no flight shows enough.
         set: A setting of the survey, such as `length=30` or `pitch=free`; may be given more than once.
         as_json: Print one JSON object instead of lines.
     """
@@ -128,7 +128,7 @@ def _tell(row: dict[str, Any]) -> None:
 
 
 def coverage_lines(by_class: Mapping[str, float]) -> list[str]:
-    """Say which classes a flight covers well, partly and poorly, the worst last.
+    """List the classes that a flight covers well, partly and poorly, the worst last.
 
     Args:
         by_class: Share of the surface that three cameras see at 60 degrees or less, by class [1].
@@ -149,7 +149,7 @@ def coverage_lines(by_class: Mapping[str, float]) -> list[str]:
 
 
 def _tell_unseen(row: dict[str, Any], scene: Path) -> None:
-    """Say what all flights together show too seldom, and which legs would show it."""
+    """List the members that too few images of all flights show, and legs that would show them."""
     for name, few in row["hardly_seen"].items():
         never = f", {len(few['never'])} never" if few["never"] else ""
         ids = " ".join(str(number) for number in few["members"][:NAMED])

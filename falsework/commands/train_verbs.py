@@ -1,4 +1,4 @@
-"""The verbs of learning: a data set becomes a model, and a model becomes a table of scores."""
+"""The verbs of learning: train a model on a data set, and score a model."""
 
 import json
 from collections.abc import Mapping
@@ -47,25 +47,25 @@ def train(
     set: Given = (),
     as_json: AsJson = False,
 ) -> int:
-    """Train a network on a data set; the same command goes on where it was stopped (a forest begins anew).
+    """Train a network on a data set; an interrupted command can be repeated and continues (a forest starts again).
 
-    The epoch is picked by the mean IoU on whole bridges that were held out.
+    The best epoch is chosen by the mean IoU on whole bridges that are held out.
 
     Args:
         dataset: Folder that falsework dataset has written.
         output: Folder to write: a model.
-        demo: Train on thinned clouds of twenty-two bridges that come with the package, in a few minutes, and print what
-            that is worth on four that were held out; takes no further options but --seed and --epochs.
-        model: pointnet2-ssg, pointnet2-msg, pointnext-s, pointnext-b, randlanet, or forest, which takes no epochs; left
-            out: that of --init, else pointnet2-ssg.
-        recipe: paper: what is known of the paper's training. modern: what has been learnt since.
-        epochs: Passes over the training samples; 50 when left out.
-        batch: Samples of a step.
+        demo: Train for a few minutes on thinned clouds of twenty-two bridges of the package, and print the scores on
+            four others; takes no further options but --seed and --epochs.
+        model: pointnet2-ssg, pointnet2-msg, pointnext-s, pointnext-b, randlanet, or forest, which has no epochs;
+            default: that of --init, else pointnet2-ssg.
+        recipe: paper: the paper's training, as far as it is known. modern: current practice.
+        epochs: Passes over the training samples; default: 50.
+        batch: Samples per step.
         seed: Seed of weights, order, draws and dropout.
-        channels: What the network sees of a point, with commas between; left out: that of --init, else x,y,z, and with
-            --recipe modern the height above the estimated ground, where the data set has it.
-        init: A model to begin with; its last layer is drawn anew where the classes are others.
-        freeze_encoder: Train the decoder and the head alone, as for a few labelled scans.
+        channels: Inputs of the network per point, separated by commas; default: those of --init, else x,y,z, and with
+            --recipe modern the height above the estimated ground, if the data set has it.
+        init: A model to start from; its last layer is initialized at random if the classes differ.
+        freeze_encoder: Train only the decoder and the head, as for a few labelled scans.
         set: A further setting, such as `learning_rate=0.001`, or of the network, such as `network.unit=2.0`; may be
             given more than once.
         as_json: Print one JSON object instead of lines.
@@ -90,7 +90,7 @@ def train(
 
 
 def _model_facts(model: Path) -> dict[str, Any]:
-    """Say what was trained, on what, and how good it is on the bridges that were held out."""
+    """Describe what was trained, on which data, and its score on the held-out bridges."""
     from learn.trained import read_facts
 
     facts = read_facts(model)
@@ -144,10 +144,10 @@ def evaluate(
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
     as_json: AsJson = False,
 ) -> int:
-    """Score a model on one split of a data set, every point once.
+    """Score a model on one split of a data set; every point counts once.
 
     Accuracy, IoU, precision and F1 of each class, confusion, calibration, mean IoU by uncertainty, panoptic quality,
-    over all and for each bridge. A model of components is summed into the data set's classes.
+    over all bridges and for each. Predictions of component kinds are summed into the data set's classes.
 
     Args:
         model: Folder that falsework train has written.
@@ -198,7 +198,7 @@ def evaluate(
 
 
 def _scored(facts: "ModelFacts", dataset: Path, split: str) -> "ScoredSource":
-    """Open a split for a model; samples of another scale than those it was trained on would say nothing of it."""
+    """Open a split for a model; samples scaled differently from those of its training are refused."""
     source: Any = _split(dataset, split, facts.channels)
     if not len(source):
         raise InputError(
@@ -233,14 +233,14 @@ def _in_classes_of(source: "SampleSource", trained: Any) -> Any:
 
 
 def _trained_on(facts: "ModelFacts", source: "SampleSource") -> list[str]:
-    """Name the bridges of a split that a model was trained on, or picked by."""
+    """List the bridges of a split that were used to train or choose the model."""
     said = facts.training or {}
     known = {*said.get("training_bridges", ()), *said.get("validation_bridges", ())}
     return sorted(known & {source.bridge(row) for row in range(len(source))})
 
 
 def _is_evaluation(path: Path) -> bool:
-    """Tell whether a file holds scores of ours."""
+    """Tell whether a file holds scores of `falsework evaluate`."""
     try:
         record = read_json(path)
     except InputError:
@@ -249,7 +249,7 @@ def _is_evaluation(path: Path) -> bool:
 
 
 def _settings(chosen: dict[str, Any], begun: dict[str, Any], given: tuple[str, ...]) -> "TrainSettings":
-    """Put together the settings of a training: those of the model to begin with, options, and what --set says."""
+    """Combine the settings of a training: those of the initial model, options, and --set."""
     from learn.training.settings import TrainSettings
 
     values = {name: value for name, value in chosen.items() if value is not None}
@@ -282,7 +282,7 @@ def _demo(output: Path, seed: int, epochs: int | None, unwanted: list[str], as_j
 
 
 def _begun(init: Path | None) -> dict[str, Any]:
-    """Take network and channels from the model to begin with."""
+    """Take network and channels from the initial model."""
     from learn.trained import read_facts
 
     if init is None:
@@ -292,7 +292,7 @@ def _begun(init: Path | None) -> dict[str, Any]:
 
 
 def _channels_of(dataset: Path, settings: "TrainSettings") -> tuple[str, ...]:
-    """Give the recipe's channels; data sets of before version 2, and the paper's, have no height."""
+    """Return the recipe's channels; data sets before version 2, and the paper's, have no height."""
     from learn.datasets.layout import read_facts
     from learn.datasets.patch import CHANNELS
     from learn.training.settings import recipe_of
@@ -319,7 +319,7 @@ def _split(dataset: Path, split: str, channels: tuple[str, ...]) -> "SampleSourc
 
 
 def _facts(source: object) -> dict[str, Any]:
-    """Take along what the data set says of how it was made: what a prediction needs to cut a scan as it was cut."""
+    """Collect how the data set was made, which a prediction needs to cut a scan the same way."""
     facts = getattr(source, "facts", None)
     settings = getattr(facts, "settings", None)
     if facts is None or settings is None:

@@ -22,16 +22,16 @@ def view(
     save: Path | None = None,
     port: int = 8080,
 ) -> int:
-    """Look at a scene in the browser: stage, cameras, pictures and cloud together.
+    """Show a scene in the browser: stage, cameras, pictures and cloud together.
 
-    Click a point: its class, instance and uncertainty, and the images that saw it, with its pixel. Needs the extra
-    view, but for --save. Only this machine can open it.
+    A click on a point shows its class, instance and uncertainty, and the images that saw it, with its pixel. Needs the
+    extra view, except with --save. Only this machine can open it.
 
     Args:
         place: Scene of a run (`OUT/scenes/0000`), scene folder or USD file, capture, or cloud.
-        cloud: Which of several clouds is shown first; left out: the first.
-        save: Write a page that needs no server instead, and end.
-        port: Port of the server; where it is taken, the next free one.
+        cloud: Name of the cloud to show first; default: the first one.
+        save: Write a page that needs no server, and exit.
+        port: Port of the server; if it is taken, the next free one is used.
     """
     if save is not None:
         need_page(save, "--save")

@@ -1,4 +1,4 @@
-"""What a run tells of itself while it works: which steps of which scenes have begun, ended, or were there already."""
+"""Events of a running run: which steps of which scenes have begun, ended, or existed already."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,14 +9,14 @@ State = Literal["begun", "done", "rejected", "failed"]
 
 @dataclass(frozen=True)
 class StepEvent:
-    """One thing that happened.
+    """One event of a run.
 
     Attributes:
         scene: Number of the scene, four digits.
-        stage: Stage of the step; empty where the whole scene is meant.
-        link: Which of the scene's steps of that stage, e.g. `capture/local`.
-        state: What became of it.
-        detail: What is being done just now and how far it is, such as `features 36 %`; empty when unknown.
+        stage: Stage of the step; empty for the whole scene.
+        link: Name of the step, e.g. `capture/local`.
+        state: State of the step or scene.
+        detail: Current phase and its progress, such as `features 36 %`; empty if unknown.
     """
 
     scene: str
@@ -30,20 +30,20 @@ class Board(Protocol):
     """Listener for the steps of a run."""
 
     def expect(self, scenes: Sequence[str], steps: Mapping[str, int], workers: int) -> None:
-        """Take in what there is to do.
+        """Set the work to do.
 
         Args:
             scenes: Numbers of the scenes, four digits each.
             steps: Name of each stage to the number of its results in one scene.
-            workers: How many scenes are worked on at once in other processes; 0 where this one does the work.
+            workers: Number of scenes processed in parallel by other processes; 0: by this one.
         """
         ...
 
     def tell(self, told: StepEvent) -> None:
-        """Take in one thing that happened; called from any thread.
+        """Add an event; called from any thread.
 
         Args:
-            told: What happened.
+            told: The event.
         """
         ...
 
@@ -52,23 +52,23 @@ class SilentBoard:
     """A board that shows nothing."""
 
     def expect(self, scenes: Sequence[str], steps: Mapping[str, int], workers: int) -> None:
-        """Ignore what there is to do."""
+        """Ignore the work to do."""
 
     def tell(self, told: StepEvent) -> None:
-        """Ignore what happened."""
+        """Ignore an event."""
 
 
 NO_BOARD: Board = SilentBoard()
 
 
 def detailed(told: StepEvent, phase: str, done: int, total: int) -> StepEvent:
-    """Say what a step that is in work is doing.
+    """Make the event of a step's progress.
 
     Args:
         told: The step.
-        phase: What is being done.
+        phase: Name of the phase.
         done: Units finished so far.
-        total: How many there are; 0 when unknown.
+        total: Number of units; 0 if unknown.
     """
     share = f" {100 * min(done, total) // total} %" if total else ""
     return StepEvent(told.scene, told.stage, told.link, "begun", f"{phase}{share}")

@@ -1,4 +1,4 @@
-"""The steps of a scene: its stage, captures, models and clouds of each flight, samples, report; none is run here."""
+"""Descriptions of a scene's steps: its stage, captures, models and clouds of each flight, samples, report."""
 
 import os
 from dataclasses import dataclass, field
@@ -26,14 +26,14 @@ FOREIGN_STAGE = "foreign stage"
 
 @dataclass(frozen=True)
 class Step:
-    """One task of a scene, and where its inputs come from.
+    """One task of a scene, with the sources of its inputs.
 
     Attributes:
-        task: What is made.
+        task: The task.
         link: Readable name below the folder of the scene, e.g. `capture/local`.
-        parents: Name of each input that another step makes.
-        given: Name of each input that was there before, and its path.
-        file: The file of the result that the link leads to; empty for the folder.
+        parents: Names of the inputs that other steps make, with these steps.
+        given: Names of the inputs that exist already, with their paths.
+        file: File of the result that the link points to; empty for the folder.
     """
 
     task: Task
@@ -44,12 +44,12 @@ class Step:
 
     @property
     def kind(self) -> str:
-        """What it is to the user, who says with these words what stays: stage, capture, model, cloud or report."""
+        """Kind of the step as in the scenario's `keep`: stage, capture, model, cloud or report."""
         return self.link.partition("/")[0].removesuffix(".html")
 
     @property
     def input_name(self) -> str:
-        """What a task calls it that it goes into; the first part is the stage that made it."""
+        """Name of the result as an input of other tasks; its first part is the stage that made it."""
         return self.task.stage + self.link.removeprefix(self.kind)
 
 
@@ -61,8 +61,8 @@ class Flight:
         name: Name of its capture, and of its clouds.
         variant: Name of the variant, or empty.
         capture: The step that renders it.
-        model: The step that finds its cameras.
-        clouds: The steps that make points from that.
+        model: The step of structure from motion.
+        clouds: The steps that make clouds from the model.
     """
 
     name: str
@@ -73,23 +73,23 @@ class Flight:
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """All of them, each after what it needs."""
+        """All steps, each after its inputs."""
         return (self.capture, self.model, *self.clouds)
 
     @property
     def possible_links(self) -> frozenset[str]:
-        """Links that its clouds have, or had where the run made other ones."""
+        """Links of its clouds, also of those that a run with another mode has made."""
         return frozenset(f"cloud/{self.name}{mode}" for mode in ("", *(f"{SEVERAL}{one}" for one in get_args(Mode))))
 
 
 @dataclass(frozen=True)
 class Sources:
-    """What a scenario takes from outside, looked at once for all scenes.
+    """External inputs of a scenario, read once for all scenes.
 
     Attributes:
         surveys: Name of each survey.
-        given: Name of each input from outside to its path.
-        digests: The same names to the hashes of their contents.
+        given: Name of each external input to its path.
+        digests: Name of each external input to the hash of its contents.
     """
 
     surveys: tuple[str, ...]
@@ -103,11 +103,11 @@ class Chain:
 
     Attributes:
         name: Number of the scene, four digits.
-        title: What its user knows it by.
-        stage: The step that authors it; None where it starts from a stage that is there.
+        title: Title for people.
+        stage: The step that authors it; None if it starts from an existing stage.
         flights: Its flights.
         samples: The steps that sample its surface.
-        sources: What the scenario takes from outside.
+        sources: External inputs of the scenario.
     """
 
     name: str
@@ -119,15 +119,15 @@ class Chain:
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """All steps but the report, each after what it needs."""
+        """All steps except the report, each after its inputs."""
         stage = () if self.stage is None else (self.stage,)
         return (*stage, *(step for flight in self.flights for step in flight.steps), *self.samples)
 
     def report(self, without: frozenset[str] = frozenset()) -> Step:
-        """Give the last step.
+        """Return the last step, the report.
 
         Args:
-            without: Links of the steps that became no result.
+            without: Links of the steps that have no result.
         """
         parents = {step.input_name: step for step in self.steps if step.kind != "model" and step.link not in without}
         given, keys = _stage_input(self.stage, self.sources)
@@ -137,7 +137,7 @@ class Chain:
 
 
 def read_sources(scenario: Scenario, progress: Progress) -> Sources:
-    """Name the surveys, and hash what the scenario takes from outside.
+    """List the surveys, and hash the external inputs of a scenario.
 
     Args:
         scenario: What to make.
@@ -147,7 +147,7 @@ def read_sources(scenario: Scenario, progress: Progress) -> Sources:
         InputError: The stage that it starts from cannot be rendered.
     """
     if scenario.stage is None:
-        given = given_files(scenario)  # a world or a sky counts by content
+        given = given_files(scenario)  # imported worlds and skies are identified by their content
         digests = {name: file_digest(path) if path.is_file() else folder_digest(path) for name, path in given.items()}
         return Sources(tuple(survey.id for survey in scenario.survey), given, digests)
     path = Path(scenario.stage.path)
@@ -161,7 +161,7 @@ def read_sources(scenario: Scenario, progress: Progress) -> Sources:
             value=min(both),
             hint="Give it another id",
         )
-    with reading(path):  # it counts by content, with every file that stands beside it, but runs made from it
+    with reading(path):  # identified by content, with all files beside it, except runs made from it
         digest = folder_digest(path.parent, without=RUN)
         return Sources(tuple(surveys), {FOREIGN_STAGE: path}, {FOREIGN_STAGE: digest})
 
@@ -172,7 +172,7 @@ def scene_chain(scenario: Scenario, index: int, sources: Sources) -> Chain:
     Args:
         scenario: What to make.
         index: Number of the scene.
-        sources: What it takes from outside.
+        sources: Its external inputs.
     """
     seed = scene_seed(scenario.seed, index)
     stage = None
@@ -190,7 +190,7 @@ def scene_chain(scenario: Scenario, index: int, sources: Sources) -> Chain:
 def new_task(
     stage: str, settings: dict[str, Any], inputs: dict[str, str], manner: dict[str, Any] | None = None
 ) -> Task:
-    """Describe a task of the current version of its stage.
+    """Make a task with the current version of its stage.
 
     Args:
         stage: Row of `STAGES`.
@@ -202,7 +202,7 @@ def new_task(
 
 
 def _flight(scenario: Scenario, seed: int, survey: str, variant: str, stage: Step | None, sources: Sources) -> Flight:
-    name = f"{slug(survey)}@{slug(variant)}" if variant else slug(survey)  # a stage from elsewhere names surveys
+    name = f"{slug(survey)}@{slug(variant)}" if variant else slug(survey)  # the surveys of an existing stage
     rendering = scenario.rendering()
     drawing = {part: rendering.pop(part) for part in ("workers", "encoders")}
     settings = {"seed": seed, "survey": survey, "render": rendering}
@@ -234,11 +234,11 @@ def _flight(scenario: Scenario, seed: int, survey: str, variant: str, stage: Ste
 def _sample(
     scenario: Scenario, seed: int, sample: AnySample, variant: str, stage: Step | None, sources: Sources
 ) -> Step:
-    """Describe one sampled cloud; its draws are a stream of its own, which another `seed` of the section moves on."""
+    """Describe one sampled cloud; it has its own random stream, which depends on the `seed` of the section."""
     layer = f"sample/{sample.id}" + (f"/{sample.seed}" if sample.seed else "")
     drawn = int(stream(seed, layer).integers(2**31))
     values = {**sample.model_dump(mode="json", exclude={"id"}), "seed": drawn}
-    kind = values.pop("kind") if sample.kind == "mesh" else sample.kind  # scanners have a setting of this name
+    kind = values.pop("kind") if sample.kind == "mesh" else sample.kind  # scanners have a setting with this name
     settings = {"kind": kind, "sample": values, "platform": sample_platform()}
     settings |= {"variant": variant} if variant else {}
     given, keys = _stage_input(stage, sources)
@@ -250,7 +250,7 @@ def _sample(
 
 
 def _stage_input(stage: Step | None, sources: Sources) -> tuple[dict[str, Path], dict[str, str]]:
-    """Give path and hash of a stage that was there before."""
+    """Return path and hash of an existing stage."""
     if stage is not None:
         return {}, {}
     return {"stage": sources.given[FOREIGN_STAGE]}, {"stage": sources.digests[FOREIGN_STAGE]}

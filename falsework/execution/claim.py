@@ -1,4 +1,4 @@
-"""The output folder of a run is shared by several processes: each claims it before it writes."""
+"""Claiming of a run's output folder, which several processes may share."""
 
 import re
 from pathlib import Path
@@ -10,7 +10,7 @@ from groundwork.files import space_errors, write_text
 from groundwork.locks import hold_lock
 from groundwork.marks import MARK, TEMPORARY
 
-_LEFT = re.compile(re.escape(TEMPORARY) + "[0-9a-f]{16}")  # as groundwork.files names what it writes
+_LEFT = re.compile(re.escape(TEMPORARY) + "[0-9a-f]{16}")  # temporary names of groundwork.files
 
 
 def claim_run(out: Path, scenario: Scenario) -> None:
@@ -18,18 +18,18 @@ def claim_run(out: Path, scenario: Scenario) -> None:
 
     Args:
         out: Output folder: absent, empty, or of a run.
-        scenario: What to make; kept in the folder with paths that hold from there.
+        scenario: The scenario; stored in the folder with paths relative to it.
 
     Raises:
-        InputError: The folder is not ours or not writable.
+        InputError: Falsework did not write the folder, or it is not writable.
     """
     inputs = run_inputs(scenario)
     try:
         output_folder.claim_run(out, inputs)
-    except (InputError, FileNotFoundError):  # or it took our unfinished mark for one of a killed process
+    except (InputError, FileNotFoundError):  # or another process removed our unfinished mark as a leftover
         if not (out / MARK).is_file():
             raise
-        output_folder.claim_run(out, inputs)  # another process has made its mark while we looked
+        output_folder.claim_run(out, inputs)  # another process has marked it meanwhile
     with space_errors(out):
         (out / "run").mkdir(exist_ok=True)
         text = scenario.as_toml(out)
@@ -41,7 +41,7 @@ def claim_run(out: Path, scenario: Scenario) -> None:
 
 
 def run_inputs(scenario: Scenario) -> list[Path]:
-    """Name the files and folders from outside that a run is made from.
+    """List the external files and folders of a run.
 
     Args:
         scenario: What to make.
@@ -50,7 +50,7 @@ def run_inputs(scenario: Scenario) -> list[Path]:
 
 
 def _sweep_names(out: Path) -> None:
-    """Remove what processes left that were killed while they wrote the mark or the scenario."""
+    """Remove temporary files of processes that were killed while they wrote the mark or the scenario."""
     for path in sorted(out.glob(f"{TEMPORARY}*")):
         if _LEFT.fullmatch(path.name) and path.is_file() and not path.is_symlink():
             path.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""Scenes on the workers of a Dask cluster, started here or standing already; the store alone decides what is done."""
+"""Runs scenes on the workers of a Dask cluster, our own or an existing one; only the store decides what is finished."""
 
 import logging
 import os
@@ -24,26 +24,26 @@ from falsework.store.store import Store
 from groundwork.errors import FalseworkError, InputError
 from groundwork.progress import Progress
 
-FAILURES = 1_000_000  # deaths of workers that Dask forgives a task; after three it would blame whichever task ran there
-QUEUE = 4  # scenes a worker that are handed out before they can be begun; the rest wait here and cost nothing
+FAILURES = 1_000_000  # deaths of workers that a task survives; Dask's default of 3 would blame any task that ran there
+QUEUE = 4  # scenes per worker that are submitted ahead; the rest wait here and cost nothing
 LEAST_QUEUE = 64
-PATIENCE = "1 day"  # for a worker that is being started again; Dask would end it after 15 s on a busy machine
+PATIENCE = "1 day"  # for the restart of a worker; Dask would end it after 15 s on a busy machine
 CLOSING = 4.0  # [s]
-TOLD_EVERY = 1.0  # [s] between two words of a worker on how far it is
+TOLD_EVERY = 1.0  # [s] between two progress messages of a worker
 LOOPBACK = "127.0.0.1"
 
 
 @dataclass(frozen=True)
 class SceneJob:
-    """One scene, as it is sent to a worker.
+    """One scene, as sent to a worker.
 
     Attributes:
-        scenario: What to make.
-        sources: What it takes from outside.
+        scenario: The scenario.
+        sources: Its external inputs.
         index: Number of the scene.
         out: Output folder of the run, the same path on every worker.
-        manner: How to go about it.
-        topic: Under which its worker tells what happens; empty where there is no listener.
+        manner: Options of the run.
+        topic: Dask topic of its events; empty if there is no listener.
     """
 
     scenario: Scenario
@@ -56,7 +56,7 @@ class SceneJob:
 
 @dataclass
 class _Teller(SilentBoard):
-    """What a worker says: steps and how far they are to the cluster's log, lines for people with the result."""
+    """Listener in a worker: sends steps and progress to the cluster's log, and keeps notes for the result."""
 
     topic: str
     lines: list[str] = field(default_factory=list)
@@ -80,8 +80,8 @@ class _Teller(SilentBoard):
 
         self._now, self._spoke = told if told.state == "begun" else None, time.monotonic()
         if self.topic:
-            with suppress(Exception):  # a table that is not quite right is no reason to stop
-                get_worker().log_event(self.topic, {"told": astuple(told)})  # Dask adds the worker
+            with suppress(Exception):  # an error in the display must not stop the work
+                get_worker().log_event(self.topic, {"told": astuple(told)})  # Dask adds the worker's name
 
 
 def do_job(job: SceneJob) -> tuple[Outcome, list[str]]:
@@ -91,7 +91,7 @@ def do_job(job: SceneJob) -> tuple[Outcome, list[str]]:
         job: The scene.
 
     Returns:
-        What came of it, and lines for people.
+        Its outcome, and notes for people.
     """
     teller = _Teller(job.topic)
     store = Store(job.out)
@@ -102,21 +102,21 @@ def do_job(job: SceneJob) -> tuple[Outcome, list[str]]:
 def run_on_cluster(
     jobs: list[SceneJob], progress: Progress, workers: int, address: str | None, board: Board = NO_BOARD
 ) -> Outcome:
-    """Run scenes on worker processes, however often those die.
+    """Run scenes on worker processes, restarting those that die.
 
     Args:
         jobs: The scenes.
         progress: Listener.
-        workers: Number of workers of a cluster that lives as long as this call.
-        address: Address of the scheduler of a standing cluster instead.
+        workers: Number of workers of a cluster that exists during this call.
+        address: Address of the scheduler of an existing cluster instead.
         board: Listener for the steps of the scenes.
 
     Returns:
-        What came of all of them.
+        The outcome of all scenes.
 
     Raises:
         InputError: No cluster answers at the address.
-        FalseworkError: It answered, and went away.
+        FalseworkError: The cluster was lost.
         OutOfSpaceError: The disk is full.
     """
     outcome = Outcome()
@@ -147,7 +147,7 @@ def run_on_cluster(
 
 
 def _told_to(jobs: list[SceneJob], client: Any, board: Board, workers: int) -> list[SceneJob]:
-    """Let the workers of the jobs tell a board what happens."""
+    """Forward the events of the workers to a board."""
     if board is NO_BOARD:
         return jobs
     chain = scene_chain(jobs[0].scenario, jobs[0].index, jobs[0].sources)
@@ -158,16 +158,16 @@ def _told_to(jobs: list[SceneJob], client: Any, board: Board, workers: int) -> l
 
 
 def _take(future: Any, job: SceneJob, outcome: Outcome, progress: Progress) -> SceneJob | None:
-    """Take what came of a job; give it back if it has to be run again."""
+    """Add the outcome of a job; return the job if it has to be run again."""
     from distributed import CancelledError, KilledWorker
 
     try:
         part, notes = future.result()
-    except BusySceneError as error:  # another run works on it: it comes last, and then we wait
+    except BusySceneError as error:  # another run is making it: it comes last, and then we wait
         outcome.made += error.made
         outcome.reused -= error.made
         return replace(job, manner=replace(job.manner, wait=True))
-    except (CancelledError, KilledWorker):  # a standing cluster that forgives less than ours
+    except (CancelledError, KilledWorker):  # an existing cluster with a lower limit of deaths
         return job
     for line in notes:
         progress.note(f"scene {job.index:04d}: {line}")
@@ -177,22 +177,22 @@ def _take(future: Any, job: SceneJob, outcome: Outcome, progress: Progress) -> S
 
 @contextmanager
 def _own_cluster(workers: int) -> Iterator[Any]:
-    """Start workers on this machine, reachable from it alone; none outlives us, nor do their children."""
+    """Start workers that are reachable only from this machine and end with this process, with their children."""
     from dask import config
-    from distributed import Client, LocalCluster  # before the settings, with which its defaults would go again
+    from distributed import Client, LocalCluster  # before the settings: its defaults overwrite them
 
     settings: dict[str, Any] = {
         "distributed.scheduler.allowed-failures": FAILURES,
         "distributed.deploy.lost-worker-timeout": PATIENCE,
-        # Connections that end with an interrupted run are no news; the workers get this with the settings.
+        # Lost connections of an interrupted run are not logged; the workers get this with the settings.
         "logging": {"distributed": "critical"},
     }
     with tempfile.TemporaryDirectory(prefix="falsework-") as scratch, config.set(settings):
         for name in ("distributed", "distributed.client"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
         with _deaf_to_interrupts(), warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "(?s).*Port .* is already in use")  # of a page that we do not show
-            how: dict[str, Any] = {"dashboard_address": None, "memory_limit": 0}  # neither a page nor Dask's own guard
+            warnings.filterwarnings("ignore", "(?s).*Port .* is already in use")  # of a dashboard that we do not use
+            how: dict[str, Any] = {"dashboard_address": None, "memory_limit": 0}  # no dashboard, no memory monitor
             cluster = LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
@@ -241,7 +241,7 @@ def _standing_cluster(address: str) -> Iterator[Any]:
 
 @contextmanager
 def _deaf_to_interrupts() -> Iterator[None]:
-    """Let what is started here ignore Ctrl-C, which a terminal sends to all: we end the workers ourselves."""
+    """Make processes started here ignore Ctrl-C, which a terminal sends to all: we end the workers ourselves."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -253,7 +253,7 @@ def _deaf_to_interrupts() -> Iterator[None]:
 
 
 def _kill_workers(cluster: Any) -> None:
-    """End the workers at once: every result is whole or absent, and interrupted work goes on next time."""
+    """End the workers at once: results are complete or absent, and interrupted work is resumed next time."""
     for nanny in list(cluster.workers.values()):
         pid = getattr(getattr(nanny, "process", None), "pid", None)
         if pid:

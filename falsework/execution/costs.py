@@ -1,6 +1,7 @@
-"""What results of each stage have cost so far, in time and on disk; and a look at the disk before more are made."""
+"""Time and disk space of results so far, by stage, and the check of free space before further results."""
 
 import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -10,17 +11,18 @@ from falsework.store.workroom import plain_files
 from groundwork.errors import InputError, OutOfSpaceError
 from groundwork.files import MANIFEST, read_json
 
-# Seconds and bytes of a result of which nothing is known yet: the demo's, whose cloud is dense; guesses of samples.
+# Default seconds and bytes of a result, before any was measured: those of the demo, with a dense cloud; samples
+# guessed.
 DEFAULT_SECONDS = {"stage": 13.7, "capture": 19.7, "model": 160.0, "cloud": 56.1, "sample": 60.0, "report": 2.0}
 DEFAULT_BYTES = {"stage": 103e6, "capture": 65e6, "model": 21e6, "cloud": 144e6, "sample": 200e6, "report": 8.5e6}
 
 
 @dataclass
 class RunningStatistics:
-    """A quantity of which some values have been seen.
+    """Running mean and maximum of a quantity.
 
     Attributes:
-        count: How many.
+        count: Number of values.
         total: Their sum [any unit].
         greatest: The greatest of them [any unit].
     """
@@ -30,7 +32,7 @@ class RunningStatistics:
     greatest: float = 0.0
 
     def add(self, value: object) -> None:
-        """Take one more; what is no number is left out.
+        """Add a value; NaN and infinity are ignored.
 
         Args:
             value: The value.
@@ -40,51 +42,54 @@ class RunningStatistics:
 
     @property
     def mean(self) -> float:
-        """Their mean [any unit]; there has to be one."""
+        """Mean of the values [any unit]; there must be at least one."""
         return self.total / self.count
 
 
 @dataclass
 class Costs:
-    """What the events in `OUT/run` tell, and, where those say nothing of sizes, the stored results.
+    """Costs from the events in `OUT/run` and, if those have no sizes, from the stored results.
 
     Attributes:
         root: Output folder of the run.
+        amounts: How many times the demo's work results of a stage are before one has been made,
+            where that is not 1 [1].
     """
 
     root: Path
+    amounts: Mapping[str, float] = field(default_factory=dict[str, float])
     _seconds: dict[str, RunningStatistics] = field(default_factory=dict)
     _bytes: dict[str, RunningStatistics] = field(default_factory=dict)
     _stored: dict[str, RunningStatistics] = field(default_factory=dict)
-    _read: dict[Path, int] = field(default_factory=dict)  # bytes of each file that have been taken in
+    _read: dict[Path, int] = field(default_factory=dict)  # bytes of each file that have been read
 
     def seconds(self, stage: str) -> float:
-        """Tell how long a result takes in the mean [s].
+        """Return the mean time of a result [s].
 
         Args:
             stage: Its stage.
         """
         self._look()
         seen = self._seconds.get(stage, RunningStatistics())
-        return seen.mean if seen.count else DEFAULT_SECONDS[stage]
+        return seen.mean if seen.count else self._amount(stage) * DEFAULT_SECONDS[stage]
 
     def bytes_each(self, stage: str) -> float:
-        """Tell how much disk space a result adds in the mean [bytes].
+        """Return the mean disk space that a result adds [bytes].
 
         Args:
             stage: Its stage.
         """
         seen = self._sizes(stage)
-        return seen.mean if seen.count else DEFAULT_BYTES[stage]
+        return seen.mean if seen.count else self._amount(stage) * DEFAULT_BYTES[stage]
 
     def most_bytes(self, stage: str) -> float:
-        """Tell how much disk space a result has added at most [bytes].
+        """Return the largest disk space that a result has added [bytes].
 
         Args:
             stage: Its stage.
         """
         seen = self._sizes(stage)
-        return seen.greatest if seen.count else DEFAULT_BYTES[stage]
+        return seen.greatest if seen.count else self._amount(stage) * DEFAULT_BYTES[stage]
 
     def is_learned(self, stage: str) -> bool:
         """Tell whether the time of a stage has been measured here.
@@ -94,6 +99,9 @@ class Costs:
         """
         self._look()
         return self._seconds.get(stage, RunningStatistics()).count > 0
+
+    def _amount(self, stage: str) -> float:
+        return self.amounts.get(stage, 1.0)
 
     def _sizes(self, stage: str) -> RunningStatistics:
         self._look()
@@ -105,9 +113,9 @@ class Costs:
         return self._stored[stage]
 
     def _look(self) -> None:
-        """Take in the lines that have come since the last time; other processes write, too."""
+        """Read the lines added since the last call; other processes write too."""
         sizes = {path: path.stat().st_size for path in sorted((self.root / "run").glob("*.jsonl")) if path.is_file()}
-        if any(sizes.get(path, 0) < read for path, read in self._read.items()):  # another run has taken its place
+        if any(sizes.get(path, 0) < read for path, read in self._read.items()):  # another run has replaced it
             for table in (self._seconds, self._bytes, self._stored, self._read):
                 table.clear()
         for path, size in sizes.items():
@@ -116,7 +124,7 @@ class Costs:
                 with path.open("rb") as file:
                     file.seek(begin)
                     data = file.read()
-                whole = data.rfind(b"\n") + 1  # somebody may be writing the last line
+                whole = data.rfind(b"\n") + 1  # the last line may be unfinished
                 self._read[path] = begin + whole
                 for line in data[:whole].splitlines():
                     self._take(line)
@@ -130,7 +138,7 @@ class Costs:
 
 @lru_cache(maxsize=8)
 def costs_of(root: Path) -> Costs:
-    """Give the costs of a run, of which a process reads each line once.
+    """Return the costs of a run; a process reads each line only once.
 
     Args:
         root: Output folder of the run.
@@ -139,21 +147,21 @@ def costs_of(root: Path) -> Costs:
 
 
 def bytes_added(folder: Path) -> int:
-    """Measure what a result added to the disk [bytes]: textures that other scenes had before count nothing.
+    """Measure the disk space that a result added [bytes]; textures shared with earlier scenes do not count.
 
     Args:
-        folder: Folder of the result; one that is gone already added nothing.
+        folder: Folder of the result; a missing one counts as 0.
     """
     return sum(
         one.st_size for one in plain_files(folder) if one.st_nlink <= 2
-    )  # its own link, and that of the run's textures
+    )  # two links: its own, and that of the run's textures
 
 
 def free_space(path: Path) -> int:
-    """Tell how much a file system has left for us [bytes].
+    """Return the free space of a file system for this user [bytes].
 
     Args:
-        path: A file or folder on it; where it is not there yet, the folder that it would be in counts.
+        path: A file or folder on it; if it does not exist, its nearest existing parent is used.
     """
     while not path.exists() and path != path.parent:
         path = path.parent
@@ -161,15 +169,15 @@ def free_space(path: Path) -> int:
 
 
 def check_space(root: Path, stage: str, key: str) -> None:
-    """Stop before work that the disk has no room for.
+    """Refuse to begin work that needs more disk space than is free.
 
     Args:
         root: Output folder of the run.
         stage: Stage of the result that is about to be made.
-        key: Key of it; what an interrupted run made of it is there already.
+        key: Key of the result; files of an interrupted run are subtracted.
 
     Raises:
-        OutOfSpaceError: Less is free than a result of that stage has needed at most.
+        OutOfSpaceError: Less is free than the largest result of that stage has needed.
     """
     there = sum(one.st_size for one in plain_files(root / "work" / key))
     needed, free = costs_of(root).most_bytes(stage) - there, free_space(root)
@@ -181,12 +189,12 @@ def check_space(root: Path, stage: str, key: str) -> None:
 
 
 def _stored_sizes(root: Path, stage: str) -> RunningStatistics:
-    """Measure the results that are there, from their manifests."""
+    """Measure the stored results, from their manifests."""
     seen = RunningStatistics()
     for path in sorted((root / "store" / stage).glob(f"*/{MANIFEST}")):
         try:
             files = read_json(path)["files"]
             seen.add(sum(row["bytes"] for row in files.values()))
         except (InputError, OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-            continue  # `verify` tells what is wrong with it
+            continue  # `verify` reports it
     return seen

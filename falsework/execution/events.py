@@ -1,4 +1,4 @@
-"""When what ran: one file of lines for each process, in `OUT/run`, the only place of a run that holds a clock."""
+"""Log of a run with times: one file for each process in `OUT/run`, the only part of a run that holds a clock."""
 
 import json
 import os
@@ -14,7 +14,7 @@ def write_event(root: Path, event: dict[str, Any]) -> None:
 
     Args:
         root: Output folder of the run.
-        event: JSON of what ended just now.
+        event: JSON of the event.
     """
     folder = root / "run"
     folder.mkdir(parents=True, exist_ok=True)
@@ -25,7 +25,7 @@ def write_event(root: Path, event: dict[str, Any]) -> None:
 
 
 def read_events(root: Path) -> Iterator[dict[str, Any]]:
-    """Read the events of all processes; a torn line is left out.
+    """Read the events of all processes; incomplete lines are skipped.
 
     Args:
         root: Output folder of a run.
@@ -38,13 +38,13 @@ def read_events(root: Path) -> Iterator[dict[str, Any]]:
 
 
 def parse_event(line: str | bytes) -> dict[str, Any] | None:
-    """Read one line.
+    """Parse one line.
 
     Args:
         line: The line, without its end.
 
     Returns:
-        The event, or None where the line is incomplete or not one of ours.
+        The event, or None if the line is incomplete or not an event.
     """
     try:
         event = json.loads(line)

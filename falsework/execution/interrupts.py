@@ -1,4 +1,4 @@
-"""Interrupted once, a run stops soon; interrupted twice, or held up for too long, at once. Either can be resumed."""
+"""Handling of interrupts: the first one stops a run soon, a second one or a timeout at once; both can be resumed."""
 
 import os
 import signal
@@ -7,7 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-SOON = 8.0  # [s] for what has to be tidied; whatever is not tidied then is so at the next start
+SOON = 8.0  # [s] for cleaning up; the rest is cleaned up at the next start
 ENDING = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -15,7 +15,7 @@ ENDING = (signal.SIGINT, signal.SIGTERM)
 def prompt_ending(seconds: float = SOON) -> Iterator[None]:
     """End the process a short time after the first interrupt, and at once at the second one.
 
-    The usual handlers run at the first one. Children die with their parent by themselves.
+    The usual handlers run at the first one. Child processes end with their parent.
 
     Args:
         seconds: Time from the first one to a forced end [s].
@@ -38,7 +38,7 @@ def prompt_ending(seconds: float = SOON) -> Iterator[None]:
 
 
 def _watch(here: socket.socket, stop: threading.Event, seconds: float) -> None:
-    """Count the signals, which the kernel's handler writes into the socket, whatever the main thread is doing."""
+    """Count the signals, which the signal handler writes into the socket, even if the main thread is busy."""
     first = 0
     here.settimeout(None)
     while True:

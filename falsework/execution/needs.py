@@ -1,4 +1,4 @@
-"""Which steps of a scene have to be there: those whose results stay, and those that another step still needs."""
+"""Choice of the steps to make: those whose results are kept, and those that another step still needs."""
 
 from falsework.execution.chain import Chain, Step
 from falsework.store.store import Store
@@ -7,11 +7,11 @@ REPORT = "report.html"
 
 
 def wanted_steps(chain: Chain, keep: tuple[str, ...]) -> set[str]:
-    """Name the steps that a run makes at all: those whose results stay, and what comes before them.
+    """List the steps that a run makes at all: those whose results are kept, and their inputs.
 
     Args:
         chain: The steps of a scene.
-        keep: Stages whose results stay.
+        keep: Stages whose results are kept.
 
     Returns:
         Their links.
@@ -24,17 +24,17 @@ def wanted_steps(chain: Chain, keep: tuple[str, ...]) -> set[str]:
 
 
 def needed_steps(chain: Chain, store: Store, keep: tuple[str, ...]) -> set[str]:
-    """Name the steps that are neither there nor dispensable.
+    """List the steps that are missing and needed.
 
     Args:
         chain: The steps of a scene.
-        store: Where results are.
-        keep: Stages whose results stay.
+        store: Store of the results.
+        keep: Stages whose results are kept.
 
     Returns:
         Links of the steps to make.
     """
-    without: frozenset[str] = frozenset()  # rejected, or made from what was
+    without: frozenset[str] = frozenset()  # rejected, or made from a rejected one
     for step in chain.steps:
         if _rejected(store, step) or any(parent.link in without for parent in step.parents.values()):
             without |= {step.link}
@@ -52,7 +52,7 @@ def needed_steps(chain: Chain, store: Store, keep: tuple[str, ...]) -> set[str]:
 
 
 def consumers(chain: Chain, step: Step) -> list[str]:
-    """Name the steps that a step's result goes into.
+    """List the steps that use a step's result.
 
     Args:
         chain: The steps of its scene.

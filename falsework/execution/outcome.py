@@ -1,4 +1,4 @@
-"""What came of a run: counts, paths, and a reason for every scene that is not whole."""
+"""Outcome of a run: counts, paths, and a reason for every scene that is not complete."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -6,13 +6,13 @@ from pathlib import Path
 
 @dataclass
 class Outcome:
-    """What came of one run, or of one scene of it.
+    """Outcome of a run, or of one scene.
 
     Attributes:
-        made: Results made now.
-        reused: Results that were there already.
-        rejected: Scene name to the reason why it became no cloud.
-        failed: Scene name to what went wrong.
+        made: Number of results made in this run.
+        reused: Number of results that existed.
+        rejected: Scene name to the reason of its rejection.
+        failed: Scene name to its error.
         reports: The report page of each finished scene.
         clouds: The cloud folder of each finished survey.
     """
@@ -25,7 +25,7 @@ class Outcome:
     clouds: list[Path] = field(default_factory=list)
 
     def below(self, out: Path, place: Path) -> "Outcome":
-        """Spell its paths as the user spells the output folder.
+        """Replace the workers' path of the output folder by the user's.
 
         Args:
             out: The folder as the user names it.
@@ -35,10 +35,10 @@ class Outcome:
         return replace(self, reports=reports, clouds=clouds)
 
     def add(self, other: "Outcome") -> None:
-        """Take in what came of another part of the run.
+        """Add the outcome of another part of the run.
 
         Args:
-            other: That part.
+            other: Outcome of that part.
         """
         self.made += other.made
         self.reused += other.reused

@@ -1,10 +1,11 @@
-"""What a run would do: the same decisions as the run's own, on a store in which nothing is made or removed."""
+"""Plan of a run: the same decisions as in a run, on a store that only records what would be made."""
 
 import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from falsework.execution.amounts import amounts
 from falsework.execution.chain import Chain, Step, read_sources, scene_chain
 from falsework.execution.claim import run_inputs
 from falsework.execution.costs import Costs, free_space
@@ -16,23 +17,23 @@ from falsework.store.store import Store, Task
 from groundwork.output_folder import check_run
 from groundwork.progress import SILENT, Progress
 
-NOWHERE = Path(os.devnull) / "run"  # nothing can lie there
+NOWHERE = Path(os.devnull) / "run"  # a path that cannot exist
 
 
 @dataclass
 class StagePlan:
-    """What becomes of the results of one stage.
+    """Planned results of one stage.
 
     Attributes:
-        there: They are stored, and stay as they are.
-        let_go: They were made, and gone when nothing needed them any more (`keep`).
-        make: They will be made.
-        rejected: They were rejected in an earlier run.
-        failed: They failed in an earlier run.
-        skipped: They will not be made: what comes before them is rejected or failed, or nothing needs them.
+        there: Number of existing results.
+        let_go: Number of results that were made and then evicted, because nothing needs them (`keep`).
+        make: Number of results to make.
+        rejected: Number of results rejected in an earlier run.
+        failed: Number of results that failed in an earlier run.
+        skipped: Number of results that will not be made: an input is rejected or failed, or nothing needs them.
         seconds: Expected time of each [s].
         bytes: Expected disk space of each [bytes].
-        learned: Whether the time comes from this folder's own runs.
+        learned: Whether the time was measured in this folder.
     """
 
     there: int = 0
@@ -48,16 +49,16 @@ class StagePlan:
 
 @dataclass
 class Plan:
-    """What a run would do.
+    """Plan of a run.
 
     Attributes:
-        stages: Name of each stage to its part.
-        outcome: Counts and reasons as the run will give them, if nothing else goes wrong.
-        scenes: Number of scenes that were looked at.
-        scenes_to_do: How many of them need work.
+        stages: Name of each stage to its plan.
+        outcome: Expected counts and reasons.
+        scenes: Number of scenes.
+        scenes_to_do: Number of scenes with work to do.
         seconds: Expected time of the whole in one process [s].
-        peak_bytes: Most disk space that will be needed at a time beside what is in use now [bytes].
-        free_bytes: What the file system has left [bytes].
+        peak_bytes: Largest additional disk space at any time [bytes].
+        free_bytes: Free space of the file system [bytes].
     """
 
     stages: dict[str, StagePlan]
@@ -70,29 +71,29 @@ class Plan:
 
 
 class PlannedStore(Store):
-    """A store that remembers what would be made and let go, and touches no file.
+    """A store that records what would be made and evicted, and changes no file.
 
     Attributes:
         made: Keys of what would have been made.
-        peak: Most disk space at a time beside what is in use now [bytes].
+        peak: Largest additional disk space at any time [bytes].
     """
 
     def __init__(self, root: Path, costs: Costs) -> None:
-        """Look at a run's folder.
+        """Open a run's folder.
 
         Args:
-            root: The folder; need not be there.
-            costs: What results cost.
+            root: The folder; it need not exist.
+            costs: Costs of results.
         """
         super().__init__(root)
-        self._hashes = None  # a plan compares sizes; the run hashes what it uses
+        self._hashes = None  # a plan compares only sizes; the run hashes its inputs
         self._costs = costs
         self.made: set[str] = set()
         self._gone: set[str] = set()
         self._space = self.peak = 0.0
 
     def has(self, task: Task) -> bool:
-        """Tell whether a result is there, or would be by now.
+        """Tell whether a result exists, or would exist at this point.
 
         Args:
             task: The task.
@@ -100,7 +101,7 @@ class PlannedStore(Store):
         return task.key not in self._gone and (task.key in self.made or super().has(task))
 
     def is_stored(self, task: Task) -> bool:
-        """Tell whether a result is really there.
+        """Tell whether a result is stored.
 
         Args:
             task: The task.
@@ -117,7 +118,7 @@ class PlannedStore(Store):
         quarantine: bool = False,
         retry: bool = False,
     ) -> bool:
-        """Note that a result would be made.
+        """Record that a result would be made.
 
         Args:
             task: What would be made.
@@ -125,7 +126,7 @@ class PlannedStore(Store):
             resume: Without effect.
             wait: Without effect.
             quarantine: Without effect.
-            retry: Try again what failed before.
+            retry: Retry what failed before.
         """
         if self.has(task):
             return False
@@ -137,7 +138,7 @@ class PlannedStore(Store):
         return True
 
     def faults(self, task: Task) -> list[str]:
-        """Compare the sizes of a stored result's files with its manifest; what would be made now is whole.
+        """Compare the sizes of a stored result's files with its manifest; a planned result has no faults.
 
         Args:
             task: What made it.
@@ -145,7 +146,7 @@ class PlannedStore(Store):
         return [] if task.key in self.made else super().faults(task)
 
     def discard(self, task: Task) -> bool:
-        """Note that a damaged result would be taken away.
+        """Record that a damaged result would be removed.
 
         Args:
             task: What made it.
@@ -154,7 +155,7 @@ class PlannedStore(Store):
         return True
 
     def evict(self, task: Task, link: str) -> None:
-        """Note that a result would be let go.
+        """Record that a result would be evicted.
 
         Args:
             task: What made it.
@@ -172,7 +173,7 @@ class PlannedStore(Store):
         """
 
     def unlink(self, name: str) -> None:
-        """Take no link away.
+        """Remove no link.
 
         Args:
             name: Without effect.
@@ -184,7 +185,7 @@ class PlannedStore(Store):
 
 
 class PlannedRun(SceneRun):
-    """A scene whose steps are decided on, and not done."""
+    """A scene whose steps are decided, but not run."""
 
     def _work(self, step: Step) -> bool:
         return self.store.produce(step.task, lambda folder: None, retry=self.manner.retry)
@@ -198,24 +199,24 @@ def plan_run(
     *,
     retry_failed: bool = False,
 ) -> Plan:
-    """Tell what `run_scenario` would do with the same arguments; nothing is written.
+    """Plan what `run_scenario` would do with the same arguments; nothing is written.
 
     Args:
         scenario: What would be made.
-        out: Output folder: absent, empty, or of a former run; None where there is none yet.
+        out: Output folder: absent, empty, or of an earlier run; None: an empty one.
         progress: Listener.
         scenes: Which scenes; all of the scenario when None.
         retry_failed: Try again what failed in an earlier run.
 
     Raises:
-        InputError: The folder is not ours.
+        InputError: Falsework did not write the folder.
     """
     if out is None:
         out, disk = NOWHERE, Path()
     else:
         check_run(out, run_inputs(scenario))
         disk = out
-    sources, costs = read_sources(scenario, progress), Costs(out)
+    sources, costs = read_sources(scenario, progress), Costs(out, amounts(scenario))
     store = PlannedStore(out, costs)
     manner = RunOptions(scenario.scenes > 1, retry_failed, keep=scenario.keep)
     names = [name for name in STAGES if name != "sample" or scenario.sample]
@@ -249,7 +250,7 @@ def _count(chain: Chain, store: PlannedStore, manner: RunOptions, stages: dict[s
 
 
 def _fate(task: Task, store: PlannedStore, manner: RunOptions) -> str:
-    """Say in which field of `StagePlan` a task counts."""
+    """Return the field of `StagePlan` in which a task counts."""
     if task.key in store.made:
         return "make"
     if store.is_stored(task):

@@ -1,4 +1,4 @@
-"""What a run has come to, read from its folder alone: scenes, results, rejections, points of each class, times."""
+"""Facts of a run, read from its folder: scenes, results, rejections, points of each class, times."""
 
 from pathlib import Path
 from typing import Any
@@ -19,12 +19,12 @@ RUN = "run"
 
 
 def run_facts(root: Path, place: str, *, times: bool = True) -> RunFacts:
-    """Read what is known of a run.
+    """Read the facts of a run.
 
     Args:
         root: Its output folder.
-        place: Way from the page to that folder.
-        times: Whether to read when what ran.
+        place: Relative path from the page to that folder.
+        times: Whether to read the log of times.
 
     Raises:
         MissingError: Not the folder of a run.
@@ -72,13 +72,13 @@ def _scene(folder: Path, place: str) -> SceneRow:
             good = sum(row["status"] == "ok" for row in told["cameras"])
             cameras[path.name] = (good, len(told["cameras"]))
         except (OSError, InputError, KeyError, TypeError, ValueError, AttributeError):
-            continue  # what is not as it should be, `falsework verify` finds
+            continue  # `falsework verify` finds the faults
     page = file_link(*place.split("/"), "scenes", folder.name, REPORT) if (folder / REPORT).exists() else ""
     return SceneRow(folder.name, results, clouds, cameras, page)
 
 
 def _failures(root: Path, scenes: list[Path], seed: int, count: int) -> list[FailureRow]:
-    """Read the records of what became no result; a record tells its inputs or its seed, and so its scene."""
+    """Read the records of failures; a record holds inputs or a seed, which identify the scene."""
     seeds = {scene_seed(seed, index): f"{index:04d}" for index in range(count)}
     owners = {key: scene.name for scene in scenes for key in _keys(scene)}
     rows = []
@@ -105,7 +105,7 @@ def _keys(scene: Path) -> list[str]:
 
 
 def _event(told: dict[str, Any]) -> Event | None:
-    """Take over an event of a result that was made; others, and what is odd, are left out."""
+    """Convert the event of a made result; other and invalid events are skipped."""
     if not told.get("made"):
         return None
     try:

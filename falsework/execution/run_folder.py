@@ -1,10 +1,10 @@
-"""What the output folder of a run is known by."""
+"""Recognition of a run's output folder."""
 
 from pathlib import Path
 
 
 def is_run(root: Path) -> bool:
-    """Tell whether a folder is that of a run.
+    """Tell whether a folder is the output of a run.
 
     Args:
         root: A folder.

@@ -1,4 +1,4 @@
-"""One scene of a run: its steps in order, each from inputs that were found whole."""
+"""Runs the steps of one scene in order, each from verified inputs."""
 
 import time
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ class BusySceneError(FalseworkError):
     """Another process is making a result of this scene.
 
     Attributes:
-        made: How many results of the scene had been made before.
+        made: Number of results of the scene made before.
     """
 
     made = 0
@@ -31,13 +31,13 @@ class BusySceneError(FalseworkError):
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a run goes about its work.
+    """Options of a run that change no result.
 
     Attributes:
-        quarantine: Keep records of errors, so that the next run leaves their tasks alone.
-        retry: Try again what failed before.
-        wait: Wait for another process that is making what we need.
-        keep: Stages whose results stay.
+        quarantine: Store records of errors, so that the next run skips their tasks.
+        retry: Retry what failed before.
+        wait: Wait for another process that is making a needed result.
+        keep: Stages whose results are kept.
     """
 
     quarantine: bool = False
@@ -48,15 +48,15 @@ class RunOptions:
 
 @dataclass
 class SceneRun:
-    """One scene being made.
+    """The run of one scene.
 
     Attributes:
-        store: Where results are.
+        store: Store of the results.
         chain: Its steps.
-        manner: How to go about it.
+        manner: Options of the run.
         progress: Listener.
         board: Listener for its steps.
-        outcome: What has come of it so far.
+        outcome: Its outcome so far.
     """
 
     store: Store
@@ -67,22 +67,22 @@ class SceneRun:
     outcome: Outcome = field(default_factory=Outcome)
 
     def run(self) -> Outcome:
-        """Make what is missing of the scene.
+        """Make the missing results of the scene.
 
         Returns:
-            What came of it.
+            Its outcome.
 
         Raises:
-            RejectedSceneError: It can become no cloud.
-            BusyError: Another process is making what we need, and we do not wait.
+            RejectedSceneError: The scene does not suffice for a cloud.
+            BusyError: Another process is making a needed result, and we do not wait.
         """
         needed = needed_steps(self.chain, self.store, self.manner.keep)
         without: set[str] = set()
         try:
-            if self.chain.samples:  # first: a flight that is rejected shall not cost them
+            if self.chain.samples:  # first, so that a rejected flight does not prevent them
                 self._sample(needed)
             for flight in self.chain.flights:
-                if not flight.variant and not self.store.has(flight.capture.task):  # nor shall it be made in vain
+                if not flight.variant and not self.store.has(flight.capture.task):  # and the stage is not made in vain
                     for step in self._wanted(flight.model, *flight.clouds):
                         self.store.raise_former_failure(step.task, self.manner.retry)
             if not self.chain.samples:
@@ -102,7 +102,7 @@ class SceneRun:
         return self.outcome
 
     def _name_clouds(self, *steps: Step) -> None:
-        """Tell the user the clouds that this run makes or found."""
+        """Add the clouds of this run to the outcome."""
         clouds = [step for step in self._wanted(*steps) if step.kind == "cloud" and self.store.has(step.task)]
         self.outcome.clouds += [self._scene / step.link for step in clouds]
 
@@ -116,7 +116,7 @@ class SceneRun:
         return self.store.root / "scenes" / self.chain.name
 
     def _fly(self, flight: Flight, without: set[str], needed: set[str]) -> None:
-        """Make what is wanted of a flight; add the links of what became no result to `without`."""
+        """Make the wanted results of a flight; add the links of those without result to `without`."""
         left = self._wanted(*flight.steps)
         try:
             while left:
@@ -127,7 +127,7 @@ class SceneRun:
                 raise
             without.update(step.link for step in left)
             name = f"{self.chain.name}/{flight.name}"
-            self.outcome.rejected[name] = f"{rejection.reason}: {rejection}"  # the other variants go on
+            self.outcome.rejected[name] = f"{rejection.reason}: {rejection}"  # the other variants continue
             return
         self._forget_others(flight)
 
@@ -137,7 +137,7 @@ class SceneRun:
         return [step for step in steps if step is not None and step.link in wanted]
 
     def _forget_others(self, flight: Flight) -> None:
-        """Take away the links of clouds that the flight has no more: a run that made both made others."""
+        """Remove the links of clouds that the flight no longer has, such as after a change of the mode."""
         links = {step.link for step in flight.clouds}
         for other in flight.possible_links - links:
             self.store.unlink(f"scenes/{self.chain.name}/{other}")
@@ -145,7 +145,7 @@ class SceneRun:
     def _make(self, step: Step, needed: set[str]) -> None:
         if not self.store.has(step.task) and step.link not in needed:
             self.store.raise_former_failure(step.task, self.manner.retry)
-            self.outcome.reused += 1  # it was there, and what needed it is
+            self.outcome.reused += 1  # it existed, and so does everything made from it
             self._tell(step, "done")
             return
         made = self._ensure(step)
@@ -155,7 +155,7 @@ class SceneRun:
         self.store.link(f"scenes/{self.chain.name}/{step.link}", step.task, step.file)
 
     def _evict(self, needed: set[str]) -> None:
-        """Let go what the run does not keep, where no needed step waits for it."""
+        """Evict results that the run does not keep and no needed step uses."""
         for step in reversed(self.chain.steps):
             waited_for = consumers(self.chain, step)
             if step.kind in self.manner.keep or any(link in needed for link in waited_for):
@@ -164,7 +164,7 @@ class SceneRun:
                 self.store.evict(step.task, f"scenes/{self.chain.name}/{step.link}")
 
     def _ensure(self, step: Step) -> bool:
-        """Make one result unless it is there; tell whether it was made now."""
+        """Make one result unless it exists; tell whether it was made."""
         if self.store.has(step.task):
             return False
         self.store.raise_former_failure(step.task, self.manner.retry)
@@ -173,7 +173,7 @@ class SceneRun:
         return self._work(step)
 
     def _work(self, step: Step) -> bool:
-        """Do the work of a step whose inputs are there."""
+        """Run a step whose inputs exist."""
         check_space(self.store.root, step.task.stage, step.task.key)
         inputs = {**step.given, **{name: self.store.folder(parent.task) for name, parent in step.parents.items()}}
         stage, begin = STAGES[step.task.stage], time.monotonic()
@@ -196,7 +196,7 @@ class SceneRun:
         self.board.tell(StepEvent(self.chain.name, step.task.stage, step.link, state))
 
     def _provide(self, step: Step) -> None:
-        """See that an input is whole; one that is not is made again, of the same bytes."""
+        """Check an input; a damaged one is remade, with the same bytes."""
         former = self.store.evicted_files(step.task)
         if self.store.has(step.task):
             faults = self.store.faults(step.task)
@@ -205,7 +205,7 @@ class SceneRun:
             self.progress.note(f"{faults[0]}: made again")
             former = self.store.files(step.task)
             self.store.discard(step.task)
-        made = self._ensure(step)  # which counts what it makes itself: not within the sum
+        made = self._ensure(step)  # it counts its own results, so it must not be inside the sum
         self.outcome.made += made
         if former is not None and former != self.store.files(step.task):
             self.progress.note(f"{self.store.folder(step.task)}: its bytes are not the former ones")
@@ -222,22 +222,22 @@ def run_scene(
     kind: type[SceneRun] = SceneRun,
     board: Board = NO_BOARD,
 ) -> Outcome:
-    """Run one scene, and count what is wrong with it; the other scenes of a scenario go on.
+    """Run one scene, and record its errors; the other scenes of a scenario continue.
 
     Args:
         scenario: What to make.
         sources: What it takes from outside.
         index: Number of the scene.
-        store: Where results are.
-        manner: How to go about it.
+        store: Store of the results.
+        manner: Options of the run.
         progress: Listener.
-        kind: What runs it.
+        kind: Class of the scene's run.
         board: Listener for its steps.
 
     Raises:
-        InputError: What is wrong with the only scene of the scenario.
+        InputError: The error of the only scene of the scenario.
         OutOfSpaceError: The disk is full.
-        BusySceneError: Another process is making what we need, and we do not wait.
+        BusySceneError: Another process is making a needed result, and we do not wait.
     """
     chain = scene_chain(scenario, index, sources)
     scene = kind(store, chain, manner, progress, board)
@@ -256,7 +256,7 @@ def run_scene(
     except Exception as error:
         if scenario.scenes == 1:
             raise
-        failure = failure_of(error, 1, store.root)  # what one scene draws may not go together
+        failure = failure_of(error, 1, store.root)  # the random choices of one scene may be inconsistent
         scene.outcome.failed[chain.name] = str(error) if failure is None else failure.message
     state: State = "rejected" if chain.name in scene.outcome.rejected else "done"
     board.tell(StepEvent(chain.name, state="failed" if chain.name in scene.outcome.failed else state))
@@ -268,7 +268,7 @@ def steps_of(chain: Chain, keep: tuple[str, ...]) -> dict[str, int]:
 
     Args:
         chain: The steps of the scene.
-        keep: Stages whose results stay.
+        keep: Stages whose results are kept.
     """
     flights = len(chain.flights)
     return {

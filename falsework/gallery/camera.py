@@ -1,4 +1,4 @@
-"""A camera of the gallery in place of a scene's surveys."""
+"""Cameras of the gallery, which replace a scene's surveys."""
 
 from dataclasses import replace
 
@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.pinhole import Pinhole
 
-# Settings of a sensor that meters each picture for itself: nobody flies from the shade under a deck into the sky. What
-# it meters is said, for on cameras that are no survey of ours the light is metered, and no frame follows its surfaces.
+# Settings of a sensor that meters each picture separately, as there is no continuous flight from shade into the sky.
+# What it meters is said, for on cameras that are no survey of ours the light is metered, and no frame follows its
+# surfaces.
 EACH_FOR_ITSELF = {"metering": "surfaces", "auto_exposure": 1.0}
 
 
 def seen_from(scene: FlatScene, poses: NDArray[np.float64], camera: Pinhole) -> FlatScene:
-    """Give a scene one camera of ours in place of its surveys.
+    """Replace the surveys of a scene by one camera.
 
     Args:
         scene: Any scene with a survey.

@@ -12,11 +12,11 @@ _CHARACTER, _MARGIN, _BAR, _BASELINE = 20.0, 28.0, 52.0, 37.0  # [px] at letters
 
 
 def contact_sheet(rows: Iterable[tuple[str, Sequence[U8]]], *, letters: float, quality: int) -> bytes:
-    """Lay pictures out in rows, with a caption in the first one's corner.
+    """Arrange pictures in rows, with a caption in the corner of the first one.
 
     Args:
         rows: Caption and pictures of each row, at least one; every picture shape (H, W, 3), uint8, RGB.
-        letters: Size of the captions, as OpenCV counts it [1].
+        letters: Size of the captions in OpenCV's scale [1].
         quality: Of the JPEG [1], 1 to 100.
     """
     lines = []

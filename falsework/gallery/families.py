@@ -1,4 +1,4 @@
-"""Contact sheets of random bridges: each family on its sites, photographed and in the colours of its classes."""
+"""Contact sheets of random bridges of each family: photographs, and pictures in the colours of the classes."""
 
 import tempfile
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from authoring.settings import AuthoringSettings
 from authoring.shapes.component import Component, Scatter
 from authoring.site.site import draw_site
 from authoring.streams import stream
-from falsework.gallery.camera import seen_from
+from falsework.gallery.camera import EACH_FOR_ITSELF, seen_from
 from falsework.gallery.contact_sheet import contact_sheet
 from falsework.report.pictures import paint_labels
 from falsework.scenario import scene_seed
@@ -34,6 +34,7 @@ U8 = NDArray[np.uint8]
 
 _WIDTH, _HEIGHT = 480, 300  # [px] of one picture
 _TEXELS = 256
+_WORLD = "countryside"
 _HALF_VIEW = np.radians(24.0)  # half the horizontal field of view
 _EYE_OVER_GROUND = 1.8  # [m] at least
 _LETTERS, _QUALITY = 0.55, 82  # of captions, of the JPEG
@@ -41,7 +42,7 @@ _LETTERS, _QUALITY = 0.55, 82  # of captions, of the JPEG
 
 @dataclass(frozen=True)
 class Views:
-    """What a gallery shows of one bridge.
+    """Pictures of one bridge.
 
     Attributes:
         caption: Family, and the seed of a scenario.
@@ -53,7 +54,7 @@ class Views:
 
 
 def write_gallery(folder: Path, count: int, seed: int, families: tuple[str, ...], progress: Progress) -> None:
-    """Author and photograph random bridges of some families, one sheet for each family.
+    """Author and render random bridges of some families, one sheet for each family.
 
     Args:
         folder: Existing, empty folder.
@@ -77,7 +78,7 @@ def write_gallery(folder: Path, count: int, seed: int, families: tuple[str, ...]
 
 
 def photograph(family: str, seed: int) -> Views:
-    """Author one random bridge on its site and take its pictures.
+    """Author one random bridge on its site and render its pictures.
 
     Args:
         family: Key of the registry.
@@ -89,7 +90,7 @@ def photograph(family: str, seed: int) -> Views:
         AuthoringSettings,
         {
             "bridge": {"family": family, family: own},
-            "background": {"name": "none"},
+            "background": {"name": _WORLD},
             "look": {"texels": _TEXELS},
             "survey": [{"kind": "global", "images": 8, "spacing": 50.0}],
         },
@@ -104,7 +105,7 @@ def photograph(family: str, seed: int) -> Views:
         capture.mkdir()
         author_scene(settings, own_seed, stage, SILENT)
         scene = read_stage(stage / "scene.usda")
-        render = RenderSettings.model_validate({"quality": "standard", "sensor": {"noise": False}})
+        render = RenderSettings.model_validate({"quality": "standard", "sensor": {**EACH_FOR_ITSELF, "noise": False}})
         render_scene(seen_from(scene, poses, _camera()), capture, render, own_seed, SILENT)
         taken = read_capture(capture)
         truth = read_truth(taken)
@@ -114,9 +115,9 @@ def photograph(family: str, seed: int) -> Views:
 
 
 def _overview(layout: Layout, pieces: tuple[Component | Scatter, ...]) -> F64:
-    """Stand aside and above, so far away that every member that shows is in the picture."""
+    """Place a camera beside and above, far enough away to show every visible member."""
     points = np.concatenate([piece.mesh.points for piece in pieces if isinstance(piece, Component)])
-    points[:, 2] = np.maximum(points[:, 2], 0.0)  # what is in the ground does not show
+    points[:, 2] = np.maximum(points[:, 2], 0.0)  # members below the ground are not visible
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     heading = layout.alignment.heading
     turn = np.array([[np.cos(heading), -np.sin(heading), 0.0], [np.sin(heading), np.cos(heading), 0.0], [0, 0, 1.0]])
@@ -129,14 +130,14 @@ def _overview(layout: Layout, pieces: tuple[Component | Scatter, ...]) -> F64:
 
 
 def _close_up(layout: Layout, ground: Ground) -> F64:
-    """Stand beside the first pier, or the first abutment, and look up at it."""
+    """Place a camera beside the first pier, or the first abutment, looking up at it."""
     station = layout.supports[min(1, len(layout.supports) - 2)]
     width, place = layout.width, layout.alignment
 
     def at(along: float, left: float, above: float) -> F64:
         return place.point(np.array([station + along]), np.array([left]), np.array([above]))[0]
 
-    # A pier is seen from the span before it, a lone span's abutment from under the span.
+    # A pier is shown from the span before it, the abutment of a single span from below the span.
     back = -1.0 if len(layout.supports) > 2 else 1.0
     eye = at(back * 1.1 * width, -1.3 * width, -layout.depth - 2.0)
     eye[2] = max(eye[2], float(ground(eye[None, :2])[0]) + _EYE_OVER_GROUND)

@@ -1,4 +1,4 @@
-"""A contact sheet of looks: one girder bridge in each of them, from eye height to half a metre from its concrete."""
+"""A contact sheet of looks: one girder bridge in each look, from eye height to half a metre from its concrete."""
 
 import tempfile
 from pathlib import Path
@@ -34,11 +34,11 @@ PIER = VIEWS.index("5 m from a pier")
 _WIDTH, _HEIGHT, _FOCAL = 400, 250, 267.0  # [px]
 _CLOSE = 0.5  # [m]
 _LETTERS, _QUALITY = 0.45, 80  # of captions, of the JPEG
-_FEET = ("column", "wall_pier", "abutment_wall")  # components that stand close enough to be looked at
+_FEET = ("column", "wall_pier", "abutment_wall")  # components for the close-up
 
 
 def write_looks(folder: Path, seed: int, texels: int, progress: Progress) -> None:
-    """Photograph one girder bridge in every look, one row for each.
+    """Render one girder bridge in every look, one row for each.
 
     Args:
         folder: Existing, empty folder.
@@ -57,7 +57,7 @@ def write_looks(folder: Path, seed: int, texels: int, progress: Progress) -> Non
 
 
 def photograph_look(look: str, seed: int, texels: int) -> tuple[U8, ...]:
-    """Author a girder bridge in a look and take its four pictures, each shape (H, W, 3), uint8.
+    """Author a girder bridge in a look and render its four pictures, each shape (H, W, 3), uint8.
 
     Args:
         look: Name of the look.
@@ -88,7 +88,7 @@ def photograph_look(look: str, seed: int, texels: int) -> tuple[U8, ...]:
 
 
 def close_to_concrete(scene: FlatScene, pose: F64) -> F64:
-    """Go from a camera up to the pier that it sees, or to whatever it looks at where it sees none.
+    """Move a camera close to the pier that it sees, or to the surface in its centre if it sees none.
 
     Args:
         scene: The scene.

@@ -1,4 +1,4 @@
-"""Visible faults of a picture of a world, measured."""
+"""Measures of visible faults in a picture of a background."""
 
 from dataclasses import dataclass
 
@@ -29,23 +29,23 @@ THINGS: dict[str, tuple[str, ...]] = {
     "pole": ("pole", "lamp_post", "traffic_sign"),
     "fence": ("fence", "wall_retaining"),
 }
-_BLOCK = 24  # [px] side of the patches that must not be dead
+_BLOCK = 24  # [px] side of the patches that must have structure
 _DEAD = 0.6  # [of 255] standard deviation of luminance
 _EARTH = 6.371e6  # [m] radius
-_SEEN = 1e-4  # share of a picture that a thing needs to count
+_SEEN = 1e-4  # least share of a picture for a kind of thing to count
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 @dataclass(frozen=True)
 class Measures:
-    """Numbers of one picture.
+    """Measures of one picture.
 
     Attributes:
-        sky_below: Rays that lead down and meet nothing.
-        dead: Share of the patches of 24 x 24 px, sky left out, without any structure [1].
-        luminance: Median code of what is not sky [of 255].
-        things: Kinds of background things that are seen.
-        triangles: Triangles that the renderer draws for it.
+        sky_below: Number of downward rays that hit nothing.
+        dead: Share of the patches of 24 x 24 px without structure, sky excluded [1].
+        luminance: Median code outside the sky [of 255].
+        things: Visible kinds of background things.
+        triangles: Number of triangles that the renderer draws.
     """
 
     sky_below: int
@@ -75,7 +75,7 @@ class Picture:
 
 
 def measure_picture(picture: Picture, kinds: dict[int, str], ground: float) -> Measures:
-    """Measure one picture, all but its triangles.
+    """Measure one picture, except its triangles.
 
     Args:
         picture: The picture.
@@ -96,14 +96,14 @@ def measure_picture(picture: Picture, kinds: dict[int, str], ground: float) -> M
 
 
 def dead_share(code: F64, sky: B8) -> float:
-    """Find the share of the patches without sky that show nothing at all.
+    """Compute the share of patches without structure among those without sky.
 
     Args:
         code: Luminance [of 255], shape (H, W), float64.
         sky: Where there is sky, shape (H, W), bool.
 
     Returns:
-        Share of the patches [1]; 0 where none is free of sky.
+        Share of the patches [1]; 0 if all contain sky.
     """
     high, wide = (size // _BLOCK for size in code.shape)
     if not high or not wide:
@@ -114,7 +114,7 @@ def dead_share(code: F64, sky: B8) -> float:
 
 
 def horizon_dip(height: float) -> float:
-    """Find how far below level the horizon of the round earth lies, seen from a height [m]: rays above it see sky [1].
+    """Compute the dip of the horizon of the round earth as seen from a height [m]: rays above it see sky [1].
 
     Args:
         height: Of the eye over the land [m].
@@ -123,10 +123,10 @@ def horizon_dip(height: float) -> float:
 
 
 def visible_triangles(scene: FlatScene, camera: Pinhole, poses: F64) -> NDArray[np.int64]:
-    """Count the triangles that the renderer sends to each picture: those of every draw whose box its frustum meets.
+    """Count the triangles that the renderer draws for each picture: those of every draw whose box is in the frustum.
 
     Args:
-        scene: What is drawn.
+        scene: The scene.
         camera: Intrinsics.
         poses: camera_to_world [m], shape (N, 4, 4), float64.
 
@@ -139,7 +139,7 @@ def visible_triangles(scene: FlatScene, camera: Pinhole, poses: F64) -> NDArray[
 
 
 def _downward(camera: Pinhole, pose: F64) -> F64:
-    """Find how far down the ray of each pixel leads, per metre of its length [1], shape (H, W)."""
+    """Compute the downward component of each pixel's unit ray [1], shape (H, W)."""
     column, row = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     rays = np.stack([(column - camera.cx) / camera.fx, (row - camera.cy) / camera.fy, np.ones_like(row)], axis=-1)
     return -(rays @ pose[:3, :3].T)[..., 2] / np.linalg.norm(rays, axis=-1)

@@ -1,4 +1,4 @@
-"""One picture of one scene: the whole bridge in its world, as a photographer would show it."""
+"""One picture of a scene: the whole bridge in its surroundings, as a photographer would show it."""
 
 import struct
 import tempfile
@@ -14,25 +14,26 @@ from groundwork.progress import Progress
 
 TIME_LIMIT = 1800.0  # [s]
 MEMORY_LIMIT = 16.0  # [GB]
-FOCAL = 32.0 / 36.0  # of the picture's width: a moderate wide angle, whose verticals stay calm
+FOCAL = 32.0 / 36.0  # focal length over the picture's width: a moderate wide angle with little distortion of verticals
 _NEAR = 0.1  # [m]
-_SEED = 7  # of the sensor, whose noise is off
+_SEED = 7  # seed of the sensor, whose noise is off
 _HEADER_END = 33  # [byte] of a PNG: its signature and its first chunk
 
 
 def photograph_stage(stage: Path, request: dict[str, Any], progress: Progress) -> bytes:
-    """Take the picture of a stage, in a child: a graphics driver may crash, and a stage may come from anywhere.
+    """Render the picture of a stage in a child process: a graphics driver may crash, and the stage is untrusted.
 
     Args:
         stage: USD file.
-        request: `{view, width, height, render}`, and `allow_roots`: folders from which the stage may take files.
+        request: `{view, width, height, render}`, and `allow_roots`: further folders from which the stage may load
+            files.
         progress: Listener.
 
     Returns:
         PNG that carries our signature.
 
     Raises:
-        InputError: No bridge in the stage, or a stage that is not fit to be opened.
+        InputError: No bridge in the stage, or a stage that cannot be opened safely.
     """
     with tempfile.TemporaryDirectory() as scratch:
         picture = Path(scratch) / "picture.png"
@@ -42,7 +43,7 @@ def photograph_stage(stage: Path, request: dict[str, Any], progress: Progress) -
 
 
 def signed_png(data: bytes) -> bytes:
-    """Put our signature into a PNG, so that it is known as ours when it is written again.
+    """Add our signature to a PNG, so that a later command recognizes it as ours and may replace it.
 
     Args:
         data: A PNG.
@@ -75,7 +76,7 @@ def _answer(request: dict[str, Any], progress: Progress) -> None:
         settings = RenderSettings.model_validate(request["render"])
         render_scene(replace(seen, cameras=(track,), moments=()), Path(scratch), settings, _SEED, progress)
         (data,) = (path.read_bytes() for path in sorted((Path(scratch) / "images").glob("*.png")))
-    picture.write_bytes(signed_png(data))  # inside an atomic folder: the parent's scratch
+    picture.write_bytes(signed_png(data))  # inside an atomic folder: a temporary folder of the parent
 
 
 if __name__ == "__main__":

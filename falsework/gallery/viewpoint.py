@@ -1,4 +1,4 @@
-"""Where one picture of a whole bridge is best taken from: three-quarter views, judged by rays through the scene."""
+"""Choice of the viewpoint for one picture of a whole bridge: three-quarter views, scored by ray casting."""
 
 from dataclasses import dataclass, replace
 
@@ -14,40 +14,40 @@ from usd_schemas.raycast import RayScene
 
 F64 = NDArray[np.float64]
 
-_TURNS = (30.0, 42.0, 55.0)  # [deg] of a three-quarter view, out of the square to the bridge
-_SLOPES = (3.0, 6.0, 9.0, 13.0)  # [deg] above the horizon, of one who flies
-_EYE = 1.7  # [m] over the land, of one who stands
+_TURNS = (30.0, 42.0, 55.0)  # [deg] of a three-quarter view, from the perpendicular to the bridge
+_SLOPES = (3.0, 6.0, 9.0, 13.0)  # [deg] elevation of views from the air
+_EYE = 1.7  # [m] eye height of views from the ground
 VIEWS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
     "auto": (_TURNS, (0.0, *_SLOPES)),
     "ground": (_TURNS, (0.0,)),
     "air": (_TURNS, _SLOPES),
     "side": ((0.0,), (0.0, 5.0, 12.0)),
 }
-"""What a user may ask for: turns out of the square to the bridge and slopes above the horizon [deg]; 0: he stands."""
+"""Choices of a user: angles from the perpendicular to the bridge, and elevations [deg]; 0: eye height."""
 
-_SAMPLES = 700  # points of the bridge that shall be seen
+_SAMPLES = 700  # points of the bridge that should be visible
 _RASTER = 40  # rays across the picture
-_DIRECTIONS = 600  # in which the outmost points of the bridge are taken for the whole
-_MARGIN = 1.07  # the bridge ends that much before the picture does
-_REACH = 5.0  # lengths of the bridge, beyond which nothing is in the way
-_SMALL = 0.4  # [m] radius of what hides nothing: tufts, stones
-_ROOM = 2.5  # [m] round the eye that are free
-_BEST_SHARE = 0.12  # of the picture that a bridge fills well
-_BEST_SKY = (0.15, 0.5)  # of the picture: a horizon in its upper half
-_FRONT_LIGHT = 55.0  # [deg] between the sun's azimuth and that of the eye: faces are lit, and shadows show their depth
+_DIRECTIONS = 600  # directions whose outermost points of the bridge represent the whole
+_MARGIN = 1.07  # margin between the bridge and the edge of the picture
+_REACH = 5.0  # [lengths of the bridge] beyond which nothing is an obstacle
+_SMALL = 0.4  # [m] radius of things too small to hide anything: tufts, stones
+_ROOM = 2.5  # [m] free radius around the eye
+_BEST_SHARE = 0.12  # good share of the picture for a bridge
+_BEST_SKY = (0.15, 0.5)  # good share of sky: a horizon in the upper half
+_FRONT_LIGHT = 55.0  # [deg] good angle between the azimuths of sun and eye: faces are lit, and shadows show their depth
 
 
 @dataclass(frozen=True)
 class Subject:
-    """What the picture is of, and what may be in the way.
+    """The bridge of a picture, and possible obstacles.
 
     Attributes:
         points: On the bridge, spread evenly over its surfaces [m], shape (N, 3), float64.
-        outline: Outmost corners of its triangles [m], shape (K, 3), float64.
+        outline: Outermost corners of its triangles [m], shape (K, 3), float64.
         bridge: Instance ids of its members, sorted, shape (M,), uint32.
-        rays: Everything near it.
-        land: Ground and water alone.
-        square: Unit vector in plan square to the bridge [1], shape (2,), float64.
+        rays: Ray caster of everything near it.
+        land: Ray caster of ground and water only.
+        square: Unit vector in plan perpendicular to the bridge [1], shape (2,), float64.
         length: Its length in plan [m].
         sun: Azimuth of the sun, counter-clockwise from +x [rad], or None.
     """
@@ -63,7 +63,7 @@ class Subject:
 
 
 def best_view(scene: FlatScene, camera: Pinhole, view: str) -> F64:
-    """Choose the camera that shows the whole bridge with nothing in the way.
+    """Choose the camera that shows the whole bridge with the fewest obstacles.
 
     Args:
         scene: Any scene with a bridge.
@@ -86,7 +86,7 @@ def best_view(scene: FlatScene, camera: Pinhole, view: str) -> F64:
 
 
 def subject_of(scene: FlatScene) -> Subject:
-    """Gather the bridge of a scene and what stands round it.
+    """Collect the bridge of a scene and its surroundings.
 
     Args:
         scene: Any scene with a bridge.
@@ -132,7 +132,7 @@ def _drawn(scene: FlatScene, chosen: NDArray[np.bool_]) -> FlatScene:
 
 
 def _near(scene: FlatScene, middle: F64, reach: float, always: NDArray[np.bool_]) -> FlatScene:
-    """Leave out what is far away, or too small to hide anything."""
+    """Leave out triangles that are far away, or of things too small to hide anything."""
     geometry, draws = scene.geometry, scene.draws
     low, high = np.zeros((2, len(geometry.part_first), 3))
     for part in np.unique(draws.part):
@@ -148,7 +148,7 @@ def _near(scene: FlatScene, middle: F64, reach: float, always: NDArray[np.bool_]
 
 
 def _spread(corners: F64, count: int) -> F64:
-    """Take points at equal steps of the area; triangles [m], shape (T, 3, 3), in their order."""
+    """Sample points at equal steps of the area of triangles [m], shape (T, 3, 3), in their order."""
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     total = np.cumsum(area)
     rows = np.searchsorted(total, (np.arange(count) + 0.5) / count * total[-1])
@@ -159,7 +159,7 @@ def _spread(corners: F64, count: int) -> F64:
 
 
 def _outmost(points: F64) -> F64:
-    """Keep what lies outmost in one of many directions; a view that holds these points holds them all."""
+    """Keep the outermost points in many directions; a view that contains these points contains all."""
     steps = np.arange(_DIRECTIONS) + 0.5
     height, turn = 1.0 - 2.0 * steps / _DIRECTIONS, np.pi * (1.0 + 5.0**0.5) * steps
     radius = np.sqrt(1.0 - height * height)
@@ -168,7 +168,7 @@ def _outmost(points: F64) -> F64:
 
 
 def _over_land(points: F64, land: RayScene) -> NDArray[np.bool_]:
-    """Tell which points lie above ground and water [m], shape (N, 3)."""
+    """Tell which of the points [m], shape (N, 3), are above ground and water."""
     return _height(land, points[:, :2]) < points[:, 2]
 
 
@@ -180,14 +180,14 @@ def _height(land: RayScene, places: F64) -> F64:
 
 
 def fitted_pose(subject: Subject, camera: Pinhole, side: float, turn: float, slope: float) -> F64:
-    """Stand or fly where the bridge just fits into the picture.
+    """Compute the camera from which the bridge just fits into the picture.
 
     Args:
         subject: The bridge.
         camera: Intrinsics.
-        side: 1 for the left of the bridge, -1 for its right [1].
-        turn: Turn of the view out of the square to the bridge [deg].
-        slope: Of the view down to the middle of the bridge [deg]; 0 stands on the land.
+        side: 1: left of the bridge, -1: right [1].
+        turn: Angle of the view from the perpendicular to the bridge [deg].
+        slope: Downward angle of the view to the middle of the bridge [deg]; 0: eye height above the ground.
 
     Returns:
         camera_to_world [m], shape (4, 4), float64.
@@ -217,7 +217,7 @@ def _fitting(points: F64, middle: F64, direction: F64, camera: Pinhole) -> float
 
 
 def _aim(points: F64, middle: F64, eye: F64, camera: Pinhole) -> F64:
-    """Look where the bridge has as much room on the left as on the right, and a little more above than below."""
+    """Aim so that the bridge has equal margins left and right, and a little more above than below."""
     local = (points - eye) @ look_at(eye, middle)[:3, :3]
     places = local[:, :2] / local[:, 2:]
     low, high = places.min(axis=0), places.max(axis=0)
@@ -227,31 +227,31 @@ def _aim(points: F64, middle: F64, eye: F64, camera: Pinhole) -> F64:
 
 
 def judge_poses(subject: Subject, camera: Pinhole, poses: F64) -> F64:
-    """Give each camera a mark; higher is better.
+    """Score each camera; higher is better.
 
     Args:
-        subject: The bridge and what is round it.
+        subject: The bridge and its surroundings.
         camera: Intrinsics.
         poses: camera_to_world [m], shape (N, 4, 4), float64.
 
     Returns:
-        Marks [1], shape (N,), float64.
+        Scores [1], shape (N,), float64.
     """
     hidden = np.stack([_hidden(subject, pose[:3, 3]) for pose in poses])
-    never = hidden.all(axis=0)  # what lies in an embankment is hidden from everywhere
+    never = hidden.all(axis=0)  # points inside an embankment are hidden from everywhere
     lost = hidden[:, ~never].mean(axis=1) if not never.all() else np.ones(len(poses))
     marks = [-4.0 * share + _composition(subject, camera, pose) for share, pose in zip(lost, poses, strict=True)]
     return np.array(marks)
 
 
 def _hidden(subject: Subject, eye: F64) -> NDArray[np.bool_]:
-    """Tell which points of the bridge anything but the bridge stands before; shape (N,)."""
+    """Tell which points of the bridge are hidden by anything but the bridge; shape (N,)."""
     distance, _, ids = subject.rays.cast(np.tile(eye, (len(subject.points), 1)), subject.points - eye)
     return (distance < 0.999) & ~np.isin(ids, subject.bridge)
 
 
 def _composition(subject: Subject, camera: Pinhole, pose: F64) -> float:
-    """Mark room round the eye, the bridge's share of the picture and the sky's, nothing close by, the light."""
+    """Score the free room around the eye, the shares of bridge and sky in the picture, near objects, the light."""
     eye = pose[:3, 3]
     across = (np.arange(_RASTER) + 0.5) / _RASTER * camera.width
     down = (np.arange(_RASTER // 2) + 0.5) / (_RASTER // 2) * camera.height
@@ -260,7 +260,7 @@ def _composition(subject: Subject, camera: Pinhole, pose: F64) -> float:
     depth, _, ids = subject.rays.cast(np.tile(eye, (len(u), 1)), rays @ pose[:3, :3].T)
     own = np.isin(ids, subject.bridge)
     reach = float(np.median(depth[own])) if own.any() else subject.length
-    close = float(((depth < 0.3 * reach) & ~own & (v < 0.6 * camera.height)).mean())  # the foreground may be below
+    close = float(((depth < 0.3 * reach) & ~own & (v < 0.6 * camera.height)).mean())  # foreground may be below
     turns = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
     around = np.stack([np.cos(turns), np.sin(turns), np.zeros(12)], axis=1)
     room = float(subject.rays.cast(np.tile(eye, (12, 1)), around)[0].min())

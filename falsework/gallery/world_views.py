@@ -1,4 +1,4 @@
-"""Where a contact sheet of a world is photographed from: eye height, under the deck, beside a pier, the air."""
+"""Viewpoints of a background's contact sheet: from eye height, under the deck, beside a pier, from the air."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ VIEWS = ("eye height", "under the deck", "5 m from a pier", "air")
 
 _EYE = 1.7  # [m] over ground or water
 _TO_PIER = 5.0  # [m]
-_SIDES = (26.0, -26.0, 38.0, -38.0, 18.0, -18.0, 55.0, -55.0)  # [m] left of the axis, where somebody may stand
+_SIDES = (26.0, -26.0, 38.0, -38.0, 18.0, -18.0, 55.0, -55.0)  # [m] left of the axis, candidate standpoints
 _ALONG = (0.35, 0.65, 0.5, 0.2, 0.8, 0.05, 0.95)  # share of the bridge
 
 
@@ -33,7 +33,7 @@ def world_views(layout: Layout, site: Site) -> F64:
 
 
 def _from_aside(layout: Layout, site: Site) -> F64:
-    """Stand on dry land beside the bridge; on the water in front of its middle where there is none."""
+    """Place a camera on dry land beside the bridge, or on the water in front of its middle if there is none."""
     first, last = layout.supports[0], layout.supports[-1]
     places = [(first + share * (last - first), side) for side in _SIDES for share in _ALONG]
     dry = [place for place in places if not _wet(site, *place)]
@@ -43,7 +43,7 @@ def _from_aside(layout: Layout, site: Site) -> F64:
 
 
 def _from_below(layout: Layout, site: Site) -> F64:
-    """Stand under the deck where there is most room, and look along it."""
+    """Place a camera under the deck where there is most room, looking along it."""
     spans = list(zip(layout.supports[:-1], layout.supports[1:], strict=True))
     places = [start + share * (end - start) for start, end in spans for share in (0.3, 0.5, 0.7)]
     room = [_room(layout, site, place) - 3.0 * _wet(site, place, 0.0) for place in places]
@@ -55,7 +55,7 @@ def _from_below(layout: Layout, site: Site) -> F64:
 
 
 def _by_a_pier(layout: Layout, site: Site) -> F64:
-    """Stand 5 m from the pier in the middle, or from a lone span's abutment, and look at it."""
+    """Place a camera 5 m from the middle pier, or from the abutment of a single span, looking at it."""
     inner = layout.supports[1:-1]
     support = inner[len(inner) // 2] if inner else layout.supports[0]
     back = -1.0 if inner else 1.0
@@ -67,7 +67,7 @@ def _by_a_pier(layout: Layout, site: Site) -> F64:
 
 
 def _from_above(layout: Layout) -> F64:
-    """Fly beside and above the bridge, so far away that it fills the picture."""
+    """Place a camera beside and above the bridge at the distance at which it fills the picture."""
     first, last = layout.supports[0], layout.supports[-1]
     length = last - first
     middle = _point(layout, 0.5 * (first + last), 0.0, 0.0)

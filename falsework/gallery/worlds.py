@@ -1,4 +1,4 @@
-"""Contact sheets of worlds: random bridges in each, in turn with every look and light, as an inspector meets them."""
+"""Contact sheets of backgrounds: random bridges in each, with varying look and light."""
 
 import tempfile
 from dataclasses import dataclass, replace
@@ -50,7 +50,7 @@ _LETTERS, _QUALITY = 0.45, 66  # of captions, of the JPEG
 
 @dataclass(frozen=True)
 class WorldShots:
-    """What a sheet shows of one seed.
+    """Pictures of one seed on a sheet.
 
     Attributes:
         caption: World, seed of a scenario, look and light.
@@ -66,7 +66,7 @@ class WorldShots:
 
 
 def write_worlds(folder: Path, count: int, seed: int, worlds: tuple[str, ...], progress: Progress) -> None:
-    """Photograph random bridges in some worlds, one sheet for each world, with a table of what was measured.
+    """Render random bridges in some backgrounds, one sheet for each, with a table of measures.
 
     Args:
         folder: Existing, empty folder.
@@ -90,10 +90,10 @@ def write_worlds(folder: Path, count: int, seed: int, worlds: tuple[str, ...], p
 
 
 def photograph_world(world: str, seed: int, given: GivenFiles = NO_FILES, **said: Any) -> WorldShots:
-    """Author one random bridge in a world and take its pictures; look and light follow from the seed.
+    """Author one random bridge in a background and render its pictures; look and light depend on the seed.
 
     Args:
-        world: Name of a procedural world, or of one that is given.
+        world: Name of a procedural background, or of one in `given`.
         seed: Seed of the scenario whose first scene is shown.
         given: Imported worlds and other files of the user.
         said: Further sections of the scenario.
@@ -145,7 +145,7 @@ def _take(
 
 
 def world_table(rows: list[WorldShots]) -> list[str]:
-    """Write what was measured on the pictures of one world, and a line about their triangles.
+    """Format the measures of the pictures of one background as a table, with a line about their triangles.
 
     Args:
         rows: Its pictures, seed by seed.

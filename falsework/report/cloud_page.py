@@ -1,4 +1,4 @@
-"""The page of clouds alone, such as of one's own photographs: what their metres rest on, cameras, points, residuals."""
+"""Report page of clouds without a scene, such as of a user's photographs: scale, cameras, points, residuals."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -27,10 +27,10 @@ def write_cloud_page(path: Path, title: str, clouds: Mapping[str, Path], page: P
         path: HTML file to write.
         title: Heading.
         clouds: Name of each cloud to its folder.
-        page: Where the page will stand: links lead from there.
+        page: Path of the page, to which links are relative.
 
     Raises:
-        InputError: A folder is no cloud of ours.
+        InputError: A folder is not a cloud.
     """
     shown = Shown(min(SHOWN_POINTS, PAGE_POINTS // max(len(clouds), 1)), whole=True)
     found = {name: (read_cloud(folder), folder) for name, folder in clouds.items()}

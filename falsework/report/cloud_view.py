@@ -1,4 +1,4 @@
-"""Points and cameras to turn around: what the page's script needs to paint and filter them, in few bytes."""
+"""Compact data of the interactive 3D view of points and cameras on a page."""
 
 import base64
 import colorsys
@@ -21,25 +21,25 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
-SHOWN_POINTS = 40_000  # of one cloud
-SHOWN_VIEWS = 4  # of a point: images that are named
-UNKNOWN = 255  # level of an uncertainty that is not known
-_LEVELS = 255  # of those that are known
+SHOWN_POINTS = 40_000  # largest number of points of one cloud
+SHOWN_VIEWS = 4  # largest number of images listed for a point
+UNKNOWN = 255  # level of an unknown uncertainty
+_LEVELS = 255  # number of levels of known ones
 _FINEST, _COARSEST = 1e-3, 10.0  # [m] ends of the colour scale
 _GRAY = (154, 160, 166)
-_MARGIN = 0.02  # of the box that is framed
-_STRAY = 3.0  # extents of 98 % of the points, beyond which one is drawn nearer than it is
-_GOLDEN = 0.618033988749895  # hues that follow each other are far apart
+_MARGIN = 0.02  # margin of the initial box, as a share of its size
+_STRAY = 3.0  # [extents of 98 % of the points] farther points are drawn at this distance
+_GOLDEN = 0.618033988749895  # consecutive hues are far apart
 
 
 @dataclass(frozen=True)
 class Shown:
-    """How much of a cloud a page shows.
+    """Limits of the data of a cloud on a page.
 
     Attributes:
-        points: Points at most.
-        views: Images that are named of each point, at most.
-        whole: Begin with all of the points in the picture, not with the bridge and its flight.
+        points: Largest number of points.
+        views: Largest number of images listed for each point.
+        whole: Start with all points in view, not with the bridge and its flight.
     """
 
     points: int = SHOWN_POINTS
@@ -49,7 +49,7 @@ class Shown:
 
 @dataclass(frozen=True)
 class Surfaces:
-    """Triangles to stand behind the points.
+    """Triangles to draw with the points.
 
     Attributes:
         corners: Corner positions [m], shape (T, 3, 3), float64.
@@ -63,17 +63,17 @@ class Surfaces:
 def cloud_view(
     cloud: "Cloud", flight: Flight | None = None, shown: Shown | None = None, surfaces: Surfaces | None = None
 ) -> dict[str, Any]:
-    """Describe a cloud and its cameras for the page.
+    """Make the data of a cloud and its cameras for the page.
 
     Args:
-        cloud: A cloud; where all colours are black, photographs are no choice.
-        flight: Where its images were taken from, or None.
-        shown: How much of it to show.
-        surfaces: Surfaces to show with it.
+        cloud: A cloud; if all colours are black, colouring by photographs is not offered.
+        flight: Poses of its images, or None.
+        shown: Limits of the data.
+        surfaces: Surfaces to draw with it.
 
     Returns:
-        `classes`, rows with their number of points, what there is to choose, `scale`, colours from fine to coarse, and
-        `data`: JSON that may stand in a script element.
+        `classes`: rows with their number of points; the choices of colouring; `scale`: colours of the uncertainty;
+        `data`: JSON that is safe in a script element.
     """
     shown = shown or Shown()
     every = max(-(-len(cloud) // shown.points), 1)
@@ -83,7 +83,7 @@ def cloud_view(
     rows = [row for row in cloud.classes if counts[row.id]]
     rows += [ClassRow(255, "unlabelled", _GRAY)] if counts[255] and all(row.id != 255 for row in rows) else []
     whole = _framed(columns["coord"], np.ones(len(columns["coord"])) if shown.whole else columns["segment"], flight)
-    origin = np.round(np.mean(whole, axis=0))  # single precision draws nothing fine far from 0
+    origin = np.round(np.mean(whole, axis=0))  # single precision is too coarse far from 0
     box = np.array(whole) - origin
     data = {
         "every": every,
@@ -117,7 +117,7 @@ def cloud_view(
 
 
 def uncertainty_levels(uncertainty: NDArray[np.float32]) -> U8:
-    """Place uncertainties on a logarithmic scale.
+    """Quantize uncertainties on a logarithmic scale.
 
     Args:
         uncertainty: Uncertainty of each point [m], shape (N,), float32.
@@ -132,14 +132,14 @@ def uncertainty_levels(uncertainty: NDArray[np.float32]) -> U8:
 
 
 def uncertainty_scale() -> U8:
-    """Give the color of each known level, from blue to red, shape (255, 3), uint8."""
+    """Return the color of each known level, from blue to red, shape (255, 3), uint8."""
     level = np.linspace(0, 255, _LEVELS).round().astype(np.uint8)
     # One column: what OpenCV returns for an array of one dimension differs between its versions.
     return cv2.applyColorMap(level[:, None], cv2.COLORMAP_TURBO)[:, 0, ::-1].astype(np.uint8)
 
 
 def instance_color(number: int) -> tuple[int, int, int]:
-    """Give a component the color that it has in every cloud of the bridge.
+    """Return the color of a component, the same in every cloud of the bridge.
 
     Args:
         number: Component id; 0 for none.
@@ -151,7 +151,7 @@ def instance_color(number: int) -> tuple[int, int, int]:
 
 
 def _points(cloud: "Cloud", columns: Mapping[str, NDArray[Any]], every: int, origin: F64) -> dict[str, Any]:
-    """Spell the points that are shown."""
+    """Encode the shown points."""
     places = columns["coord"] - origin
     low, step, place = _quantized(places, _box_of_most(places))
     numbers, first, instance = np.unique(columns["instance"], return_index=True, return_inverse=True)
@@ -176,7 +176,7 @@ def _points(cloud: "Cloud", columns: Mapping[str, NDArray[Any]], every: int, ori
 
 
 def _seen(cloud: "Cloud", every: int, most: int) -> dict[str, Any] | None:
-    """Spell which images saw each point that is shown, and at which pixel; None where no image did."""
+    """Encode which images saw each shown point, and at which pixel; None if no image did."""
     start, image, uv = (cloud.observations[name] for name in ("start", "image", "uv"))
     if not len(image) or not most:
         return None
@@ -202,14 +202,14 @@ def _mesh(surfaces: Surfaces, origin: F64) -> dict[str, Any]:
 
 
 def _quantized(places: F64, box: tuple[F64, F64]) -> tuple[list[float], list[float], str]:
-    """Spell places as steps of a 65,535th of a box: where it begins, the steps, and how many of them."""
+    """Quantize positions to 1/65,535 of a box: its corner, the step, and the quantized positions."""
     low, high = box
     step = np.maximum((high - low) / 65535, 1e-9)
     return low.tolist(), step.tolist(), _packed(((np.clip(places, low, high) - low) / step).round().astype("<u2"))
 
 
 def _box_of_most(places: F64) -> tuple[F64, F64]:
-    """Find a box that one stray point a thousand kilometers away does not blow up: it is drawn at the side of it."""
+    """Find a box that stray points do not enlarge: they are drawn at its border."""
     low, high = _box(places)
     if len(places):
         first = np.quantile(places, 0.01, axis=0, method="higher")
@@ -220,7 +220,7 @@ def _box_of_most(places: F64) -> tuple[F64, F64]:
 
 
 def _framed(coord: F64, segment: NDArray[Any], flight: Flight | None) -> tuple[F64, F64]:
-    """Find the box that the view begins with: the bridge with its flight, not the land up to the horizon."""
+    """Find the initial box of the view: the bridge with its flight, without distant land."""
     bridge = coord[(segment != 0) & (segment != 255)]
     if len(bridge):
         low, high = np.percentile(bridge, [0.5, 99.5], axis=0)
@@ -234,7 +234,7 @@ def _framed(coord: F64, segment: NDArray[Any], flight: Flight | None) -> tuple[F
 
 
 def _along(coord: F64, segment: U8) -> float:
-    """Find the direction in plan in which the bridge is longest [rad]."""
+    """Find the longest direction of the bridge in plan [rad]."""
     bridge = coord[(segment != 0) & (segment != 255)][:, :2]
     if len(bridge) < 3:
         return 0.0

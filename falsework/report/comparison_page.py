@@ -1,4 +1,4 @@
-"""The page of a comparison: what was compared, what each arm scores, and how sure the differences are."""
+"""Report page of a comparison: the arms, their scores, and their differences with confidence intervals."""
 
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -12,8 +12,8 @@ from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json
 
 RECORD = "comparison.json"
-FEW_BRIDGES, FEW_SEEDS = 12, 5  # below which a comparison says little
-FEW_FOR_P = 6  # test bridges below which Wilcoxon's p cannot fall below 0.05
+FEW_BRIDGES, FEW_SEEDS = 12, 5  # fewer give a weak comparison
+FEW_FOR_P = 6  # with fewer test bridges Wilcoxon's p cannot be below 0.05
 
 
 def write_comparison_page(path: Path, folder: Path) -> None:
@@ -90,7 +90,7 @@ def _models(record: Mapping[str, Any]) -> list[str]:
 
 
 def _model_of(row: Mapping[str, Any], record: Mapping[str, Any]) -> list[str]:
-    """Name the model of a row, where there is more than one: a column of equal words would only take room."""
+    """Name the model of a row if there is more than one model."""
     return [str(row["model"])] if len(_models(record)) > 1 else []
 
 
@@ -100,7 +100,7 @@ def _place(row: Mapping[str, Any], record: Mapping[str, Any]) -> list[str]:
 
 
 def _trained_on(row: Mapping[str, Any], record: Mapping[str, Any]) -> str:
-    """Name an arm; with several groups, those it shares its windows with."""
+    """Name an arm; with several groups, also the arms that it shares its windows with."""
     return row["arm"] if len(record["groups"]) < 2 else f"{row['arm']} ({' · '.join(row['group'])})"
 
 
@@ -120,7 +120,7 @@ def _spread(row: Mapping[str, Any], key: str) -> str:
 
 
 def _score_figure(rows: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> go.Figure:
-    """Draw the mean IoU of every arm; a group of bars for each test and model."""
+    """Plot the mean IoU of every arm; a group of bars for each test and model."""
     figure = go.Figure()
     arms = list(dict.fromkeys(row["arm"] for row in rows))
     for arm, color in zip(arms, SERIES * (len(arms) // len(SERIES) + 1), strict=False):
@@ -158,7 +158,7 @@ def _difference_row(row: Mapping[str, Any], record: Mapping[str, Any]) -> list[s
 
 
 def _difference_figure(record: Mapping[str, Any]) -> go.Figure:
-    """Draw each difference with its intervals: thick that over seeds and bridges, thin that over seeds alone."""
+    """Plot each difference with its intervals: over seeds and bridges thick, over seeds only thin."""
     figure, rows = go.Figure(), record["differences"]
     names = [escape(f"{', '.join([*_model_of(row, record), row['test']])}: {_pair(row)}") for row in rows]
     for key, title, width, color in (
@@ -202,7 +202,7 @@ def _loss_row(row: Mapping[str, Any], record: Mapping[str, Any]) -> list[str]:
 
 
 def _matrix(row: Mapping[str, Any], record: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """Spell the confusion of one arm in one test: a row for each class that is there, as shares of its points."""
+    """Format the confusion of one arm in one test: a row for each class that occurs, as shares of its points."""
     matrix, places = row["confusion"], [list(record["classes"]).index(name) for name in names]
     models = "".join(f"{model}, " for model in _model_of(row, record))
     return {

@@ -1,4 +1,4 @@
-"""The page of a data set: its classes, its splits by bridge, the sizes of its pieces, and some of them in space."""
+"""Report page of a data set: classes, splits by bridge, sizes of pieces, and some pieces in 3D."""
 
 from collections import Counter, defaultdict
 from html import escape
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 I64 = NDArray[np.int64]
 
-EXAMPLES = 3  # pieces that are shown in space
+EXAMPLES = 3  # pieces shown in 3D
 EXAMPLE_POINTS = 20_000  # of each
-IGNORED = 255  # label of what no class is known of
-LONG_TAIL = 8.0  # largest piece over the median one, from which sizes stand on a logarithmic axis
+IGNORED = 255  # label of points of unknown class
+LONG_TAIL = 8.0  # ratio of the largest to the median piece above which the axis is logarithmic
 
 
 def write_dataset_page(path: Path, folder: Path, place: str = "", progress: Progress = SILENT) -> None:
@@ -33,7 +33,7 @@ def write_dataset_page(path: Path, folder: Path, place: str = "", progress: Prog
     Args:
         path: HTML file to write.
         folder: Root of the data set.
-        place: Way from the page to that folder; empty for its own.
+        place: Relative path from the page to that folder; empty for its own.
         progress: Listener.
     """
     from learn.datasets.layout import read_facts
@@ -65,13 +65,13 @@ def write_dataset_page(path: Path, folder: Path, place: str = "", progress: Prog
 
 
 def class_rows_of(names: tuple[str, ...]) -> tuple[ClassRow, ...]:
-    """Give the classes of a table their colors: our own where the name is ours, else one of a series.
+    """Return the colors of a table's classes: our own for our class names, else from a series.
 
     Args:
         names: Name of each class, in the order of the labels.
     """
     known = {row.name: row.color for row in class_rows()}
-    few = len(names) <= len(SERIES)  # of many, no two have the same color
+    few = len(names) <= len(SERIES)  # no two of many have the same color
     return tuple(
         ClassRow(k, name, known.get(name, _rgb(SERIES[k]) if few else instance_color(k + 1)))
         for k, name in enumerate(names)
@@ -120,7 +120,7 @@ def _class_table(rows: tuple[ClassRow, ...], counts: dict[str, I64], splits: lis
 
 
 def _share_figure(rows: tuple[ClassRow, ...], counts: dict[str, I64], splits: list[str]) -> go.Figure:
-    """Draw the share of each class that is there, a row each, so that every name has room on a phone, too."""
+    """Plot the share of each class that occurs, one row each, so that names fit on a phone."""
     figure = go.Figure()
     there = [row for row in rows if any(counts[split][row.id] for split in splits)]
     for split, color in zip(splits, SERIES, strict=False):
@@ -138,7 +138,7 @@ def _share_figure(rows: tuple[ClassRow, ...], counts: dict[str, I64], splits: li
 
 
 def _missing_in_training(rows: tuple[ClassRow, ...], counts: dict[str, I64], splits: list[str]) -> str:
-    """Name the classes that a held-out split has and no training piece shows; empty where nothing is trained on."""
+    """List the classes of a held-out split that no training piece has; empty if there is no training split."""
     held = [split for split in splits if split != "train"]
     if "train" not in splits:
         return ""
@@ -200,7 +200,7 @@ def _size_figure(facts: "DatasetFacts", splits: list[str]) -> go.Figure:
 
 
 def _log_axis(low: float, high: float) -> dict[str, Any]:
-    """Spell a logarithmic axis that says 1, 2 and 5 of each power of ten: Plotly's own leaves out the zeros."""
+    """Make a logarithmic axis with ticks at 1, 2 and 5 times each power of ten; Plotly's ticks omit the zeros."""
     decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
     ticks = [step * 10**power for power in decades if power >= 0 for step in (1, 2, 5)]
     ticks = [tick for tick in ticks if low <= tick <= high]

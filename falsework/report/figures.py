@@ -1,4 +1,4 @@
-"""The figures of a scene: its flight in plan and elevation, points of each class, uncertainty."""
+"""Plots of a scene: its flight in plan and elevation, points of each class, uncertainty."""
 
 from html import escape
 
@@ -12,19 +12,19 @@ from usd_schemas.components import ClassRow
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
-_ROOM = 0.35  # of the axis's length, behind the longest bar, for its count
+_ROOM = 0.35  # share of the axis for the count behind the longest bar
 
 
 def flight_figure(
     centers: F64, statuses: list[str], bridge: F64, good_label: str = "registered", unit: str = "m"
 ) -> go.Figure:
-    """Draw the camera path in plan and elevation.
+    """Plot the camera path in plan and elevation.
 
     Args:
         centers: True or measured camera centres [m], shape (N, 3), float64.
-        statuses: `ok` or the reason why not, one a camera.
+        statuses: `ok` or the reason code of each camera.
         bridge: Points on the bridge for orientation [m], shape (M, 3), float64.
-        good_label: What cameras that are `ok` are called.
+        good_label: Label of cameras that are `ok`.
         unit: Unit of length, for the axes.
     """
     figure = go.Figure()
@@ -61,7 +61,7 @@ def flight_figure(
 
 
 def class_figure(segment: U8, classes: tuple[ClassRow, ...]) -> go.Figure:
-    """Count the points of each class on a logarithmic axis, a row each, so that names and counts fit a phone, too.
+    """Plot the points of each class on a logarithmic axis, one row each, so that names and counts fit on a phone.
 
     Args:
         segment: Class id of each point, shape (N,), uint8.
@@ -90,7 +90,7 @@ def class_figure(segment: U8, classes: tuple[ClassRow, ...]) -> go.Figure:
 
 
 def uncertainty_figure(uncertainty: NDArray[np.float32], threshold: float) -> go.Figure:
-    """Show how uncertain the points are.
+    """Plot the distribution of the uncertainty.
 
     Args:
         uncertainty: Uncertainty of each point [m], shape (N,), float32.
@@ -101,7 +101,7 @@ def uncertainty_figure(uncertainty: NDArray[np.float32], threshold: float) -> go
     counts, _ = np.histogram(finite, edges)
     figure = go.Figure(go.Bar(x=np.sqrt(edges[1:] * edges[:-1]), y=counts, width=np.diff(edges), marker_color=BLUE))
     figure.add_vline(x=threshold, line={"color": RED, "dash": "dash"})
-    figure.add_annotation(  # on a logarithmic axis a text's place is an exponent, a line's is not
+    figure.add_annotation(  # on a logarithmic axis the position of a text is an exponent, that of a line is not
         x=float(np.log10(threshold)), y=1.0, yref="paper", xanchor="left", showarrow=False, text=f"{threshold:g} m"
     )
     plain_layout(figure, 340)

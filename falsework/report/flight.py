@@ -1,4 +1,4 @@
-"""The flight in space: where every image was taken from, how wide it looks, and a sheet of small pictures."""
+"""A flight in 3D: pose and field of view of every image, and a sheet of thumbnails."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,24 +21,24 @@ if TYPE_CHECKING:
 
 F64 = NDArray[np.float64]
 
-MOST_PICTURES = 120  # of one flight in the view; of more images, every second, third …
-CELL = 128  # [px] width of one of them
+MOST_PICTURES = 120  # images of one flight in the view; of more, every second, third …
+CELL = 128  # [px] width of a thumbnail
 REDUCED = {1: cv2.IMREAD_COLOR, 2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4}
 SMALLEST = {8: cv2.IMREAD_REDUCED_COLOR_8, **REDUCED}
 
 
 @dataclass(frozen=True)
 class Flight:
-    """Where the images of one survey were taken from.
+    """Poses of the images of one survey.
 
     Attributes:
-        names: Name of each image that has a place.
+        names: Name of each image with a pose.
         rows: Its row in the list of cameras of the cloud, or of images of the capture.
         poses: camera_to_world of each [m], shape (N, 4, 4), float64, axes right, down, forward.
-        statuses: `ok`, or why not, one each.
+        statuses: `ok` or the reason code of each.
         half: Half the width and height of an image at a distance of 1 [1].
         files: Link to each photograph.
-        sheet: Sheet of small pictures as a data URI, its columns and rows, and the cell of each image, -1 for none.
+        sheet: Sheet of thumbnails as a data URI, its columns and rows, and the cell of each image, -1 for none.
     """
 
     names: tuple[str, ...]
@@ -52,7 +52,7 @@ class Flight:
 
 @dataclass(frozen=True)
 class Sheet:
-    """Small pictures in one.
+    """Thumbnails in one picture.
 
     Attributes:
         picture: Data URI.
@@ -68,7 +68,7 @@ class Sheet:
 
 
 def flight_of(capture: Capture, truth: Truth | None, cloud: "Cloud | None", folder: Path | None, place: str) -> Flight:
-    """Say where the images of a capture were taken from: truly, where that is known, or as reconstructed.
+    """Collect the poses of a capture's images: the true ones if known, else the reconstructed ones.
 
     Args:
         capture: Photographs.
@@ -97,7 +97,7 @@ def flight_of(capture: Capture, truth: Truth | None, cloud: "Cloud | None", fold
 
 
 def flight_of_cloud(cloud: "Cloud", folder: Path) -> Flight:
-    """Say where the images of a cloud were taken from as it was reconstructed, without looking at any of them.
+    """Collect the reconstructed poses of a cloud's images, without reading the images.
 
     Args:
         cloud: A reconstructed cloud.
@@ -120,7 +120,7 @@ def flight_of_cloud(cloud: "Cloud", folder: Path) -> Flight:
 
 
 def small_picture(path: Path, width: int) -> NDArray[np.uint8] | None:
-    """Decode a photograph no finer than needed, which takes a tenth of the time.
+    """Decode a photograph at reduced resolution, which takes a tenth of the time.
 
     Args:
         path: JPEG or PNG file.
@@ -145,11 +145,11 @@ def small_picture(path: Path, width: int) -> NDArray[np.uint8] | None:
 
 
 def flight_data(flight: Flight | None, origin: F64) -> dict[str, Any]:
-    """Spell a flight for the page.
+    """Encode a flight for the page.
 
     Args:
         flight: A flight, or None.
-        origin: What positions on the page count from [m], shape (3,), float64.
+        origin: Origin of positions on the page [m], shape (3,), float64.
     """
     if flight is None or not len(flight.poses):
         return {"cameras": [], "half": [1, 1], "depth": 1, "path": False, "sheet": None}
@@ -180,13 +180,13 @@ def flight_data(flight: Flight | None, origin: F64) -> dict[str, Any]:
 
 
 def _frame_depth(centers: F64) -> float:
-    """Choose how long a frustum is drawn [m]: about as long as the step between images, so that they stay apart."""
+    """Choose the length of the drawn frusta [m]: about the distance between images, so that they do not overlap."""
     steps = np.linalg.norm(np.diff(centers, axis=0), axis=1)
     return float(np.clip(0.8 * np.median(steps), 0.3, 8.0)) if len(steps) else 1.0
 
 
 def _reconstructed(folder: Path) -> tuple[dict[str, F64], tuple[float, float]]:
-    """Read the cameras that a reconstruction found, and how wide they look."""
+    """Read the cameras of a reconstruction, and their field of view."""
     path = folder / "cameras_sfm.json"
     if not path.is_file():
         return {}, (0.5, 0.4)
@@ -204,7 +204,7 @@ def _reconstructed(folder: Path) -> tuple[dict[str, F64], tuple[float, float]]:
 
 
 def _sheet(capture: Capture, rows: Sequence[int]) -> Sheet | None:
-    """Put small pictures of evenly chosen images side by side."""
+    """Make a sheet of thumbnails of evenly chosen images."""
     every = max(-(-len(rows) // MOST_PICTURES), 1)
     chosen = range(0, len(rows), every)
     if not rows:

@@ -1,4 +1,4 @@
-"""Points all over the true surface of a bridge: what is shown of a capture that has no cloud yet."""
+"""Points on the true surface of a bridge, shown for a capture without a cloud."""
 
 from typing import TYPE_CHECKING
 
@@ -13,13 +13,13 @@ POINTS = 6000
 
 
 def outline_cloud(truth: Truth) -> "Cloud | None":
-    """Scatter points evenly over what is neither background nor unlabelled.
+    """Sample points evenly on surfaces that are neither background nor unlabelled.
 
     Args:
         truth: Truth of a capture.
 
     Returns:
-        Points with class and instance, without colour and uncertainty; None where there is no such surface.
+        Points with class and instance, without colour and uncertainty; None if there is no such surface.
     """
     from recon.cloud import COLUMNS, MESH, Cloud, without_observations
 

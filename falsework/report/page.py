@@ -1,4 +1,4 @@
-"""The frame that every page stands in: one file, nothing fetched, light and dark, names that cannot become script."""
+"""Common frame of all report pages: one file without network access, light and dark, names escaped."""
 
 import base64
 import hashlib
@@ -22,28 +22,28 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
 
 FONT = {"family": "system-ui, sans-serif", "size": 13, "color": "#2b2f33"}
-BLUE, RED, GRAY = "#3d7cc0", "#d1453b", "#9aa0a6"  # seen well on light and on dark ground
+BLUE, RED, GRAY = "#3d7cc0", "#d1453b", "#9aa0a6"  # visible on light and dark backgrounds
 SERIES = (BLUE, "#d98324", "#3f9b58", "#a25bb5", RED, "#8a6d3b", "#2aa1a6", "#c2578e")
-DEEPEST = 12  # levels of settings that are shown; what is deeper comes from no file of ours
+DEEPEST = 12  # levels of settings that are shown; our files have no deeper ones
 
 
 def write_page(path: Path, template: str, *, title: str, lead: str, **values: Any) -> None:
     """Write a page.
 
-    Only the scripts whose hashes the page itself states are run by a browser, and nothing is fetched: whatever a
-    name from a file would smuggle in stays text.
+    A content security policy allows only the scripts whose hashes the page states, and no network access, so that names
+    from files cannot run as code.
 
     Args:
         path: HTML file to write.
         template: Name of the template.
         title: Heading.
         lead: Line below it.
-        values: What the template shows.
+        values: Values of the template.
     """
     body = _environment().get_template(template).render(title=title, lead=lead, **values)
     scripts = [_template("space.js")] if 'class="card space"' in body else []
     if 'class="figure"' in body:
-        from plotly.offline import get_plotlyjs  # pages without figures need not wait for it
+        from plotly.offline import get_plotlyjs  # imported only for pages with figures
 
         scripts += [get_plotlyjs(), _template("figures.js")]
     scripts.append(_template("page.js"))
@@ -60,10 +60,10 @@ def write_page(path: Path, template: str, *, title: str, lead: str, **values: An
 
 
 def figure_json(figure: "go.Figure") -> Markup:
-    """Spell a figure for `figures.js`.
+    """Encode a figure for `figures.js`.
 
     Args:
-        figure: A figure; its texts are escaped by who made it, since Plotly reads tags in them.
+        figure: A figure; the caller must escape its texts, because Plotly interprets tags in them.
     """
     told = json.loads(figure.to_json() or "{}")
     told["layout"].pop("template", None)
@@ -71,7 +71,7 @@ def figure_json(figure: "go.Figure") -> Markup:
 
 
 def script_json(value: object) -> Markup:
-    """Spell JSON that may stand in a script element: names from files cannot end it.
+    """Encode JSON that is safe in a script element: names from files cannot close it.
 
     Args:
         value: Plain lists, tables, numbers and strings.
@@ -81,16 +81,16 @@ def script_json(value: object) -> Markup:
 
 
 def file_link(*parts: str) -> str:
-    """Spell a relative link to a file.
+    """Make a relative link to a file.
 
     Args:
-        parts: Folders and the name, whatever signs are in them; an empty first part is the page's own folder.
+        parts: Folders and the name, with any characters; an empty first part is the page's own folder.
     """
     return "/".join(["." if not parts[0] else quote(parts[0]), *(quote(part) for part in parts[1:])])
 
 
 def way_to(folder: Path, page: Path) -> str:
-    """Spell the way from a page to a folder, as both are named; pages quote it.
+    """Compute the relative path from a page to a folder; pages quote it.
 
     Args:
         folder: Any folder.
@@ -100,7 +100,7 @@ def way_to(folder: Path, page: Path) -> str:
 
 
 def plain_layout(figure: "go.Figure", height: int) -> "go.Figure":
-    """Give a figure the margins and the font of the page; colours follow light and dark in the browser.
+    """Set the margins and the font of a figure; its colours follow the light or dark mode of the browser.
 
     Args:
         figure: A figure.
@@ -118,10 +118,10 @@ def plain_layout(figure: "go.Figure", height: int) -> "go.Figure":
 
 
 def number(value: Any) -> str:
-    """Spell a number, or whatever else a record holds, for people.
+    """Format a number, or another value of a record, for people.
 
     Args:
-        value: A number, a word, or None for what is not known.
+        value: A number, a word, or None for unknown.
     """
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "–"
@@ -133,20 +133,20 @@ def number(value: Any) -> str:
 
 
 def percent(value: float | None) -> str:
-    """Spell a share in per cent.
+    """Format a share in per cent.
 
     Args:
-        value: The share [1], or None for what is not known.
+        value: The share [1], or None for unknown.
     """
     return "–" if value is None or math.isnan(value) else f"{value:.1%}"
 
 
 def settings_rows(value: Mapping[str, Any], depth: int = 0) -> list[dict[str, Any]]:
-    """Spell nested settings as rows.
+    """Format nested settings as rows.
 
     Args:
         value: JSON settings.
-        depth: Levels above.
+        depth: Level of nesting.
 
     Returns:
         Rows of `depth`, `name` and `value`; a row that opens a level has an empty value.

@@ -1,4 +1,4 @@
-"""The report's pictures: photographs, labels and depth, painted and packed to stand in a page."""
+"""Pictures of the report: photographs, labels and depth as coloured images, encoded for a page."""
 
 import base64
 
@@ -67,12 +67,12 @@ def depth_range(depth: NDArray[np.float32]) -> tuple[float, float] | None:
 
 
 def data_uri(pixels: U8, width: int, *, smooth: bool = True, quality: int = 85) -> str:
-    """Pack a picture into a data URI.
+    """Encode a picture as a data URI.
 
     Args:
         pixels: sRGB colours, shape (H, W, 3), uint8.
         width: Width to which it is reduced [px].
-        smooth: JPEG of mean colours; else PNG of the nearest ones, as labels need.
+        smooth: JPEG, reduced by averaging; else PNG, reduced to the nearest pixel, for labels.
         quality: Of the JPEG.
     """
     width = min(width, pixels.shape[1])

@@ -1,4 +1,4 @@
-"""What a page says of one cloud, reconstructed or sampled: figures, tables, the unit of its lengths."""
+"""Parts of a page about one cloud, reconstructed or sampled: figures, tables, unit of length."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -90,12 +90,12 @@ def reconstruction_parts(
 
 
 def sample_parts(name: str, cloud: "Cloud", shown: Shown) -> dict[str, Any]:
-    """Fill what the template shows of a cloud that was sampled on a stage.
+    """Make the template's values of a cloud that was sampled from a stage.
 
     Args:
-        name: What it is called.
+        name: Its name.
         cloud: The cloud.
-        shown: How much of it the page holds.
+        shown: Limits of its data on the page.
     """
     return {
         "name": name,

@@ -1,4 +1,4 @@
-"""One self-contained page about a scene: its frames, its flight, its reconstruction and its cloud."""
+"""Report page of a scene: its frames, its flight, its reconstruction and its cloud."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,12 +22,12 @@ from render.capture import Capture, Truth, load_image, read_capture, read_truth
 if TYPE_CHECKING:
     from recon.cloud import Cloud
 
-PAGE_POINTS = 60_000  # of all clouds of a page together: it stays below 10 MB
-PAGE_FRAMES = 12  # of all its surveys together that stand side by side with labels and depth
+PAGE_POINTS = 60_000  # of all clouds of a page together, so that it stays below 10 MB
+PAGE_FRAMES = 12  # of all surveys together that are shown with labels and depth
 SHEET_FRAMES = 24  # of a survey in its contact sheet
 FRAME_WIDTH, SHEET_WIDTH = 640, 320  # [px]
 STAGE, CAPTURE, CLOUD = "stage", "capture", "cloud"
-FILES = {  # what people open, of those that are there
+FILES = {  # files for people to open, if they exist
     STAGE: ("scene.usda", "manifest.json", "edits/user.usda"),
     CAPTURE: ("cameras.json", "images", "truth", "truth/poses.json", "truth/render.json"),
     CLOUD: ("cloud.laz", "cloud.ply", "cloud.json", "cameras_sfm.json", "sparse"),
@@ -48,9 +48,9 @@ def write_report(
         path: HTML file to write.
         title: Heading.
         stage: Scene folder or USD file; the manifest beside it gives the lead line.
-        surveys: Survey id to its capture folder, and each cloud by what tells it apart, empty for an only one.
+        surveys: Survey id to its capture folder, and the folder of each cloud by its suffix, empty for a single one.
         samples: Id of each sample to its cloud folder.
-        place: Way from the page to the folder of the scene; empty for the folder that the page lies in.
+        place: Relative path from the page to the folder of the scene; empty for the page's own folder.
     """
     samples = samples or {}
     clouds = sum(max(len(several), 1) for _, several in surveys.values()) + len(samples)
@@ -76,7 +76,7 @@ def write_report(
 
 
 def _clouds(several: dict[str, Path]) -> list[tuple[bool, str, Path | None]]:
-    """Show a survey once for each of its clouds; flight and frames stand with the first."""
+    """List a survey once for each of its clouds; flight and frames are shown with the first."""
     if not several:
         return [(True, "", None)]
     return [(number == 0, mode, folder) for number, (mode, folder) in enumerate(several.items())]
@@ -121,7 +121,7 @@ def _survey(
 
 
 def _plan(capture: Capture, truth: Truth | None, cloud: "Cloud | None", outline: "Cloud | None") -> Any:
-    """Draw plan and elevation, where positions are known at all."""
+    """Plot plan and elevation, if positions are known."""
     places = _centers(capture, truth)
     if not len(places):
         return None
@@ -132,7 +132,7 @@ def _plan(capture: Capture, truth: Truth | None, cloud: "Cloud | None", outline:
 
 
 def _sheet(capture: Capture, home: str) -> list[dict[str, str]]:
-    """Show evenly chosen photographs; a click opens them larger, with a link to the file."""
+    """Show evenly chosen photographs; a click enlarges one, with a link to the file."""
     return [
         {
             "name": capture.images[index].name,
@@ -171,7 +171,7 @@ def _sample(name: str, folder: Path, shown: Shown, place: str) -> dict[str, Any]
 
 
 def _settings(name: str, folder: Path) -> list[tuple[str, list[dict[str, Any]]]]:
-    """Spell the settings and the versions that a result of a run was made with, where its manifest lies beside it."""
+    """Format the settings and versions of a run's result, if its manifest is beside it."""
     path = folder / "artefact.json"
     if not path.is_file():
         return []
@@ -183,7 +183,7 @@ def _settings(name: str, folder: Path) -> list[tuple[str, list[dict[str, Any]]]]
 
 
 def _files(place: str, kind: str, name: str, folder: Path, wanted: tuple[str, ...]) -> list[tuple[str, str]]:
-    """Link what people open: the words to show, and the link."""
+    """List the files for people to open: text and link."""
     home = [*_at(place), kind, *([name] if name else [])]
     return [
         ("/".join(part for part in (kind, name, file) if part), file_link(*home, *file.split("/")))

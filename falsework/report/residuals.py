@@ -1,4 +1,4 @@
-"""What each image contributed and how well it fits, and how many images show each spot of the plan."""
+"""Contribution and residuals of each image, and the map of image overlap."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,21 +19,21 @@ F64 = NDArray[np.float64]
 
 CELLS = 140  # of the overlap map along its longer side
 FINEST_CELL = 0.25  # [m]
-MANY = 6  # images of one spot from which more make no difference to the colour
+MANY = 6  # number of images above which the colour does not change
 SCALE = ["#b8322a", "#dd7a35", "#e8c04a", "#a3bf5a", "#4f9d69", "#2b7a78"]
 
 
 @dataclass(frozen=True)
 class ImageRow:
-    """What is known of one image of a reconstruction.
+    """Figures of one image of a reconstruction.
 
     Attributes:
         name: Its name.
-        status: `ok`, or why it is not used.
-        points: Points of the cloud that it shows.
-        residual: Median distance between keypoint and reprojected point [px]; NaN where there is none.
+        status: `ok` or the reason code.
+        points: Number of the cloud's points that it shows.
+        residual: Median distance between keypoint and reprojected point [px]; NaN if there is none.
         depth_error: Median difference of true and reconstructed depth [m]; NaN without truth.
-        center_error: Distance from its true or measured place [m]; NaN where it has none.
+        center_error: Distance from its true or measured position [m]; NaN if it has none.
         rotation_error: Angle to its true attitude [deg]; NaN without truth.
     """
 
@@ -103,14 +103,14 @@ def image_rows(cloud: "Cloud", folder: Path, fit: ModelFit | None = None) -> lis
 
 
 def reprojection_residuals(cloud: "Cloud", folder: Path) -> F64:
-    """Measure how far each keypoint lies from where its point appears in the reconstructed camera.
+    """Compute the reprojection error of each observation.
 
     Args:
         cloud: A cloud.
         folder: Its folder.
 
     Returns:
-        Distance of each observation [px], shape (M,), float64; NaN where the camera is not known.
+        Distance of each observation [px], shape (M,), float64; NaN if its camera is unknown.
     """
     image = cloud.observations["image"]
     result = np.full(len(image), np.nan)
@@ -165,7 +165,7 @@ def model_fit(folder: Path) -> ModelFit | None:
 
 
 def residual_figure(rows: list[ImageRow]) -> go.Figure:
-    """Draw the median residual of every image, in the order of the flight.
+    """Plot the median residual of every image, in the order of the flight.
 
     Args:
         rows: Of `image_rows`.
@@ -185,7 +185,7 @@ def residual_figure(rows: list[ImageRow]) -> go.Figure:
 
 
 def overlap_figure(cloud: "Cloud", unit: str = "m") -> go.Figure:
-    """Count in plan how many images show each spot where the cloud has points.
+    """Plot in plan how many images show each place where the cloud has points.
 
     Args:
         cloud: A reconstructed cloud.
@@ -221,11 +221,11 @@ def overlap_map(cloud: "Cloud") -> tuple[NDArray[np.int64], F64, F64]:
     """Count the different images of the points in each cell of the plan.
 
     Args:
-        cloud: A reconstructed cloud; the twentieth of its points that lie farthest out is left out.
+        cloud: A reconstructed cloud; the outermost 5 % of its points are left out.
 
     Returns:
-        Images of each cell, shape (rows, columns), int64; middles of the columns [m], shape (columns,), and of the
-        rows [m], shape (rows,), float64.
+        Number of images of each cell, shape (rows, columns), int64; centres of the columns [m], shape (columns,), and
+        of the rows [m], shape (rows,), float64.
     """
     place = cloud.columns["coord"][:, :2]
     low, high = np.percentile(place, [1, 99], axis=0)
@@ -244,7 +244,7 @@ def overlap_map(cloud: "Cloud") -> tuple[NDArray[np.int64], F64, F64]:
 
 
 def image_table(rows: list[ImageRow], links: dict[str, str]) -> list[dict[str, Any]]:
-    """Spell the rows for a table.
+    """Format the rows of a table.
 
     Args:
         rows: Of `image_rows`.
@@ -268,7 +268,7 @@ def image_table(rows: list[ImageRow], links: dict[str, str]) -> list[dict[str, A
 
 
 def _projected(plane: F64, model: str, params: list[float]) -> F64:
-    """Apply a lens of COLMAP to places at distance 1, shape (N, 2)."""
+    """Project points at depth 1, shape (N, 2), with a COLMAP camera model."""
     two = model in ("PINHOLE", "OPENCV")
     focal = np.array(params[:2] if two else [params[0]] * 2)
     center = np.array(params[2:4] if two else params[1:3])

@@ -1,4 +1,4 @@
-"""The page of whole runs: scenes and stages, what was rejected and why, points of each class, and when what ran."""
+"""Report page of runs: scenes and stages, rejections and failures, points of each class, and times."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -8,19 +8,19 @@ from typing import Any
 
 from falsework.report.page import SERIES, number, settings_rows, write_page
 
-MOST_ROWS = 400  # scenes in a table; of more, those that are not whole come first
-MOST_BARS = 80  # scenes in the picture of times
+MOST_ROWS = 400  # scenes in a table; of more, incomplete ones come first
+MOST_BARS = 80  # scenes in the plot of times
 
 
 @dataclass(frozen=True)
 class SceneRow:
-    """What a run has of one scene.
+    """Results of one scene of a run.
 
     Attributes:
         name: Its number.
-        results: Number of results of each stage that are there.
+        results: Number of existing results of each stage.
         clouds: Name of each cloud to the points of each class.
-        cameras: Name of each cloud to how many cameras are registered, and of how many.
+        cameras: Name of each cloud to the numbers of registered cameras and of all cameras.
         page: Link to its own page, or empty.
     """
 
@@ -33,15 +33,15 @@ class SceneRow:
 
 @dataclass(frozen=True)
 class FailureRow:
-    """Why a result is not there.
+    """Reason why a result does not exist.
 
     Attributes:
-        scene: Number of its scene; empty where the record does not say.
+        scene: Number of its scene; empty if unknown.
         stage: Its stage.
         kind: `rejected` or `failed`.
         reason: Short code.
         message: One line.
-        last_lines: What its process said last.
+        last_lines: Last lines of its process on standard error.
     """
 
     scene: str
@@ -54,14 +54,14 @@ class FailureRow:
 
 @dataclass(frozen=True)
 class Event:
-    """A result that was made.
+    """The making of one result.
 
     Attributes:
         scene: Number of its scene.
         stage: Its stage.
-        end: When it was done [s].
-        seconds: How long it took [s].
-        size: What it added to the disk [bytes].
+        end: Time of its end [s].
+        seconds: Duration [s].
+        size: Disk space that it added [bytes].
     """
 
     scene: str
@@ -73,15 +73,15 @@ class Event:
 
 @dataclass(frozen=True)
 class RunFacts:
-    """What is known of one run.
+    """Facts of one run.
 
     Attributes:
-        name: What its folder is called.
-        stages: Stages, in the order of work.
-        wanted: Scenes that the scenario has.
-        scenes: Those of which something is there.
-        failures: What became no result.
-        events: What was made, where times are wanted.
+        name: Name of its folder.
+        stages: Stages, in their order.
+        wanted: Number of scenes in the scenario.
+        scenes: Scenes with any result.
+        failures: Tasks without result.
+        events: Results made with their times, if times are wanted.
         settings: The scenario.
     """
 
@@ -99,7 +99,7 @@ def write_run_page(path: Path, runs: Sequence[RunFacts]) -> None:
 
     Args:
         path: HTML file to write.
-        runs: What is known of them.
+        runs: Facts of the runs.
     """
     write_page(
         path,
@@ -190,7 +190,7 @@ def _cameras(scene: SceneRow, name: str) -> str:
 
 
 def _times(run: RunFacts) -> list[list[str]]:
-    """Sum up the times of each stage."""
+    """Sum the times of each stage."""
     rows = []
     for stage in dict.fromkeys([*run.stages, *(event.stage for event in run.events)]):
         mine = [event for event in run.events if event.stage == stage]
@@ -208,7 +208,7 @@ def _times(run: RunFacts) -> list[list[str]]:
 
 
 def _bars(run: RunFacts) -> dict[str, Any] | None:
-    """Place every result on a line of time, a row for each scene."""
+    """Compute the bars of a timeline, one row for each scene."""
     if not run.events:
         return None
     first = min(event.end - event.seconds for event in run.events)
@@ -247,7 +247,7 @@ def _side_by_side(runs: Sequence[RunFacts]) -> list[list[str]]:
 
 
 def duration(seconds: float) -> str:
-    """Spell a time for people.
+    """Format a duration for people.
 
     Args:
         seconds: The time [s].

@@ -1,4 +1,4 @@
-"""What the page of a scene says in figures and tables: the result at a glance, what stayed, what went and why."""
+"""Figures and tables of a scene's page: summary, points kept, points removed with reasons."""
 
 from collections.abc import Mapping
 from itertools import compress
@@ -20,11 +20,11 @@ UNITS = {
     "surface_distance": "m",
     "uncertainty": "m",
     "mean_reprojection_error": "px",
-}  # by the beginning of a statistic's name
+}  # by the prefix of a statistic's name
 
 
 def unit_of(cloud: "Cloud") -> str:
-    """Name the unit of a cloud's lengths; photographs that nothing placed have none.
+    """Return the unit of a cloud's lengths; a cloud that was not placed has none.
 
     Args:
         cloud: A cloud.
@@ -33,7 +33,7 @@ def unit_of(cloud: "Cloud") -> str:
 
 
 def headline_tiles(images: int, cloud: "Cloud | None") -> list[dict[str, str]]:
-    """Say what came out in a few large figures.
+    """Return the main results as a few large figures.
 
     Args:
         images: Number of photographs.
@@ -48,7 +48,7 @@ def headline_tiles(images: int, cloud: "Cloud | None") -> list[dict[str, str]]:
     errors = np.array([camera["center_error"] for camera in good], dtype=np.float64)
     if np.isfinite(errors).any() and cloud.alignment.get("target", "truth") == "truth":
         tiles.append({"label": "median camera-centre error", "value": f"{np.nanmedian(errors) * 1000:.0f} mm"})
-    elif np.isfinite(errors).any():  # a camera that is far from its fix says something about the receiver
+    elif np.isfinite(errors).any():  # distances of cameras to their GPS fixes are errors of the receiver
         tiles.append({"label": "median distance of a camera from its fix", "value": f"{np.nanmedian(errors):.2f} m"})
     if np.isfinite(cloud.columns["surface_distance"]).any():
         near = cloud.columns["surface_distance"] <= NEAR
@@ -67,7 +67,7 @@ def headline_tiles(images: int, cloud: "Cloud | None") -> list[dict[str, str]]:
 
 
 def fact_rows(cloud: "Cloud") -> list[tuple[str, str]]:
-    """Spell every single figure of the statistics, and how sure the place of the model is.
+    """Format all figures of the statistics, and the errors of the model's placement.
 
     Args:
         cloud: A cloud.
@@ -80,7 +80,7 @@ def fact_rows(cloud: "Cloud") -> list[tuple[str, str]]:
 
 
 def placing_rows(alignment: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Say how far a model may be off where no truth placed it, and what every control point leaves over.
+    """Describe the possible errors of a model that was placed without truth, and the residual of every control point.
 
     Args:
         alignment: Facts of the alignment.
@@ -111,7 +111,7 @@ def placing_rows(alignment: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def kept_rows(statistics: Mapping[str, Any]) -> list[list[str]]:
-    """Say of each class what stayed, what went and why, and in how many windows along the bridge it is few.
+    """List for each class the points kept and removed, with reasons, and the windows along the bridge with few points.
 
     Args:
         statistics: Of a cloud.
@@ -125,14 +125,14 @@ def kept_rows(statistics: Mapping[str, Any]) -> list[list[str]]:
 
 
 def window_rows(statistics: Mapping[str, Any]) -> list[list[str]]:
-    """Count the points of each class in each window along the bridge that the flight saw.
+    """Count the points of each class in each window along the bridge that the flight covered.
 
     Args:
         statistics: Of a cloud.
 
     Returns:
-        The headings, where along the bridge each window begins, and a row for each class; empty where the bridge is
-        not known.
+        The headings (the start of each window along the bridge) and a row for each class; empty if the bridge is
+        unknown.
     """
     windows = statistics.get("windows")
     if not windows:
@@ -144,7 +144,7 @@ def window_rows(statistics: Mapping[str, Any]) -> list[list[str]]:
 
 
 def pixel_rows(statistics: Mapping[str, Any]) -> list[list[str]]:
-    """Say of each class how many pixels of the depth maps show it, which share is in points, and why others are not.
+    """List for each class its pixels in the depth maps, the share in points, and the reasons for the others.
 
     Args:
         statistics: Of a cloud.
@@ -158,10 +158,10 @@ def pixel_rows(statistics: Mapping[str, Any]) -> list[list[str]]:
 
 
 def noise_rows(noise: dict[str, Any] | None) -> list[tuple[str, str]]:
-    """Say how many points are noisy at which distance, and how far their uncertainty finds what is off.
+    """List the share of noisy points by distance, and how well the uncertainty detects points with errors.
 
     Args:
-        noise: That row of the statistics of a cloud, or None.
+        noise: Entry of the statistics of a cloud, or None.
     """
     if noise is None:
         return []

@@ -1,4 +1,4 @@
-"""The page about flights that are not flown yet: what each will show, in figures and in space, and what none shows."""
+"""Report page of planned flights: scores and 3D view of each, and the members that none shows."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -31,8 +31,8 @@ def write_survey_page(path: Path, surveys: Sequence[Mapping[str, Any]], scene: s
 
     Args:
         path: HTML file to write.
-        surveys: What `falsework.children.survey_work.score` answers.
-        scene: Name of the stage, as the commands on the page call it.
+        surveys: Result of `falsework.children.survey_work.score`.
+        scene: Name of the stage in the commands on the page.
     """
     last = surveys[-1]
     write_page(
@@ -97,7 +97,7 @@ def _millimeters(length: float) -> str:
 
 
 def _coverage(by_class: Mapping[str, float]) -> list[dict[str, str]]:
-    """Rows of the classes, best first, with a word for how well each is covered and the width of its bar."""
+    """Make the rows of the classes, best first, with a rating of the coverage and the width of its bar."""
     rows = sorted(by_class.items(), key=lambda pair: (-pair[1], pair[0]))
     return [
         {
@@ -118,7 +118,7 @@ def _unseen_row(name: str, few: Mapping[str, Any]) -> list[str]:
 
 
 def _proposal(found: Mapping[str, Any] | None, scene: str) -> dict[str, Any] | None:
-    """Say which legs would show what no flight does; None where none were looked for."""
+    """List legs that would show the members that no flight shows; None if they were not searched."""
     if not found:
         return None
     return {
@@ -140,14 +140,14 @@ def _pitch_figure(pitches: Sequence[int]) -> go.Figure:
 
 
 def _poses(rows: Sequence[Sequence[float]]) -> F64:
-    """Complete the upper three rows of camera_to_world, shape (N, 4, 4)."""
+    """Complete camera_to_world from its upper three rows, shape (N, 4, 4)."""
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3] = np.array(rows, np.float64).reshape(-1, 3, 4)
     return poses
 
 
 def _surface_cloud(points: F64, ids: Sequence[int], classes: Mapping[str, str]) -> "Cloud":
-    """Take samples of the bridge's surface for a cloud: each knows its member and the class of that."""
+    """Make a cloud of samples of the bridge's surface, with their members and classes."""
     from recon.cloud import COLUMNS, MESH, Cloud, without_observations
 
     names = tuple(sorted(set(classes.values())))

@@ -1,4 +1,4 @@
-"""The page of training runs: their curves side by side, and what each model scores, class by class."""
+"""Report page of trainings: curves side by side, and the scores of each model by class."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -13,13 +13,13 @@ from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json
 
 SCORES = ("iou", "accuracy", "precision", "f1")
-MOST_ERRORS = 10  # pairs of classes that are taken for each other, in the table of the most frequent ones
+MOST_ERRORS = 10  # rows in the table of the most frequent confusions
 FACTS = "model.json"
 LOG = "log.csv"
 
 
 def write_training_page(path: Path, models: Mapping[str, Path], evaluations: Mapping[str, Path]) -> None:
-    """Write the page of models and of their scores.
+    """Write the page of models and scores.
 
     Args:
         path: HTML file to write.
@@ -54,7 +54,7 @@ def read_evaluation(path: Path) -> dict[str, Any]:
         path: JSON file.
 
     Raises:
-        InputError: Something else, or of another version.
+        InputError: Not a file of scores, or of another version.
     """
     record = read_json(path)
     told = (record.get("format"), record.get("format_version")) if isinstance(record, dict) else None
@@ -71,7 +71,7 @@ def read_evaluation(path: Path) -> dict[str, Any]:
 
 
 def _model(name: str, folder: Path) -> dict[str, Any]:
-    """Read what a model says of its training; its weights are not touched."""
+    """Read the training record of a model, without its weights."""
     path = folder / FACTS
     if not path.is_file():
         raise MissingError(f"not a model: no {FACTS}", where=folder, hint="Name a folder of falsework train")
@@ -120,7 +120,7 @@ def _log(path: Path) -> list[dict[str, float | None]]:
 
 
 def _curves(models: list[dict[str, Any]]) -> list[tuple[str, go.Figure]]:
-    """Draw loss and validation over the epochs, a colour for each model."""
+    """Plot loss and validation over the epochs, one colour for each model."""
     drawn = []
     for title, keys in (
         ("Loss of training", ("loss",)),
@@ -154,12 +154,12 @@ def _curves(models: list[dict[str, Any]]) -> list[tuple[str, go.Figure]]:
 
 
 def _epoch_number(epoch: float | None) -> int | None:
-    """Count an epoch from 1, as people do; logs and models count from 0."""
+    """Number an epoch from 1; logs and models count from 0."""
     return None if epoch is None else int(epoch) + 1
 
 
 def _scores(name: str, record: Mapping[str, Any], models: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Spell one table of scores; classes come as the confusion matrix has them, which files do not keep by itself."""
+    """Format one table of scores, with classes in the order of the confusion matrix."""
     names, classes, panoptic = list(record["class_names"]), record["classes"], record["panoptic"]
     seen = [k for k, one in enumerate(names) if classes[one]["points"] or any(row[k] for row in record["confusion"])]
     true = [k for k in seen if classes[names[k]]["points"]]
@@ -205,7 +205,7 @@ def _scores(name: str, record: Mapping[str, Any], models: Sequence[Mapping[str, 
 
 
 def _tiles(record: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Say how good a model is, beside what the simplest answer would be worth."""
+    """Return the main scores of a model, beside those of the simplest baseline."""
     largest, points = max(
         ((one, row["points"]) for one, row in record["classes"].items()), key=lambda pair: pair[1], default=("–", 0)
     )
@@ -228,7 +228,7 @@ def _tiles(record: Mapping[str, Any]) -> list[dict[str, str]]:
 
 
 def _notes(record: Mapping[str, Any], models: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Name bridges that a model of this page knew before it was scored on them."""
+    """List bridges that a model was both trained and scored on."""
     return [
         f"Model {model['name']} {what} {', '.join(sorted(one[:12] for one in known))}: its scores there are too good."
         for model in models
@@ -238,7 +238,7 @@ def _notes(record: Mapping[str, Any], models: Sequence[Mapping[str, Any]]) -> li
 
 
 def _frequent_errors(record: Mapping[str, Any], names: Sequence[str]) -> list[list[str]]:
-    """List the pairs of classes that most points fall between: true class, what it was taken for, points, share."""
+    """List the most frequent confusions: true class, predicted class, points, share."""
     pairs = [
         (count, i, j) for i, row in enumerate(record["confusion"]) for j, count in enumerate(row) if i != j and count
     ]
@@ -249,7 +249,7 @@ def _frequent_errors(record: Mapping[str, Any], names: Sequence[str]) -> list[li
 
 
 def _calibration(record: Mapping[str, Any]) -> go.Figure | None:
-    """Draw how often the class is right against how likely the model says it is."""
+    """Plot the accuracy against the confidence."""
     rows = [row for row in record.get("reliability", ()) if row["points"]]
     if not rows:
         return None
@@ -272,7 +272,7 @@ def _calibration(record: Mapping[str, Any]) -> go.Figure | None:
 
 
 def _errors(record: Mapping[str, Any]) -> go.Figure | None:
-    """Draw the share of errors among the surest points."""
+    """Plot the share of errors among the points with the highest confidences."""
     if not record["coverage"]:
         return None
     figure = go.Figure(
@@ -300,7 +300,7 @@ def _instances(row: Mapping[str, Any], names: Sequence[str]) -> list[list[str]]:
 
 
 def _side_by_side(scored: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Set the IoU of each class that any of the scores has beside each other, a row each."""
+    """Compare the IoU of each class in all scores, one row each."""
     names = list(
         dict.fromkeys(name for one in scored for name, iou in one["iou"].items() if name != "mean" and iou is not None)
     )

@@ -1,4 +1,4 @@
-"""What proves a stored result whole: a manifest that holds the task, every file's hash, and a digest of itself."""
+"""Manifest of a stored result: the task, every file's hash, and a digest of the manifest itself."""
 
 import json
 import os
@@ -12,8 +12,8 @@ from groundwork.canonical import canonical_json, digest, file_digest
 from groundwork.errors import InputError
 from groundwork.files import MANIFEST, write_json, write_manifest
 
-FORMAT_VERSION = 2  # 1 had no digest of itself
-LONGEST_MANIFEST = 64e6  # [bytes] 100,000 files need a fifth of it
+FORMAT_VERSION = 2  # 1 had no digest of the manifest
+LONGEST_MANIFEST = 64e6  # [bytes] largest manifest; 100,000 files need a fifth of it
 
 
 def task_key(stage: str, version: int, settings: dict[str, Any], inputs: dict[str, str]) -> str:
@@ -33,12 +33,12 @@ def task_key(stage: str, version: int, settings: dict[str, Any], inputs: dict[st
 
 @dataclass
 class Hashes:
-    """Hashes of files, each computed once while nothing about the file changes."""
+    """Cache of file hashes, each computed once as long as the file's metadata does not change."""
 
     known: dict[tuple[int, ...], str] = field(default_factory=dict)
 
     def of(self, path: Path) -> str:
-        """Hash a file, or remember.
+        """Return the hash of a file.
 
         Args:
             path: The file.
@@ -74,16 +74,16 @@ def seal(folder: Path, record: dict[str, Any]) -> dict[str, Any]:
 
 
 def read_manifest(path: Path) -> dict[str, Any]:
-    """Read the manifest of a stored result, and prove that no bit of it has changed.
+    """Read the manifest of a stored result, and verify its digest.
 
     Args:
-        path: The manifest, in the folder of its result or kept alone.
+        path: The manifest, in the folder of its result or by itself.
 
     Returns:
         `format_version`, `key`, `stage`, `version`, `settings`, `inputs` and `files`.
 
     Raises:
-        InputError: Missing, not a manifest, or not as it was written.
+        InputError: Missing, not a manifest, or changed.
     """
     try:
         if not path.is_file() or path.is_symlink():
@@ -108,15 +108,15 @@ def read_manifest(path: Path) -> dict[str, Any]:
 
 
 def file_faults(folder: Path, files: dict[str, dict[str, Any]], hashes: Hashes | None) -> list[str]:
-    """Compare the files of a stored result with its manifest; nothing is followed out of the folder.
+    """Compare the files of a stored result with its manifest; links out of the folder are not followed.
 
     Args:
         folder: Folder of the result.
-        files: Size and SHA-256 of each, as the manifest says.
-        hashes: What has been hashed before; None compares sizes alone.
+        files: Size and SHA-256 of each, from the manifest.
+        hashes: Cache of hashes; None: compare only sizes.
 
     Returns:
-        One line for each file that is missing, changed, extra, or no plain file.
+        One line for each file that is missing, changed, extra, or not a regular file.
     """
     wrong, present = [], set()
     for path, mode in _entries(folder):
@@ -138,7 +138,7 @@ def _is_as_written(path: Path, row: dict[str, Any], hashes: Hashes | None) -> bo
 
 
 def _entries(folder: Path) -> Iterator[tuple[Path, int]]:
-    """List everything below a folder that is no folder, and what it is; a link to a folder is one entry."""
+    """List the type of everything below a folder except folders; a link to a folder is one entry."""
     with os.scandir(folder) as found:
         for entry in sorted(found, key=lambda entry: entry.name):
             if entry.is_dir(follow_symlinks=False):

@@ -1,4 +1,4 @@
-"""What became no result: a record for each rejected or failed task, so that the same work is not done in vain again."""
+"""Records of rejected and failed tasks, so that they are not repeated in vain."""
 
 import json
 import traceback
@@ -11,31 +11,31 @@ from groundwork.errors import ChildError, FalseworkError, InputError, RejectedSc
 from groundwork.files import read_json, write_json
 from groundwork.marks import TEMPORARY
 
-FORMAT_VERSION = 2  # 1 knew rejections only, and had no digest of itself
-ATTEMPTS = 3  # how often a task is tried whose process was killed from outside, short of memory for instance
+FORMAT_VERSION = 2  # 1 held only rejections, and no digest
+ATTEMPTS = 3  # attempts of a task whose process was killed from outside, such as for lack of memory
 LAST_LINES, LINE_LENGTH = 20, 300
-STOPPED = ("SIGINT", "SIGTERM", "SIGHUP")  # somebody stopped it: nothing is wrong with the task
+STOPPED = ("SIGINT", "SIGTERM", "SIGHUP")  # stopped by a user: not an error of the task
 KILLED = "SIGKILL"
-RECORD = f"{TEMPORARY}record"  # in a work folder, on its way out
+RECORD = f"{TEMPORARY}record"  # name in a work folder before it is moved
 
 
 class QuarantinedError(FalseworkError):
-    """A task failed in an earlier run; it is not tried again unless asked for."""
+    """A task failed in an earlier run; it is retried only on request."""
 
     exit_code = 3
 
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a task became no result.
+    """Reason why a task has no result.
 
     Attributes:
-        kind: `rejected` (a result: this scene can become no cloud) or `failed`.
+        kind: `rejected` (a valid result: the scene does not suffice for a cloud) or `failed`.
         reason: Short code: that of the rejection, or `input`, `child`, `killed` or `internal`.
         message: One line for people.
         signal: Name of the signal that its process died of, or empty.
-        last_lines: What its process said last.
-        attempts: How often it was tried.
+        last_lines: Last lines of its process on standard error.
+        attempts: Number of attempts.
     """
 
     kind: str
@@ -47,26 +47,26 @@ class Failure:
 
     @property
     def final(self) -> bool:
-        """Whether the next run leaves the task alone."""
+        """Whether the next run skips the task."""
         return self.reason != "killed" or self.attempts >= ATTEMPTS
 
     def as_error(self) -> FalseworkError:
-        """Give the error to raise instead of doing the work again."""
+        """Return the error to raise instead of repeating the work."""
         if self.kind == "rejected":
             return RejectedSceneError(self.reason, self.message)
         return QuarantinedError(f"{self.message} (failed before; `falsework run --retry-failed` tries it again)")
 
 
 def failure_of(error: Exception, attempts: int, root: Path) -> Failure | None:
-    """Describe an error; paths below the run are told from its root, so that the record can be moved.
+    """Describe an error; paths below the run become relative to its root, so that the run can be moved.
 
     Args:
-        error: What was raised.
-        attempts: How often the task has been tried, this time included.
+        error: The exception.
+        attempts: Number of attempts, this one included.
         root: Output folder of the run.
 
     Returns:
-        None where nothing is wrong with the task: its process was stopped from outside.
+        The failure; None if the process was stopped from outside.
     """
 
     def plain(text: str) -> str:
@@ -91,13 +91,13 @@ def failure_of(error: Exception, attempts: int, root: Path) -> Failure | None:
 
 
 def write_failure(path: Path, task: dict[str, Any], failure: Failure, work: Path) -> None:
-    """Keep a record.
+    """Write a record.
 
     Args:
         path: File to write.
         task: Stage, version, settings and inputs.
-        failure: What happened.
-        work: Work folder of the task, in our hands; what a killed process leaves there is swept.
+        failure: The failure.
+        work: Locked work folder of the task; leftovers of a killed process there are removed.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.is_dir():
@@ -114,7 +114,7 @@ def read_failure(path: Path) -> Failure | None:
         path: Its file.
 
     Returns:
-        None where there is none, or it is torn: the task is then tried again.
+        The failure; None if there is no record or it is damaged: the task is then retried.
     """
     try:
         record = read_json(path)

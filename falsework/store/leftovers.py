@@ -1,4 +1,4 @@
-"""What killed runs left in a run's folder and no process holds: found and measured first, then removed under locks."""
+"""Leftovers of killed processes in a run's folder: found and measured first, then removed under locks."""
 
 import os
 import re
@@ -24,10 +24,10 @@ class Leftover:
     """Something in a run's folder that is not needed.
 
     Attributes:
-        about: What it is, for people.
-        paths: Its files, links and folders; of a stored result its folder, and then the links that lead to it.
-        key: Key of the result whose lock has to be held while they go; empty where none has to.
-        is_result: Whether it is a stored result, which has to go at once.
+        about: Description for people.
+        paths: Its files, links and folders; of a stored result its folder, and then the links to it.
+        key: Key of the result whose lock must be held during the removal; empty for none.
+        is_result: Whether it is a stored result, which must disappear at once.
     """
 
     about: str
@@ -37,7 +37,7 @@ class Leftover:
 
 
 def abandoned(root: Path) -> list[Leftover]:
-    """Find what killed processes left: half-made results, temporary files, and records that a result has outlived.
+    """Find leftovers of killed processes: unfinished results, temporary files, and records with a later result.
 
     Args:
         root: Output folder of a run.
@@ -49,7 +49,7 @@ def abandoned(root: Path) -> list[Leftover]:
         if _is_temporary(path)
     ]
     found = [one for one in _rooms(root) if not is_held(root / "work" / f"{one.key}.lock")]
-    if not is_in_use(root):  # asked after they were seen: whoever wrote one has ended
+    if not is_in_use(root):  # checked after listing them, so that their writers have ended
         found += [Leftover("temporary file", (path,)) for path in temporaries]
     present = {path.parent.name for path in root.glob(f"store/*/*/{MANIFEST}")}
     for path in sorted(root.glob("failed/*.json")):
@@ -59,7 +59,7 @@ def abandoned(root: Path) -> list[Leftover]:
 
 
 def is_in_use(root: Path) -> bool:
-    """Tell whether a process is making anything in a run's folder just now.
+    """Tell whether a process is working in a run's folder.
 
     Args:
         root: Output folder of a run.
@@ -72,7 +72,7 @@ def is_held(lock: Path) -> bool:
     """Tell whether another process holds a lock, or could on a file system without locks.
 
     Args:
-        lock: The lock file; where there is none, no process holds it.
+        lock: The lock file; if it is missing, no process holds it.
     """
     if not lock.is_file():
         return lock.is_symlink() or lock.exists()
@@ -84,14 +84,14 @@ def is_held(lock: Path) -> bool:
 
 
 def remove_leftover(root: Path, leftover: Leftover) -> bool:
-    """Remove something, unless a process has begun to work on it.
+    """Remove a leftover, unless a process has begun to work on it.
 
     Args:
         root: Output folder of the run.
-        leftover: What is not needed.
+        leftover: The leftover.
 
     Returns:
-        Whether it is gone.
+        Whether it was removed.
     """
     if not leftover.key:
         for path in leftover.paths:
@@ -119,11 +119,11 @@ def remove_leftover(root: Path, leftover: Leftover) -> bool:
 
 
 def unshared_textures(root: Path, leftovers: Iterable[Leftover]) -> list[Leftover]:
-    """Find the textures of the run that no scene uses once something else is gone.
+    """Find the textures of the run that no scene uses after a removal.
 
     Args:
         root: Output folder of the run.
-        leftovers: What will be gone.
+        leftovers: What will be removed.
     """
     links = _links(leftovers)
     found = []
@@ -136,10 +136,10 @@ def unshared_textures(root: Path, leftovers: Iterable[Leftover]) -> list[Leftove
 
 
 def bytes_freed(leftovers: Iterable[Leftover]) -> int:
-    """Measure what becomes free [bytes]: a file of several links counts when all of them go.
+    """Measure the space that becomes free [bytes]: a file with several links counts if all are removed.
 
     Args:
-        leftovers: What will be gone.
+        leftovers: What will be removed.
     """
     leftovers = list(leftovers)
     links = _links(leftovers)
@@ -148,7 +148,7 @@ def bytes_freed(leftovers: Iterable[Leftover]) -> int:
 
 
 def _rooms(root: Path) -> Iterator[Leftover]:
-    """List what lies in `work/` under names of ours, by key; a folder of a system without locks has an owner."""
+    """List the folders in `work/` with our names, by key; on a file system without locks a folder has an owner."""
     room = root / "work"
     names = {path.name.partition(".")[0] for path in room.iterdir()} if room.is_dir() else set()
     for key in sorted(names):

@@ -20,14 +20,14 @@ from groundwork.locks import hold_lock
 
 @dataclass(frozen=True)
 class Task:
-    """One result that shall exist: plain data, so that any worker can take it.
+    """Description of one result as plain data, so that any worker can make it.
 
     Attributes:
         stage: Name of the stage that makes it, a row of `falsework.stages.STAGES`.
         version: Version of that stage's code.
         settings: JSON settings that the result depends on, seeds and platform included.
         inputs: Name of each input to the key of the task (or the content hash of the foreign folder) that made it.
-        manner: JSON settings of how the work is done (number of processes …) that change no byte of the result.
+        manner: JSON settings of the work (number of processes …) that change no byte of the result.
     """
 
     stage: str
@@ -43,7 +43,7 @@ class Task:
 
     @property
     def record(self) -> dict[str, Any]:
-        """What the key is the hash of."""
+        """The data that the key is the hash of."""
         return {"stage": self.stage, "version": self.version, "settings": self.settings, "inputs": self.inputs}
 
 
@@ -51,7 +51,7 @@ class Store:
     """Results below one folder: `store/<stage>/<key>/`, work in `work/<key>/`, failures in `failed/<key>.json`."""
 
     def __init__(self, root: Path) -> None:
-        """Point at a run's output folder.
+        """Open a run's output folder.
 
         Args:
             root: The folder; sub-folders are made as needed.
@@ -60,7 +60,7 @@ class Store:
         self._hashes: Hashes | None = Hashes()
 
     def folder(self, task: Task) -> Path:
-        """Tell where a task's result stands, or will stand.
+        """Return the folder of a task's result, whether it exists or not.
 
         Args:
             task: The task.
@@ -68,7 +68,7 @@ class Store:
         return self.root / "store" / task.stage / task.key
 
     def has(self, task: Task) -> bool:
-        """Tell whether a result is there; a folder under its final name is always whole.
+        """Tell whether a result exists; a folder with its final name is always complete.
 
         Args:
             task: The task.
@@ -85,23 +85,23 @@ class Store:
         quarantine: bool = False,
         retry: bool = False,
     ) -> bool:
-        """Make a result unless it is there already; safe against other processes and against being killed.
+        """Make a result unless it exists; safe with other processes and against kills.
 
         Args:
-            task: What to make.
-            make: Called with an empty folder to fill.
-            resume: Call it with what an interrupted run of the same task left instead.
-            wait: Wait for another process that makes the same result.
-            quarantine: Keep a record of an error, too, so that the next run leaves the task alone.
-            retry: Try again what failed before; rejections stand.
+            task: The task.
+            make: Function that fills an empty folder.
+            resume: Call it with the folder of an interrupted run of the same task instead.
+            wait: Wait for another process that is making the same result.
+            quarantine: Write a record also of an error, so that the next run skips the task.
+            retry: Retry what failed before, except rejections.
 
         Returns:
-            True when it was made now, False when it was there.
+            True if it was made, False if it existed.
 
         Raises:
             RejectedSceneError: The scene was rejected, now or in an earlier run.
             QuarantinedError: It failed in an earlier run.
-            BusyError: Another process makes it, and we do not wait.
+            BusyError: Another process is making it, and we do not wait.
         """
         if self.has(task):
             return False
@@ -134,7 +134,7 @@ class Store:
             task: What made it.
 
         Returns:
-            One line for everything that is not as it was written.
+            One line for each fault.
         """
         folder = self.folder(task)
         try:
@@ -146,7 +146,7 @@ class Store:
         return [f"{folder}/{line}" for line in file_faults(folder, manifest["files"], self._hashes)]
 
     def discard(self, task: Task) -> bool:
-        """Take a result away if it is damaged, so that it is made again.
+        """Remove a damaged result, so that it is remade.
 
         Args:
             task: What made it.
@@ -162,7 +162,7 @@ class Store:
         return True
 
     def failure(self, task: Task) -> Failure | None:
-        """Tell why a task became no result in an earlier run, if it did not.
+        """Return the failure of a task in an earlier run, or None.
 
         Args:
             task: The task.
@@ -170,14 +170,14 @@ class Store:
         return read_failure(self._failure_file(task))
 
     def raise_former_failure(self, task: Task, retry: bool = False) -> Failure | None:
-        """Refuse a task that became no result in an earlier run.
+        """Refuse a task that was rejected or failed in an earlier run.
 
         Args:
             task: The task.
             retry: Refuse rejections only.
 
         Returns:
-            The record of an earlier try after which another one is worth while.
+            The record of an earlier attempt that may be repeated, or None.
 
         Raises:
             RejectedSceneError: It was rejected.
@@ -189,7 +189,7 @@ class Store:
         return former
 
     def files(self, task: Task) -> dict[str, Any] | None:
-        """Give size and hash of each file that a result was written with; None where its manifest cannot tell.
+        """Return size and hash of each file of a result; None if its manifest is damaged.
 
         Args:
             task: What made it.
@@ -200,15 +200,15 @@ class Store:
             return None
 
     def link(self, name: str, task: Task, file: str = "") -> None:
-        """Point a readable name at a stored result with a relative link, replacing an older one at once.
+        """Link a readable name to a stored result with a relative link, replacing an older link atomically.
 
         Args:
             name: Path below the run's folder, e.g. `scenes/0000/stage`.
             task: What made the result.
-            file: A file of the result to point at.
+            file: File of the result to link to; empty for its folder.
 
         Raises:
-            InputError: Something that is not a link stands there.
+            InputError: The name exists and is not a link.
         """
         link = self.root / name
         text = os.path.relpath(self.folder(task) / file, link.parent)
@@ -224,7 +224,7 @@ class Store:
                 self._replace_link(link, text)
 
     def unlink(self, name: str) -> None:
-        """Take a readable name away; what is no link is not ours.
+        """Remove a readable name if it is a link.
 
         Args:
             name: Path below the run's folder.
@@ -233,11 +233,11 @@ class Store:
             (self.root / name).unlink(missing_ok=True)
 
     def evict(self, task: Task, link: str) -> None:
-        """Let a result go that was only needed for others; what it was stays known.
+        """Evict a result that was only needed for others; its hashes are recorded.
 
         Args:
             task: What made it.
-            link: Readable name that leads to it, path below the run's folder.
+            link: Readable name of it, path below the run's folder.
         """
         folder, record = self.folder(task), self._eviction(task)
         text = (folder / MANIFEST).read_text(encoding="utf-8")
@@ -251,7 +251,7 @@ class Store:
             set_aside(folder, work)
 
     def evicted_files(self, task: Task) -> dict[str, Any] | None:
-        """Give size and hash of each file of a result that was let go; None where none was.
+        """Return size and hash of each file of an evicted result; None if it was not evicted.
 
         Args:
             task: What made it.
@@ -262,7 +262,7 @@ class Store:
             return None
 
     def sweep(self) -> None:
-        """Remove what killed processes left and no process can resume."""
+        """Remove leftovers of killed processes that cannot be resumed."""
         present = {path.parent.name for path in self.root.glob(f"store/*/*/{MANIFEST}")}
         for path in sorted(self.root.glob("failed/*.json")):
             if path.stem in present:  # killed between the two
@@ -272,7 +272,7 @@ class Store:
         sweep(self.root, lambda key: key in present or key in hopeless)
 
     def verify(self) -> list[str]:
-        """Compare everything that is stored with what was written, and with what refers to it.
+        """Verify all stored results against their manifests and against links and records.
 
         Returns:
             One line per file, result, link or record that is missing, changed, misplaced or foreign.
@@ -282,13 +282,13 @@ class Store:
     def _commit(self, task: Task, work: Path) -> None:
         folder = self.folder(task)
         if os.path.lexists(folder) and not self.has(task):
-            remove(folder)  # a result whose manifest is gone is none
+            remove(folder)  # a result without its manifest does not count
         try:
             commit_folder(work, folder)
         except OSError as error:
             if isinstance(error, FalseworkError) or not self.has(task):
                 raise
-            remove(work)  # without locks somebody else was faster, with the same bytes
+            remove(work)  # without locks another process was faster, with the same bytes
 
     def _replace_link(self, link: Path, text: str) -> None:
         if str(link.readlink()) == text:
@@ -319,7 +319,7 @@ class Store:
 
 
 def _is_of_the_task(error: Exception) -> bool:
-    """Whether another try must end in the same way; the system's errors (a network that is down …) may not."""
+    """Tell whether a retry must fail in the same way; after system errors (network down …) it may not."""
     return not passing_code(error) and (
         isinstance(error, FalseworkError) or not isinstance(error, OSError | MemoryError)
     )

@@ -1,4 +1,4 @@
-"""Textures that many scenes of one run have in common: one file, `store/texture/<sha256>`, linked into each of them."""
+"""Sharing of textures between the scenes of a run: one file, `store/texture/<sha256>`, hard-linked into each scene."""
 
 import os
 from collections.abc import Iterator
@@ -9,18 +9,18 @@ from falsework.store.artefact import Hashes
 from groundwork.canonical import file_digest
 
 POOL = "texture"
-STAGE = "stage"  # the results that hold textures
+STAGE = "stage"  # stage whose results hold textures
 SUFFIXES = (".jpg", ".png", ".exr", ".hdr")
-LEAST = 4096  # [bytes] what is smaller fits into a block
+LEAST = 4096  # [bytes] smaller files fit into one block
 
 
 def share_textures(root: Path, folder: Path, files: dict[str, dict[str, Any]]) -> None:
-    """Replace the textures of a finished scene by links to those of the run, or make them the run's.
+    """Replace the textures of a finished scene by links to shared ones, or share them.
 
     Args:
         root: Output folder of the run.
         folder: The finished scene, its files read-only.
-        files: Size and SHA-256 of each, as its manifest says.
+        files: Size and SHA-256 of each, from its manifest.
     """
     pool = root / "store" / POOL
     for name, row in sorted(files.items()):
@@ -29,7 +29,7 @@ def share_textures(root: Path, folder: Path, files: dict[str, dict[str, Any]]) -
         pool.mkdir(parents=True, exist_ok=True)
         try:
             _share(folder / name, pool / row["sha256"])
-        except OSError:  # no links here, or too many of one file: a copy is as good
+        except OSError:  # no hard links here, or too many of one file: it stays a copy
             continue
 
 
@@ -38,7 +38,7 @@ def _share(file: Path, shared: Path) -> None:
         os.link(file, shared)
     except FileExistsError:
         if shared.is_symlink() or not shared.is_file() or file_digest(shared) != shared.name:
-            shared.unlink()  # somebody painted on it
+            shared.unlink()  # it was changed
             os.link(file, shared)
             return
         fresh = file.with_name(f".{file.name}.shared")
@@ -51,10 +51,10 @@ def pool_faults(root: Path, hashes: Hashes) -> Iterator[tuple[Path, str]]:
 
     Args:
         root: Output folder of a run.
-        hashes: What has been hashed before.
+        hashes: Cache of hashes.
 
     Yields:
-        Path of each that is not what its name says, and a line about it.
+        Path of each texture whose hash differs from its name, and a line about it.
     """
     pool = root / "store" / POOL
     for path in sorted(pool.iterdir()) if pool.is_dir() else []:

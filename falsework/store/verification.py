@@ -1,4 +1,4 @@
-"""Whether a run's folder holds what was written: every bit of every result, and everything that others refer to."""
+"""Verification of a run's folder: all files of all results, and all references to them."""
 
 import os
 from collections.abc import Iterator
@@ -13,21 +13,21 @@ from groundwork.errors import InputError
 from groundwork.files import MANIFEST
 from groundwork.settings import read_toml
 
-# The first part of an input's name tells the stage that made it.
+# The first part of an input's name is the stage that made it.
 REFERRED = ("stage", "capture", "model", "cloud", "sample", "noise", "pieces", "training")
 KEY_LENGTH = 64
 
 
 @dataclass
 class Findings:
-    """What is wrong with a run's folder.
+    """Faults of a run's folder.
 
     Attributes:
         lines: One line for each fault.
-        damaged: `<stage>/<key>` of each result that is missing or not as it was written.
-        manifests: `<stage>/<key>` to the manifest of each result whose manifest is whole.
-        misplaced: `<stage>/<key>` of each whole manifest that stands elsewhere, to where it belongs.
-        broken: Records, links and shared textures that are of no use.
+        damaged: `<stage>/<key>` of each result that is missing or changed.
+        manifests: `<stage>/<key>` to the manifest of each result with an intact manifest.
+        misplaced: `<stage>/<key>` of each intact manifest in a wrong place, to its right place.
+        broken: Records, links and shared textures that are invalid.
     """
 
     lines: list[str] = field(default_factory=list)
@@ -37,11 +37,11 @@ class Findings:
     broken: list[Path] = field(default_factory=list)
 
     def add(self, line: str, result: str = "") -> None:
-        """Note a fault.
+        """Add a fault.
 
         Args:
-            line: What is wrong, and where.
-            result: `<stage>/<key>` of the result that it spoils, or empty.
+            line: The fault and its place.
+            result: `<stage>/<key>` of the damaged result, or empty.
         """
         self.lines.append(line)
         if result:
@@ -49,7 +49,7 @@ class Findings:
 
 
 def verify(root: Path) -> list[str]:
-    """Compare everything that is stored with what was written, and with what refers to it.
+    """Verify all stored results against their manifests and against links and records.
 
     Args:
         root: Output folder of a run.
@@ -61,7 +61,7 @@ def verify(root: Path) -> list[str]:
 
 
 def inspect(root: Path) -> Findings:
-    """Read a whole store, and what refers to it.
+    """Inspect a whole store, and all references to it.
 
     Args:
         root: Output folder of a run.
@@ -122,7 +122,7 @@ def _inspect_result(root: Path, folder: Path, findings: Findings, hashes: Hashes
 
 
 def _inspect_inputs(root: Path, findings: Findings) -> None:
-    """Look for the inputs of every result; a stage from elsewhere is not ours to look for."""
+    """Check that the inputs of every result exist; external stages are not checked."""
     foreign_stage = _starts_from_a_stage(root)
     for place, manifest in sorted(findings.manifests.items()):
         for name, key in sorted(manifest["inputs"].items()):
@@ -154,7 +154,7 @@ def _inspect_links(root: Path, findings: Findings) -> None:
 
 
 def _evicted(root: Path, stage: str, key: str) -> bool:
-    """Whether a result was let go after others had been made from it."""
+    """Tell whether a result was evicted after others had been made from it."""
     try:
         return read_manifest(root / "evicted" / stage / f"{key}.json")["key"] == key
     except InputError:

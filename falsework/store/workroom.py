@@ -1,4 +1,4 @@
-"""`OUT/work`: one locked folder for each unfinished result; those without a holder are removed."""
+"""`OUT/work`: one locked folder for each unfinished result; folders that no process holds are removed."""
 
 import os
 import secrets
@@ -12,25 +12,25 @@ from pathlib import Path
 from groundwork.errors import InputError
 from groundwork.locks import BusyError, hold_lock
 
-LINKS = "link"  # stands where a key stands, for links that are about to replace others
-DAMAGED = "aside"  # what follows the key of a result that was set aside
+LINKS = "link"  # in place of a key, for links that replace others
+DAMAGED = "aside"  # suffix of the key of a result that was set aside
 
 
 @contextmanager
 def work_folder(root: Path, key: str, *, wait: bool = True) -> Iterator[Path]:
-    """Give the folder to make a result in, under a lock: one process makes a result.
+    """Yield the locked folder in which a result is made, so that only one process makes it.
 
     Args:
         root: Output folder of the run.
         key: Key of the result.
-        wait: Wait for another process that makes it.
+        wait: Wait for another process that is making it.
 
     Yields:
-        `work/<key>`, in which an interrupted try may have left something; on a file system without locks one that
-        nobody else knows.
+        `work/<key>`, which may hold files of an interrupted attempt; on a file system without locks a folder with a
+        unique name.
 
     Raises:
-        BusyError: Another process makes it, and we do not wait.
+        BusyError: Another process is making it, and we do not wait.
     """
     room = root / "work"
     room.mkdir(parents=True, exist_ok=True)
@@ -44,11 +44,11 @@ def work_folder(root: Path, key: str, *, wait: bool = True) -> Iterator[Path]:
 
 
 def sweep(root: Path, finished: Callable[[str], bool]) -> None:
-    """Remove what killed processes left and no process can resume.
+    """Remove leftovers of killed processes that cannot be resumed.
 
     Args:
         root: Output folder of the run.
-        finished: Tells of a key whether its result is there, or will never be.
+        finished: Tells whether the result of a key exists, or will never exist.
     """
     room = root / "work"
     if not room.is_dir():
@@ -60,7 +60,7 @@ def sweep(root: Path, finished: Callable[[str], bool]) -> None:
                 if held:
                     _sweep_one(room, key, finished)
                     lock.unlink(missing_ok=True)
-        except (BusyError, InputError):  # somebody works there; or something stands there that is not ours
+        except (BusyError, InputError):  # another process holds it, or it is not ours
             continue
 
 
@@ -75,11 +75,11 @@ def _sweep_one(room: Path, key: str, finished: Callable[[str], bool]) -> None:
 
 
 def set_aside(folder: Path, work: Path) -> None:
-    """Take a stored result away: gone at once, its bytes a little later.
+    """Remove a stored result: its name at once, its files afterwards.
 
     Args:
-        folder: The result, or whatever stands in its place.
-        work: The work folder of its key, in our hands.
+        folder: The result, or anything else in its place.
+        work: The locked work folder of its key.
     """
     aside = work.with_name(f"{work.name}.{DAMAGED}")
     remove(aside)
@@ -88,10 +88,10 @@ def set_aside(folder: Path, work: Path) -> None:
 
 
 def plain_files(path: Path) -> Iterator[os.stat_result]:
-    """Describe each plain file of a folder, or that file alone; what goes meanwhile is left out, as are links.
+    """Describe each regular file of a folder, or a single file; links and files that disappear meanwhile are skipped.
 
     Args:
-        path: File or folder; need not be there.
+        path: File or folder; it need not exist.
     """
     tops = [str(path)] if not path.is_dir() else []
     names = (os.path.join(folder, name) for folder, _, files in os.walk(path) for name in files)  # noqa: PTH118
@@ -103,10 +103,10 @@ def plain_files(path: Path) -> Iterator[os.stat_result]:
 
 
 def remove(path: Path) -> None:
-    """Remove a file, link or folder, or nothing.
+    """Remove a file, link or folder, if it exists.
 
     Args:
-        path: What shall not be there.
+        path: Path to remove.
     """
     if path.is_symlink() or path.is_file():
         path.unlink(missing_ok=True)

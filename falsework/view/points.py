@@ -1,4 +1,4 @@
-"""Points of a cloud as one looks at them: which are shown, which one a ray means, and what is known of it."""
+"""Points in the viewer: which are shown, which one a click selects, and its facts."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
 PAINTS = ("RGB", "class", "instance", "uncertainty")
-CONE = 0.008  # [rad] how far beside the ray a point may lie, as seen from the eye
+CONE = 0.008  # [rad] largest angle between the ray and a point
 _GRAY = (154, 160, 166)
 
 
@@ -27,7 +27,7 @@ class Sighting:
     Attributes:
         image: Name of the image.
         row: Its row in the list of cameras of the cloud.
-        pixel: Where it saw it [px], the top-left pixel's centre is (0.5, 0.5).
+        pixel: Pixel of the point [px]; the centre of the top-left pixel is (0.5, 0.5).
     """
 
     image: str
@@ -37,7 +37,7 @@ class Sighting:
 
 @dataclass(frozen=True)
 class PointFacts:
-    """What is known of one point.
+    """Facts of one point.
 
     Attributes:
         row: Its row in the cloud.
@@ -45,7 +45,7 @@ class PointFacts:
         class_name: Its class.
         instance: Component id, 0 for none.
         component: Kind of component, or empty.
-        uncertainty: Its uncertainty [m]; NaN where it is not known.
+        uncertainty: Its uncertainty [m]; NaN if unknown.
         sightings: The images that saw it.
     """
 
@@ -58,7 +58,7 @@ class PointFacts:
     sightings: tuple[Sighting, ...]
 
     def as_markdown(self) -> str:
-        """Spell it for the viewer; names from files are code, in which nothing is read as a tag or a link."""
+        """Format it as Markdown; names from files are formatted as code, so that they cannot become tags or links."""
         sure = "not known" if np.isnan(self.uncertainty) else f"{1000.0 * self.uncertainty:.1f} mm"
         lines = [
             f"**class** {as_code(self.class_name)}",
@@ -72,7 +72,7 @@ class PointFacts:
 
 
 def as_code(text: str) -> str:
-    """Spell text from a file so that Markdown shows every sign of it.
+    """Format text from a file as Markdown code that shows every character.
 
     Args:
         text: Any text.
@@ -82,11 +82,11 @@ def as_code(text: str) -> str:
 
 
 def shown_rows(cloud: "Cloud", limit: float, classes: Collection[int]) -> NDArray[np.int64]:
-    """Choose the points of some classes that are sure enough.
+    """Choose the points of some classes up to an uncertainty.
 
     Args:
         cloud: A cloud.
-        limit: Largest uncertainty [m]; +inf shows those of unknown uncertainty, too.
+        limit: Largest uncertainty [m]; +inf also shows points of unknown uncertainty.
         classes: Class ids.
 
     Returns:
@@ -94,12 +94,12 @@ def shown_rows(cloud: "Cloud", limit: float, classes: Collection[int]) -> NDArra
     """
     mine = np.isin(cloud.columns["segment"], list(classes))
     if np.isfinite(limit):
-        mine &= cloud.columns["uncertainty"] <= limit  # not known is not sure
+        mine &= cloud.columns["uncertainty"] <= limit  # unknown counts as above every limit
     return np.flatnonzero(mine)
 
 
 def point_colors(cloud: "Cloud", paint: str) -> U8:
-    """Paint all points of a cloud.
+    """Colour all points of a cloud.
 
     Args:
         cloud: A cloud.
@@ -123,11 +123,11 @@ def point_colors(cloud: "Cloud", paint: str) -> U8:
 
 
 def picked_row(places: F64, origin: F64, direction: F64) -> int:
-    """Find the point that a ray means: the first that lies within a narrow cone about it.
+    """Find the point that a ray selects: the first within a narrow cone about it.
 
     Args:
         places: Positions of the points that are shown [m], shape (K, 3), float64.
-        origin: Where the ray begins [m], shape (3,), float64.
+        origin: Origin of the ray [m], shape (3,), float64.
         direction: Unit vector along it [1], shape (3,), float64.
 
     Returns:
@@ -139,13 +139,13 @@ def picked_row(places: F64, origin: F64, direction: F64) -> int:
     inside = np.flatnonzero((along > 1e-6) & (beside <= CONE * along))
     if not len(inside):
         return -1
-    # Of those in front the one nearest to the ray: a point two cone widths behind another is behind it.
+    # Of the foremost points the one nearest to the ray; points within two cone widths in depth count as equally far.
     front = inside[along[inside] <= along[inside].min() * (1.0 + 4.0 * CONE)]
     return int(front[np.argmin(beside[front] / along[front])])
 
 
 def point_facts(cloud: "Cloud", row: int) -> PointFacts:
-    """Say what is known of a point.
+    """Return the facts of a point.
 
     Args:
         cloud: A cloud.

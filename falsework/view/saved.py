@@ -1,4 +1,4 @@
-"""The viewer as one page without a server: stage, cameras, pictures and a cloud, and what is known of each point."""
+"""The viewer as one page without a server: stage, cameras, pictures and a cloud, with facts of each point."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,10 +19,10 @@ from usd_schemas.components import UNLABELED
 if TYPE_CHECKING:
     from recon.cloud import Cloud
 
-CORNERS = 6000  # that stand for a stage without flight and cloud
+CORNERS = 6000  # points that represent a stage without flight and cloud
 POINTS, VIEWS = 50_000, 8  # of the page, which stays below 10 MB
 TRIANGLES = 150_000
-REACH = 200.0  # [m] round the bridge; a 65,535th of twice that is 6 mm
+REACH = 200.0  # [m] around the bridge; 1/65,535 of twice that is 6 mm
 
 
 def save_view(path: Path, subject: Subject, cloud_name: str, place: str, progress: Progress) -> None:
@@ -31,8 +31,8 @@ def save_view(path: Path, subject: Subject, cloud_name: str, place: str, progres
     Args:
         path: HTML file to write.
         subject: What to show.
-        cloud_name: Which of its clouds; empty for the first.
-        place: Way from the page to the folder of the scene, or empty where it has no captures in it.
+        cloud_name: Name of one of its clouds; empty for the first.
+        place: Relative path from the page to the folder of the scene, or empty if it has no captures.
         progress: Listener.
 
     Raises:
@@ -71,7 +71,7 @@ def save_view(path: Path, subject: Subject, cloud_name: str, place: str, progres
 
 
 def corner_cloud(surfaces: Surfaces) -> "Cloud":
-    """Make points of some corners of a surface, so that a stage alone has something to frame.
+    """Make points from some corners of a surface, so that a stage without a cloud can be framed.
 
     Args:
         surfaces: The surface.

@@ -1,4 +1,4 @@
-"""What there is to look at in a folder: a stage, its captures and its clouds."""
+"""Content of a folder for the viewer: a stage, its captures and its clouds."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ USD = (".usda", ".usdc", ".usd", ".usdz")
 
 @dataclass(frozen=True)
 class Subject:
-    """What is shown together.
+    """A stage, captures and clouds that are shown together.
 
     Attributes:
-        name: What it is called.
+        name: Name of the subject.
         stage: Root layer, or None.
         captures: Folder of each capture by its name.
-        clouds: Folder of each cloud by its name; what stands before a + is the name of its capture.
+        clouds: Folder of each cloud by its name; the part before a + is the name of its capture.
     """
 
     name: str
@@ -27,7 +27,7 @@ class Subject:
     clouds: Mapping[str, Path]
 
     def capture_of(self, cloud: str) -> Path | None:
-        """Find the capture that a cloud was made from, where it is there.
+        """Find the capture of a cloud, if it exists.
 
         Args:
             cloud: Name of the cloud.
@@ -37,14 +37,14 @@ class Subject:
 
 
 def find_subject(place: Path) -> Subject:
-    """Find what there is to look at.
+    """Find the stage, captures and clouds of a folder.
 
     Args:
         place: Folder or USD file.
 
     Raises:
         MissingError: There is no such folder or file.
-        InputError: Nothing there can be shown.
+        InputError: It contains nothing that can be shown.
     """
     if not place.exists():
         raise MissingError("no such file or folder", where=place, hint="Check the path")

@@ -1,4 +1,4 @@
-"""The surfaces of a stage, read in a child, with its variants."""
+"""The surfaces and variants of a stage, read in a child process."""
 
 import tempfile
 from collections.abc import Mapping
@@ -17,13 +17,13 @@ TIME_LIMIT, MEMORY_LIMIT = 600.0, 8.0  # [s], [GB]
 
 @dataclass(frozen=True)
 class VariantSet:
-    """A choice that a stage offers.
+    """A variant set of a stage.
 
     Attributes:
         prim: Prim path.
         name: Name of the variant set.
         names: Its variants.
-        selected: The one that the stage has selected.
+        selected: The selected variant.
     """
 
     prim: str
@@ -43,13 +43,13 @@ def read_surfaces(
 
     Args:
         stage: USD file.
-        most: Triangles at most; what is left out first are small ones of the surroundings.
+        most: Largest number of triangles; small ones of the surroundings are left out first.
         progress: Listener.
-        chosen: Prim path and variant set to the variant that shall be shown instead of the stage's own.
-        reach: How far from the bridge its surroundings are shown [m]; None shows all of them.
+        chosen: Prim path and variant set to the variant to show instead of the stage's selection.
+        reach: Largest distance of shown surroundings from the bridge [m]; None: all.
 
     Returns:
-        The surfaces, and the choices that the stage offers.
+        The surfaces, and the variant sets of the stage.
 
     Raises:
         InputError: Not a stage, or more than can be read safely.

@@ -1,4 +1,4 @@
-"""The viewer: stage, cameras, pictures and cloud in a browser on this machine, and what is known of a point."""
+"""The viewer: stage, cameras, pictures and cloud in a browser on this machine, with facts of selected points."""
 
 import threading
 from collections.abc import Callable
@@ -29,25 +29,25 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
-LOOPBACK = "127.0.0.1"  # nobody else on the network may look
+LOOPBACK = "127.0.0.1"  # not reachable from the network
 SHOWN_POINTS = 400_000
 TRIANGLES = 250_000
-PICTURE = 160  # [px] width of the pictures in frusta
+PICTURE = 160  # [px] width of the pictures in the frusta
 MOST_PICTURES = 150
-CROP, CROPS = 120, 3  # [px] around a pixel; images of which a crop is shown
-SLIDER_LOW, SLIDER_HIGH = -3.0, 1.0  # decades of uncertainty in metres; the right end is any
+CROP, CROPS = 120, 3  # [px] size of a crop around a pixel; number of images with a crop
+SLIDER_LOW, SLIDER_HIGH = -3.0, 1.0  # range of the slider: log10 of the uncertainty in metres; the right end: no limit
 RAY, MARK = (235, 160, 40), (255, 90, 60)
 OK, LOST = (61, 124, 192), (209, 69, 59)
 
 
 @dataclass
 class _Shown:
-    """The cloud that is shown just now.
+    """The cloud that is currently shown.
 
     Attributes:
         cloud: All of it.
-        rows: Rows that pass slider and switches, and of which the shown ones are drawn.
-        flight: Where its images were taken from.
+        rows: Rows that pass slider and switches; a part of them is drawn.
+        flight: Poses of its images.
         capture: Their capture, or None.
     """
 
@@ -60,17 +60,17 @@ class _Shown:
 class Viewer:
     """A subject on a server of its own.
 
-    Everything that a click or a control does is a method, so that it can be done without a browser, too.
+    Every action of a click or a control is a method, so that it can also be called without a browser.
     """
 
     def __init__(self, subject: Subject, port: int, progress: Progress, cloud: str = "") -> None:
         """Start the server and show the subject.
 
         Args:
-            subject: What to look at.
-            port: Port; of one that is taken, the next free one is used.
+            subject: What to show.
+            port: Port; if it is taken, the next free one is used.
             progress: Listener.
-            cloud: Which of its clouds is shown first; empty for the first.
+            cloud: Name of the cloud to show first; empty for the first one.
         """
         self.subject, self.progress = subject, progress
         with redirect_stdout(StringIO()):  # its banner
@@ -97,12 +97,12 @@ class Viewer:
 
     @property
     def address(self) -> str:
-        """Where a browser finds it."""
+        """Address for the browser."""
         return f"http://{LOOPBACK}:{self.server.get_port()}"
 
     @property
     def cloud_name(self) -> str:
-        """Name of the cloud that is chosen; empty where there is none."""
+        """Name of the selected cloud; empty if there is none."""
         return str(self.clouds.value) if self.subject.clouds else ""
 
     def stop(self) -> None:
@@ -114,7 +114,7 @@ class Viewer:
         """Show another cloud, with the cameras of its images.
 
         Args:
-            name: Name of the cloud, or empty for the cameras alone.
+            name: Name of the cloud, or empty for the cameras only.
         """
         from recon.cloud import read_cloud
 
@@ -133,7 +133,7 @@ class Viewer:
         self.refresh()
 
     def refresh(self) -> None:
-        """Draw the points that slider, switches and colour ask for."""
+        """Draw the points with the current settings of slider, switches and colour."""
         with self._lock:
             if self.shown is None:
                 return
@@ -163,14 +163,14 @@ class Viewer:
         return float("inf") if value >= SLIDER_HIGH else 10.0**value
 
     def click(self, origin: tuple[float, float, float], direction: tuple[float, float, float]) -> PointFacts | None:
-        """Tell what is known of the point that a ray means, and show the images that saw it.
+        """Show the facts of the point that a ray selects, and the images that saw it.
 
         Args:
-            origin: Where the ray begins, as drawn [m].
-            direction: Along it [1].
+            origin: Origin of the ray in drawn coordinates [m].
+            direction: Direction of the ray [1].
 
         Returns:
-            What is told, or None where the ray means no point.
+            The shown text, or None if the ray selects no point.
         """
         with self._lock:
             for mark in self._marks:
@@ -189,7 +189,7 @@ class Viewer:
         self.click(event.ray_origin, event.ray_direction)
 
     def choose_variant(self, prim: str, name: str, value: str) -> None:
-        """Show the stage with another variant; bridge and cameras stay, as surroundings move neither.
+        """Show the stage with another variant; it moves neither bridge nor cameras.
 
         Args:
             prim: Prim path of the variant set.
@@ -305,7 +305,7 @@ class Viewer:
                 self.crops.image = pixels
 
     def _tell(self) -> None:
-        """Show what is known of the point that was clicked."""
+        """Show the facts of the selected point."""
         facts, shown = self.facts, self.shown
         self.told.content = "Click a point." if facts is None else facts.as_markdown()
         self.crops.visible = False
@@ -324,7 +324,7 @@ class Viewer:
             self.crops.visible = True
 
     def _first_place(self, surfaces: Surfaces | None) -> F64:
-        """Find what positions on the screen count from, so that single precision is fine [m]."""
+        """Choose the origin of drawn coordinates, so that single precision suffices [m]."""
         from recon.cloud import read_cloud
 
         for folder in self.subject.clouds.values():
@@ -334,7 +334,7 @@ class Viewer:
         return np.zeros(3) if surfaces is None else np.median(surfaces.corners.reshape(-1, 3), axis=0)
 
     def _aim(self) -> None:
-        """Look at the bridge from aside and above."""
+        """Aim the view at the bridge from beside and above."""
         span, middle = 40.0, np.zeros(3)
         if self.shown is not None and len(self.shown.cloud):
             columns = self.shown.cloud.columns
@@ -356,7 +356,7 @@ class Viewer:
 
 
 def sighting_crops(capture: Capture, facts: PointFacts) -> list[U8]:
-    """Cut out what the first images show around the pixel of a point, with a cross on it.
+    """Crop the first images around the pixel of a point, with a cross on it.
 
     Args:
         capture: Their capture.
@@ -384,7 +384,7 @@ def sighting_crops(capture: Capture, facts: PointFacts) -> list[U8]:
 
 
 def rotation_quaternion(rotation: F64) -> tuple[float, float, float, float]:
-    """Spell a rotation as a unit quaternion.
+    """Convert a rotation to a unit quaternion.
 
     Args:
         rotation: Rotation [1], shape (3, 3), float64.

@@ -1,4 +1,4 @@
-"""What an experiment compares: arms to train, clouds to test on, and how; a preset of the package, or a TOML file."""
+"""Settings of an experiment: the arms to train, the clouds to test on, and how; from a preset or a TOML file."""
 
 import re
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ class Part:
     Attributes:
         set: Name of the set of bridges.
         cloud: Name of the clouds.
-        like: Name of the clouds whose noise, density and gaps they get; empty for none.
+        like: Name of the clouds whose noise, density and gaps are simulated on them; empty for none.
     """
 
     set: str
@@ -38,7 +38,7 @@ class Part:
     like: str = ""
 
     def __str__(self) -> str:
-        """Spell it as in a file."""
+        """Format it as in a file."""
         return f"{self.set}/{self.cloud}" + (f" ~ {self.like}" if self.like else "")
 
 
@@ -46,7 +46,7 @@ def read_part(text: str) -> Part:
     """Read `CLOUD`, `SET/CLOUD` or `SET/CLOUD ~ LIKE`.
 
     Args:
-        text: What stands in the file.
+        text: Text of the file.
 
     Raises:
         ValueError: Not of this form.
@@ -169,7 +169,7 @@ class ExperimentSettings(Settings):
         return tuple(dict.fromkeys(read_part(text) for text in self.arms[arm]))
 
     def test(self, name: str) -> Part:
-        """Give the clouds of a test.
+        """Return the clouds of a test.
 
         Args:
             name: Its name.
@@ -178,16 +178,16 @@ class ExperimentSettings(Settings):
 
     @property
     def compared(self) -> tuple[tuple[str, str], ...]:
-        """The pairs of arms that are compared."""
+        """List the pairs of arms that are compared."""
         return self.pairs or tuple(combinations(self.arms, 2))
 
     @property
     def groups(self) -> tuple[tuple[str, ...], ...]:
-        """Arms that are trained on the windows that are valid in all of them."""
+        """List the groups of arms; the arms of a group are trained on the windows that are valid in all of them."""
         return (tuple(self.arms),) if self.windows == "all" or len(self.arms) < 2 else self.compared
 
     def training(self, model: str, seed: int) -> TrainSettings:
-        """Spell one training; every epoch has as many steps.
+        """Return the settings of one training; all trainings have the same number of steps per epoch.
 
         Args:
             model: Network, or forest.
@@ -207,7 +207,7 @@ class ExperimentSettings(Settings):
 
     @property
     def cut(self) -> CutSettings:
-        """How clouds are cut."""
+        """Return how clouds are cut."""
         return CutSettings(
             mode=self.mode,
             table=self.table,
@@ -219,7 +219,7 @@ class ExperimentSettings(Settings):
         )
 
     def kept(self, arm: str) -> float:
-        """Tell up to which uncertainty an arm is trained on points [m].
+        """Return the largest uncertainty of the points that an arm is trained on [m].
 
         Args:
             arm: Its name.
@@ -227,7 +227,7 @@ class ExperimentSettings(Settings):
         return self.filters.get(arm, self.noisy)
 
     def sampling_of(self, arm: str) -> SampleSettings:
-        """How the training samples of an arm are drawn.
+        """Return how the training samples of an arm are drawn.
 
         Args:
             arm: Its name.
@@ -236,7 +236,7 @@ class ExperimentSettings(Settings):
 
     @property
     def sampling(self) -> SampleSettings:
-        """How samples are drawn, those of arms with a filter of their own excepted."""
+        """Return how samples are drawn, except those of arms with a filter of their own."""
         scaling = {
             "metric": Scaling("constant", self.tile.scale),
             "paper": Scaling("extent"),
@@ -247,12 +247,12 @@ class ExperimentSettings(Settings):
 
     @property
     def looks(self) -> int:
-        """Epochs: no more than steps."""
+        """Number of epochs: at most the number of steps."""
         return min(self.epochs, self.steps)
 
     @property
     def samples_each(self) -> int:
-        """Samples of an epoch: whole steps, in all at least `steps`."""
+        """Number of samples of an epoch: whole steps, at least `steps` in all epochs together."""
         return -(-self.steps // self.looks) * self.batch
 
 
@@ -261,10 +261,10 @@ def experiment_settings(what: str, given: Mapping[str, Any]) -> ExperimentSettin
 
     Args:
         what: Name of a preset, or path of a TOML file.
-        given: What the command line changes.
+        given: Settings that the command line changes.
 
     Raises:
-        InputError: Neither of them, or a value that is not allowed.
+        InputError: Neither a preset nor a file, or a value that is not allowed.
     """
     values = preset_values(what)
     for key, value in given.items():

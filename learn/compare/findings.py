@@ -1,4 +1,4 @@
-"""What the trials of an experiment say: scores of each arm, and differences of arms with intervals."""
+"""Results of an experiment's trials: scores of each arm, and differences between arms with confidence intervals."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.compare.experiment import ExperimentSettings
+from learn.compare.statistics import class_iou, crossed_bootstrap, holm, paired_difference, signed_rank
 from learn.metrics import scores
-from learn.statistics import class_iou, crossed_bootstrap, holm, paired_difference, signed_rank
 
 I64 = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What one training scored in one test.
+    """Scores of one training in one test.
 
     Attributes:
         group: Arms that it shares its windows with.
@@ -25,7 +25,7 @@ class Trial:
         seed: Seed of the training.
         test: Name of the test.
         bridges: Hash of each test bridge to its confusion matrix, shape (C, C), int64.
-        sure: The same of the points whose uncertainty is known and small, shape (C, C), int64.
+        sure: The same for the points with a small known uncertainty, shape (C, C), int64.
     """
 
     group: tuple[str, ...]
@@ -38,7 +38,7 @@ class Trial:
 
 
 def findings(trials: Sequence[Trial], classes: Sequence[str], settings: ExperimentSettings) -> dict[str, Any]:
-    """Sum up an experiment.
+    """Summarize an experiment.
 
     Args:
         trials: All of its trials.
@@ -67,7 +67,7 @@ def findings(trials: Sequence[Trial], classes: Sequence[str], settings: Experime
 
 
 def _scores(trials: Sequence[Trial], classes: Sequence[str]) -> dict[str, Any]:
-    """Scores of an arm: mean over the seeds, each from the matrix summed over the bridges."""
+    """Score each arm: mean over the seeds, each from the matrix summed over the bridges."""
     nothing = np.zeros((len(classes),) * 2, np.int64)
     sums = [sum(trial.bridges.values(), nothing) for trial in trials]
     sure = _mean([scores(sum(trial.sure.values(), nothing)).mean_iou for trial in trials])
@@ -98,7 +98,7 @@ def _scores(trials: Sequence[Trial], classes: Sequence[str]) -> dict[str, Any]:
 def _difference(
     first: Sequence[Trial], second: Sequence[Trial], classes: Sequence[str], settings: ExperimentSettings
 ) -> dict[str, Any]:
-    """Difference of two arms over the seeds and bridges that both have."""
+    """Compute the difference of two arms over their common seeds and bridges."""
     seeds = sorted({one.seed for one in first} & {one.seed for one in second})
     bridges = sorted(first[0].bridges.keys() & second[0].bridges.keys())
     stacks = [
@@ -129,7 +129,7 @@ def _difference(
 
 
 def _classes(first: I64, second: I64, classes: Sequence[str]) -> dict[str, Any]:
-    """Difference of each class's IoU, and Wilcoxon's p value over the bridges, corrected for the number of classes."""
+    """Compute the difference of each class's IoU, and Wilcoxon's p value over the bridges with Holm's correction."""
     ious = [class_iou(stack.sum(axis=1)) for stack in (first, second)]
     of_bridges = [class_iou(stack.sum(axis=0)) for stack in (first, second)]
     found = {}

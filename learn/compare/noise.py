@@ -1,7 +1,7 @@
-"""The noise of one kind of cloud, fitted on bridges where the truth is known, and given to another kind of cloud.
+"""A noise model of a sensor: fitted to its clouds of bridges with known truth, and applied to exact clouds.
 
-It holds what can be learnt of a sensor without simulating it: the error by range and incidence, the share of places
-that stay empty, and the density of the others. It is the cheap control that a costly sensor has to be better than.
+The model describes a sensor without simulating it: the error by range and incidence, the share of empty cubes, and the
+point density of the others. It is the cheap baseline that a simulated sensor has to beat.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,21 +24,22 @@ Bools = NDArray[np.bool_]
 FORMAT_VERSION = 1
 RANGES = (0.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # [m] lower ends of the bins
 COSINES = (0.0, 0.17, 0.5, 0.87)  # [1] lower ends of the bins: 80, 60 and 30 degrees off the normal
-CUBE = 0.5  # [m] edge of the places that stay empty or not
-_LEVELS = 257  # quantiles that tell a distribution; with few of them, its tails would be too heavy
-_FEWEST = 200  # values without which a bin takes the distribution of all bins
-_SEEN = 5  # points of the exact cloud without which a cube says nothing about gaps
-_WAY = 2.0  # [m] between the places along a scanner's path
+CUBE = 0.5  # [m] edge of the cubes that are tested for gaps
+_LEVELS = 257  # quantiles per distribution; with fewer, its tails would be too heavy
+_FEWEST = 200  # least number of values in a bin; else the distribution of all bins is used
+_SEEN = 5  # least number of points of the exact cloud in a cube that is tested for gaps
+_WAY = 2.0  # [m] spacing of the sensor positions along a scanner's path
 
 
 @dataclass(frozen=True, eq=False)
 class SensorNoise:
-    """What was fitted, one row for each bin of range and incidence.
+    """The fitted model, one row for each bin of range and incidence.
 
     Attributes:
         errors: Quantiles of the distance to the true surface [m], shape (B, L), float64.
         gaps: Share of the cubes without any point [1], shape (B,), float64.
-        density: Quantiles of the points of the other cubes over those of the exact cloud [1], shape (B, L), float64.
+        density: Quantiles of the ratio of points to those of the exact cloud, in cubes that are not empty [1], shape
+            (B, L), float64.
     """
 
     errors: F64
@@ -46,7 +47,7 @@ class SensorNoise:
     density: F64
 
     def as_json(self) -> dict[str, Any]:
-        """Spell it for a file."""
+        """Return it as JSON."""
         return {
             "format": "falsework.noise",
             "format_version": FORMAT_VERSION,
@@ -55,7 +56,7 @@ class SensorNoise:
 
 
 def noise_from_json(record: Mapping[str, Any]) -> SensorNoise:
-    """Read back what `as_json` spelt.
+    """Create it from the result of `as_json`.
 
     Args:
         record: The JSON object.
@@ -64,16 +65,16 @@ def noise_from_json(record: Mapping[str, Any]) -> SensorNoise:
 
 
 def sensor_places(folder: Path) -> F64:
-    """Tell where the sensor of a cloud stood.
+    """Read the positions of a cloud's sensor.
 
     Args:
         folder: A cloud: scanned from stations or along a path, or reconstructed from photographs.
 
     Returns:
-        Stations, places along the path, or camera centres [m], shape (S, 3), float64.
+        Stations, positions along the path, or camera centres [m], shape (S, 3), float64.
 
     Raises:
-        InputError: It was sampled without any sensor, or what it says of it is no places.
+        InputError: It was sampled without a sensor, or its record of the sensor is invalid.
     """
     try:
         places = _places(folder)
@@ -94,7 +95,7 @@ def sensor_places(folder: Path) -> F64:
 
 
 def _places(folder: Path) -> F64 | None:
-    """Read where a sensor stood, of whatever kind it is; None where there was none."""
+    """Read the positions of a sensor of any kind; None if there was none."""
     statistics = read_json(folder / "cloud.json").get("statistics", {})
     if "stations" in statistics:
         return np.array(statistics["stations"], np.float64).reshape(-1, 3)
@@ -112,13 +113,13 @@ def _places(folder: Path) -> F64 | None:
 
 
 def fit_noise(pairs: Sequence[tuple[Path, Path]]) -> SensorNoise:
-    """Fit the noise of clouds on exact clouds of the same bridges.
+    """Fit the noise of clouds to exact clouds of the same bridges.
 
     Args:
-        pairs: For each bridge the exact cloud and the one whose noise is wanted.
+        pairs: For each bridge the exact cloud and the noisy one.
 
     Raises:
-        InputError: No bridge has both, or no sensor made the second.
+        InputError: No bridge has both, or the noisy cloud has no sensor.
     """
     if not pairs:
         raise InputError("no training bridge has both clouds", field="arms", hint="Take another cloud after ~")
@@ -147,16 +148,16 @@ def fit_noise(pairs: Sequence[tuple[Path, Path]]) -> SensorNoise:
 
 
 def with_noise(exact: Cloud, noise: SensorNoise, places: F64, seed: int) -> tuple[I64, F64]:
-    """Give an exact cloud the errors, gaps and density of a sensor.
+    """Apply the errors, gaps and density of a sensor to an exact cloud.
 
     Args:
         exact: Points on the surface, at least as dense as the sensor's, with normals.
-        noise: What was fitted.
-        places: Where the sensor stands [m], shape (S, 3), float64.
+        noise: The fitted model.
+        places: Positions of the sensor [m], shape (S, 3), float64.
         seed: Seed of all draws.
 
     Returns:
-        Rows of the points that stay, ascending, shape (N,), int64, and their displaced positions [m], shape (N, 3),
+        Rows of the points that are kept, ascending, shape (N,), int64, and their displaced positions [m], shape (N, 3),
         float64.
     """
     rng = np.random.default_rng(seed)
@@ -166,7 +167,7 @@ def with_noise(exact: Cloud, noise: SensorNoise, places: F64, seed: int) -> tupl
     of_cube = _bin_of_cubes(found, place, len(counts), len(noise.gaps))
     levels = np.linspace(0.0, 1.0, _LEVELS)
     wanted = _drawn(noise.density[of_cube], rng.random(len(counts)), levels) * counts[:, 0]
-    stay = np.maximum(np.floor(wanted + rng.random(len(counts))), 1.0)  # one at least: gaps have a share of their own
+    stay = np.maximum(np.floor(wanted + rng.random(len(counts))), 1.0)  # at least one: gaps have a share of their own
     stay[rng.random(len(counts)) < noise.gaps[of_cube]] = 0.0
     order = np.lexsort((rng.random(len(coord)), place))
     rank = np.arange(len(coord)) - np.searchsorted(place[order], place[order])
@@ -177,7 +178,7 @@ def with_noise(exact: Cloud, noise: SensorNoise, places: F64, seed: int) -> tupl
 
 
 def _bins(cloud: Cloud, places: F64) -> I64:
-    """Number the bin of each point by distance and angle to the nearest place of the sensor."""
+    """Find the bin of each point by distance and angle to the nearest position of the sensor."""
     coord = cloud.columns["coord"].astype(np.float64)
     distance, nearest = KDTree(places).query(coord)
     towards = (places[nearest] - coord) / np.maximum(distance, 1e-9)[:, None]
@@ -188,7 +189,7 @@ def _bins(cloud: Cloud, places: F64) -> I64:
 
 
 def _count(exact: NDArray[Any], like: NDArray[Any]) -> tuple[I64, I64]:
-    """Count the points of both clouds in the cubes that the first one reaches; and the cube of each of its points."""
+    """Count the points of both clouds in the cubes of the first one; return also the cube of each of its points."""
     low = np.minimum(exact.min(axis=0), like.min(axis=0)) if len(like) else exact.min(axis=0)
     cells = [np.floor((points - low) / CUBE).astype(np.int64) for points in (exact, like)]
     wide = np.concatenate(cells).max(axis=0) + 1
@@ -201,19 +202,19 @@ def _count(exact: NDArray[Any], like: NDArray[Any]) -> tuple[I64, I64]:
 
 
 def _bin_of_cubes(bins: I64, place: I64, cubes: int, count: int) -> I64:
-    """Take for each cube the bin that most of its points are in."""
+    """Choose for each cube the bin of most of its points."""
     votes = np.bincount(place * count + bins, minlength=cubes * count).reshape(cubes, count)
     return votes.argmax(axis=1)
 
 
 def _thinned(values: F64, most: int = 20_000) -> F64:
-    """Take evenly many of the sorted values: enough for their quantiles."""
+    """Take evenly spaced ones of the sorted values: enough for their quantiles."""
     ordered = np.sort(values)
     return ordered[:: max(1, len(ordered) // most)]
 
 
 def _quantiles(values: Sequence[Sequence[F64]]) -> F64:
-    """Tell each bin's distribution; one with few values takes that of all."""
+    """Compute each bin's quantiles; a bin with few values gets those of all bins."""
     levels = np.linspace(0.0, 1.0, _LEVELS)
     joined = [np.concatenate(part) if part else np.zeros(0) for part in values]
     whole = np.concatenate(joined)
@@ -222,7 +223,7 @@ def _quantiles(values: Sequence[Sequence[F64]]) -> F64:
 
 
 def _drawn(quantiles: F64, chances: F64, levels: F64) -> F64:
-    """Draw from distributions told by quantiles, one row each, by inversion."""
+    """Draw from distributions given by quantiles, one row each, by inversion."""
     at = chances * (len(levels) - 1)
     low = np.minimum(at.astype(np.int64), len(levels) - 2)
     rows = np.arange(len(chances))

@@ -1,4 +1,4 @@
-"""The clouds of one bridge cut into the same windows, so that arms differ in their points alone."""
+"""Cutting of all clouds of one bridge into the same windows, so that arms differ only in their points."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,11 +31,11 @@ I64 = NDArray[np.int64]
 
 FORMAT_VERSION = 1
 FACTS = "windows.json"
-_MOST = 65_536  # points of a window that are kept: sixteen draws of the paper's
+_MOST = 65_536  # most points kept in a window: sixteen of the paper's draws
 
 
 class CutSettings(Settings):
-    """How the clouds of a bridge are cut; what else an experiment chooses changes no piece."""
+    """Settings that determine the pieces of a bridge; no other setting of an experiment changes them."""
 
     mode: Literal["metric", "paper", "whole"] = "metric"
     """Metric tiles, the paper's windows, or the whole cloud."""
@@ -65,8 +65,8 @@ class CloudSource:
     Attributes:
         name: Its name in the pieces.
         path: Its folder.
-        like: The cloud where the sensor stood whose noise it gets; None for none.
-        noise: File of what was fitted of that sensor, or None.
+        like: Cloud of the sensor whose noise is simulated on it; None for none.
+        noise: File of the noise model of that sensor, or None.
     """
 
     name: str
@@ -89,10 +89,10 @@ class PieceCounts:
 
 
 def cut_pieces(sources: Sequence[CloudSource], folder: Path, settings: CutSettings, progress: Progress) -> None:
-    """Cut the clouds of a bridge into windows that they share, and write them.
+    """Cut the clouds of a bridge into common windows, and write them.
 
     Args:
-        sources: Its clouds; windows along the bridge are laid over the first.
+        sources: Its clouds; windows along the bridge are laid out over the first.
         folder: Empty folder to fill.
         settings: How.
         progress: Listener.
@@ -174,7 +174,7 @@ Found = dict[str, tuple[LabeledCloud, list[I64], F64]]
 def _windows(
     clouds: Mapping[str, LabeledCloud], settings: CutSettings, box: tuple[F64, F64], where: Path
 ) -> tuple[list[list[int]], Found]:
-    """Lay the windows that all clouds share: their places; and for each cloud its points, rows and origins."""
+    """Lay out the common windows of all clouds; return places, and per cloud points, rows and origins."""
     if settings.mode == "metric":
         return _tiles(clouds, settings, box)
     if settings.mode == "whole":
@@ -193,8 +193,8 @@ def _windows(
 def _tiles(
     clouds: Mapping[str, LabeledCloud], settings: CutSettings, box: tuple[F64, F64]
 ) -> tuple[list[list[int]], Found]:
-    """Cut every cloud by one grid, each with the ground that its own points show, as in prediction."""
-    for name, cloud in clouds.items():  # each by itself first, so that the one with a stray point is named
+    """Cut every cloud by one grid, each with the ground estimated from its own points, as in prediction."""
+    for name, cloud in clouds.items():  # each by itself first, so that the error names the cloud with a stray point
         lay_grid(cloud.coord.min(axis=0), cloud.coord.max(axis=0), settings.tile.voxel, name)
     grid = lay_grid(box[0], box[1], settings.tile.voxel)
     thin: dict[str, LabeledCloud] = {}
@@ -226,7 +226,7 @@ def _fewer(rows: I64, seed: int) -> I64:
 
 
 def counts_of(folder: Path) -> dict[str, PieceCounts]:
-    """Tell how many points each cloud has in each window.
+    """Count the points of each cloud in each window.
 
     Args:
         folder: What `cut_pieces` wrote.
@@ -239,7 +239,7 @@ def counts_of(folder: Path) -> dict[str, PieceCounts]:
 
 
 def read_window(folder: Path, cloud: str, number: int, inputs: tuple[str, ...] = ()) -> Patch:
-    """Read what one cloud shows in one window.
+    """Read the points of one cloud in one window.
 
     Args:
         folder: What `cut_pieces` wrote.

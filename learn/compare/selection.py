@@ -1,4 +1,4 @@
-"""Which bridges and windows go into which arm and test: those that everything compared can show."""
+"""Choice of bridges and windows for arms and tests: those that all compared clouds have."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -35,15 +35,15 @@ class CutScene:
 
 @dataclass(frozen=True)
 class Losses:
-    """How many windows of the training bridges an arm cannot show.
+    """Number of training windows that an arm has not enough points in.
 
     Attributes:
         group: Arms that share their windows.
         part: The clouds.
         bridges: Training bridges that have these clouds.
-        candidates: Windows that any clouds of the group's show with enough points.
-        valid: Those that these clouds show with enough points.
-        common: Those that all of them show.
+        candidates: Windows in which any clouds of the group have enough points.
+        valid: Windows in which these clouds have enough points.
+        common: Windows in which all clouds of the group have enough points.
     """
 
     group: tuple[str, ...]
@@ -55,7 +55,7 @@ class Losses:
 
 
 def cloud_name(part: Part) -> str:
-    """Name the clouds of a part in the pieces.
+    """Return the name of a part's clouds in the pieces.
 
     Args:
         part: The part.
@@ -74,10 +74,10 @@ def parts_in(settings: ExperimentSettings, arms: Iterable[str]) -> tuple[Part, .
 
 
 def share_out(settings: ExperimentSettings, bridges: Mapping[str, Sequence[str]]) -> dict[tuple[str, str], str]:
-    """Give every bridge of every set one split.
+    """Assign every bridge of every set to one split.
 
-    A set that no arm is trained on is for the test; one that is not tested on is for training and validation; of one
-    that is both, whole bridges are held out.
+    A set that no arm is trained on is for testing; a set that is not tested on is for training and validation; of a set
+    that is used for both, whole bridges are held out.
 
     Args:
         settings: The experiment.
@@ -87,7 +87,7 @@ def share_out(settings: ExperimentSettings, bridges: Mapping[str, Sequence[str]]
         Set and bridge to train, val or test.
 
     Raises:
-        InputError: A bridge would be both trained on and tested on, or one to be held is not there.
+        InputError: A bridge would be used for both training and test, or a bridge to be held out is missing.
     """
     trained = {part.set for part in parts_in(settings, settings.arms)}
     tested = {settings.test(name).set for name in settings.tests}
@@ -129,7 +129,7 @@ def share_out(settings: ExperimentSettings, bridges: Mapping[str, Sequence[str]]
 def check_bridges(
     settings: ExperimentSettings, splits: Mapping[tuple[str, str], str], bridges: Iterable[tuple[str, str, set[str]]]
 ) -> None:
-    """Refuse an experiment that lacks a bridge to train on, to choose on or to test on, before anything is made.
+    """Refuse an experiment that lacks bridges for training, validation or test, before anything is made.
 
     Args:
         settings: The experiment.
@@ -177,7 +177,7 @@ def windows_of(
     group: tuple[str, ...],
     split: str,
 ) -> list[WindowPlace]:
-    """List the windows of an arm that all arms of its group can show.
+    """List the windows of an arm in which all arms of its group have enough points.
 
     Args:
         scenes: All bridges.
@@ -224,7 +224,7 @@ def windows_to_test(
 def losses_of(
     scenes: Sequence[CutScene], splits: Mapping[tuple[str, str], str], settings: ExperimentSettings
 ) -> list[Losses]:
-    """Count what each arm loses of the training windows.
+    """Count the training windows that each arm lacks.
 
     Args:
         scenes: All bridges.
@@ -253,7 +253,7 @@ def losses_of(
 
 
 def _valid(scene: CutScene, clouds: Iterable[str], fewest: int, *, quiet: bool) -> list[int]:
-    """Windows that each of some clouds shows with enough points."""
+    """Find the windows in which all given clouds have enough points."""
     kept = [_enough(scene.counts[name], fewest, quiet) for name in clouds]
     return sorted(set.intersection(*kept)) if kept else []
 

@@ -1,4 +1,4 @@
-"""Windows of an arm or a test as samples: as many for every arm, and the same draws for the same seed."""
+"""Samples drawn from the windows of an arm or a test: equally many for every arm, and the same for the same seed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -41,11 +41,11 @@ class SampleSettings:
 
     Attributes:
         classes: Names of the classes.
-        channels: What is seen of a point.
-        scaling: How positions become numbers.
+        channels: Inputs of the network per point.
+        scaling: How positions are scaled.
         points: Points of a draw.
-        noisy: Uncertainty above which a point is left out of training [m]; infinite where noisy points are a class.
-        augment: Changes of training samples.
+        noisy: Uncertainty above which a point is left out of training [m]; infinite if noisy points are a class.
+        augment: Augmentation of training samples.
     """
 
     classes: tuple[str, ...]
@@ -61,9 +61,9 @@ class TrainingWindows:
     """Training samples: a fixed number of random draws, spread evenly over the windows.
 
     Attributes:
-        windows: Where they come from, in an order that is the same for every arm of a pair.
+        windows: The windows, in the same order for every arm of a pair.
         settings: How they are drawn.
-        count: Samples of an epoch, whatever the number of windows.
+        count: Samples of an epoch; it does not depend on the number of windows.
     """
 
     windows: Sequence[WindowPlace]
@@ -80,7 +80,7 @@ class TrainingWindows:
         return self.count
 
     def bridge(self, index: int) -> str:
-        """Name a bridge for a sample: the samples of training come from all of them.
+        """Return one name for all training samples: each comes from any bridge.
 
         Args:
             index: Number of the sample.
@@ -88,7 +88,7 @@ class TrainingWindows:
         return self.windows[index * len(self.windows) // self.count].bridge
 
     def sample(self, index: int, seed: int) -> Sample:
-        """Draw one sample: its window is one of those that are the index's share of all.
+        """Draw one sample, from a window of the index's share of all windows.
 
         Args:
             index: Number of the sample, 0 to `len` - 1.
@@ -104,12 +104,12 @@ class TrainingWindows:
 
 @dataclass(frozen=True)
 class HeldWindows:
-    """Samples of validation or test: always the same, unchanged and unfiltered.
+    """Samples of validation or test: always the same, neither augmented nor filtered.
 
     Attributes:
-        windows: Where they come from.
+        windows: The windows.
         settings: How they are drawn.
-        draws: Most draws of a window.
+        draws: Largest number of draws from a window.
     """
 
     windows: Sequence[WindowPlace]
@@ -146,13 +146,13 @@ class HeldWindows:
 
         Args:
             index: Number of the sample, 0 to `len` - 1.
-            seed: Without effect: no point is drawn twice before all were.
+            seed: Not used: all points are drawn once before any is drawn twice.
         """
         patch, rows = self._drawn(index)
         return make_sample(patch, rows, self.settings.channels, self.settings.scaling)
 
     def truth(self, index: int) -> Truth:
-        """Tell which points of which cloud a sample holds; instances are not kept.
+        """Return the truth of a sample's points and their rows in the cloud, without instances.
 
         Args:
             index: Number of the sample.

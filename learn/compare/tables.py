@@ -1,4 +1,4 @@
-"""The findings of an experiment as a page of Markdown."""
+"""The results of an experiment as a Markdown page."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,13 +7,13 @@ Row = Mapping[str, Any]
 
 
 def page(record: Row) -> str:
-    """Spell an experiment for people.
+    """Format an experiment as Markdown.
 
     Args:
         record: What `falsework compare` writes as JSON.
 
     Returns:
-        Markdown, with a line feed at its end.
+        Markdown that ends with a line feed.
     """
     lines = [f"# {record['title']}", "", *_caution(record), "", "## What was compared", ""]
     lines += [f"- {line}" for line in record["facts"]]
@@ -48,7 +48,7 @@ def page(record: Row) -> str:
 
 
 def _compared(record: Row) -> list[str]:
-    """Spell what one arm is worth more than another."""
+    """Format the difference between two arms."""
     return [
         "## Differences",
         "",
@@ -66,7 +66,7 @@ def _compared(record: Row) -> list[str]:
 
 
 def weakness(record: Row) -> str:
-    """Say what an experiment has too few of; empty where it has enough.
+    """Describe what an experiment has too few of; empty where it has enough.
 
     Args:
         record: What `falsework compare` writes as JSON.
@@ -77,7 +77,7 @@ def weakness(record: Row) -> str:
 
 
 def _caution(record: Row) -> list[str]:
-    """Say what a small experiment cannot show, before its figures."""
+    """Warn before the figures what a small experiment cannot show."""
     found = weakness(record)
     if not found:
         return ["Bridges are the sampling unit: intervals hold for bridges like these."]
@@ -184,7 +184,7 @@ def _matrices(record: Row) -> list[str]:
 
 
 def _present(record: Row) -> list[str]:
-    """Name the classes that are true or predicted anywhere; the others would be columns of dashes."""
+    """List the classes that are true or predicted anywhere; the others would be columns of dashes."""
     return [name for name in record["classes"] if any(row["iou"][name] is not None for row in record["scores"])]
 
 
@@ -200,7 +200,7 @@ def _by(rows: Sequence[Row]) -> list[tuple[str, str, list[Row]]]:
 
 
 def _arm(row: Row, record: Row) -> str:
-    """Name an arm; where it is trained once for each pair, with its partner."""
+    """Format an arm's name; if it is trained once for each pair, with its partner."""
     return row["arm"] if len(record["groups"]) < 2 else f"{row['arm']} ({' · '.join(row['group'])})"
 
 

@@ -1,4 +1,4 @@
-"""One training of an arm, and one test of what came of it."""
+"""One training of an arm, and one test of the trained model."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -27,7 +27,7 @@ SCORES = "scores.json"
 
 
 def check_models(models: Sequence[str], network: Mapping[str, Mapping[str, Any]]) -> None:
-    """Refuse a model that there is not, or a setting that it does not know, before anything is made.
+    """Refuse an unknown model, or a setting that it does not have, before anything is made.
 
     Args:
         models: Networks, or `forest`.
@@ -58,15 +58,15 @@ def train_trial(
     progress: Progress,
     data: Mapping[str, Any],
 ) -> None:
-    """Train an arm's model; goes on where it was stopped.
+    """Train an arm's model; an interrupted training is resumed.
 
     Args:
         source: Its samples.
-        validation: Windows of other bridges, seen by the arm's own clouds; a forest picks nothing and needs none.
+        validation: Windows of other bridges from the arm's own clouds; a forest needs none.
         settings: The training.
-        folder: Where the model goes: empty, or left by an interrupted call.
+        folder: Folder of the model: empty, or left by an interrupted call.
         progress: Listener.
-        data: How the samples were made: kept with the model.
+        data: How the samples were made; stored with the model.
 
     Raises:
         InputError: No windows to train on.
@@ -86,13 +86,13 @@ def train_trial(
 
 
 def score_trial(model: Path, source: HeldWindows, folder: Path, progress: Progress) -> None:
-    """Score a trained model and write the record: for each bridge, the confusion of all its points and of sure ones.
+    """Score a trained model and write the confusion matrix of each bridge, for all its points and for precise ones.
 
-    Every point counts once, with the mean of what the draws and windows that hold it say.
+    Every point counts once, with the mean of the predictions in the draws and windows that hold it.
 
     Args:
         model: Its folder.
-        source: Windows of bridges that it never saw.
+        source: Windows of bridges that were not used for training.
         folder: Empty folder to fill.
         progress: Listener.
     """

@@ -1,4 +1,4 @@
-"""Random changes of a training sample: mirrored, turned about the vertical, scaled."""
+"""Augmentation of a training sample: mirroring, rotation about the vertical, scaling."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +9,10 @@ F32 = NDArray[np.float32]
 
 
 def draw_change(settings: AugmentSettings, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw a mirroring, a turn about z and a uniform scale.
+    """Draw a mirroring, a rotation about z and a uniform scale.
 
     Args:
-        settings: What may change.
+        settings: Which changes are allowed.
         rng: Source of randomness.
 
     Returns:

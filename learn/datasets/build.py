@@ -42,12 +42,12 @@ _WITHOUT = {
 
 @dataclass(frozen=True)
 class Source:
-    """A cloud or a scan that goes into a data set.
+    """A cloud or a scan of a data set.
 
     Attributes:
         path: Folder of a cloud, or file of a scan.
-        class_map: What the numbers of a scan mean; None for a cloud.
-        bridge: Name of its bridge, where it cannot know it.
+        class_map: Meaning of the class numbers of a scan; None for a cloud.
+        bridge: Name of its bridge, for a scan that does not state it.
     """
 
     path: Path
@@ -58,7 +58,7 @@ class Source:
 def build_dataset(
     sources: Sequence[Source], folder: Path, settings: DatasetSettings, progress: Progress = SILENT
 ) -> DatasetFacts:
-    """Cut clouds into pieces, share them out, and write them.
+    """Cut clouds into pieces, assign them to splits, and write them.
 
     Args:
         sources: Clouds and scans.
@@ -67,10 +67,10 @@ def build_dataset(
         progress: Listener.
 
     Returns:
-        What was written.
+        The manifest of the data set.
 
     Raises:
-        InputError: A source is no source, or nothing is left to train on.
+        InputError: A source is invalid, or nothing is left to train on.
     """
     settings = _with_own_classes(settings, sources)
     own = settings.table == OWN
@@ -116,7 +116,7 @@ def build_dataset(
 def _note_empty(
     pieces: Sequence[PieceRow], splits: Mapping[str, str], settings: DatasetSettings, progress: Progress
 ) -> None:
-    """Say which splits hold nothing, and what cannot be done without them."""
+    """Report which splits are empty, and what cannot be done without them."""
     for split, share in zip(SPLITS, settings.shares, strict=True):
         if not any(row.split == split for row in pieces):
             wanted = "" if share else ", as shares has it"
@@ -124,7 +124,7 @@ def _note_empty(
 
 
 def _with_own_classes(settings: DatasetSettings, sources: Sequence[Source]) -> DatasetSettings:
-    """Take the classes from the class maps, where none of our tables is wanted."""
+    """Take the classes from the class maps if none of our tables is chosen."""
     if settings.table != OWN:
         return settings
     if settings.noisy_class:
@@ -158,7 +158,7 @@ def _check_sources(sources: Sequence[Source], known: Sequence[SourceFacts]) -> N
 
 
 def _with_noise(cloud: LabeledCloud, table: ClassTable, settings: DatasetSettings) -> LabeledCloud:
-    """Make uncertain points a class of their own, where that is wanted."""
+    """Make uncertain points a class of their own, if that is chosen."""
     if not settings.noisy_class:
         return cloud
     labels = np.where(cloud.uncertainty > settings.noisy, table.index(NOISY_CLASS), cloud.labels).astype(np.uint8)
@@ -189,7 +189,7 @@ def _rows(
 def _pieces(
     cloud: LabeledCloud, facts: SourceFacts, settings: DatasetSettings, split: str
 ) -> Iterator[tuple[Patch, int]]:
-    """Cut a cloud, whatever becomes of its pieces; with each, how many draws of it there may be."""
+    """Cut a cloud into pieces of any size; return with each the number of its draws."""
     if not len(cloud):
         return
     if settings.mode == "metric":
@@ -203,7 +203,7 @@ def _pieces(
         seed = int(facts.digest[:8], 16)
         rows = random_draw(len(cloud), settings.points, np.random.default_rng([settings.seed, seed]))
         if settings.stratified and split == TRAIN:
-            rows = np.arange(len(cloud))  # drawn by class from all points, anew each time
+            rows = np.arange(len(cloud))  # drawn by class from all points, differently each time
         middle = cloud.coord.mean(axis=0)
         yield _patch(cloud, rows, np.array([*middle[:2], cloud.coord[:, 2].min()]), seed), 1
 
@@ -211,13 +211,13 @@ def _pieces(
 def tile_patch(
     coord: NDArray[np.float64], columns: Mapping[str, NDArray[Any]], rows: I64, origin: NDArray[np.float64], seed: int
 ) -> Patch:
-    """Take the points of a tile out of a thinned cloud.
+    """Make a patch of the points of a tile of a thinned cloud.
 
     Args:
         coord: Positions of the cloud [m], shape (V, 3), float64.
-        columns: Inputs and, where they are known, `labels`, `uncertainty` and `instance`, shape (V,) or (V, C) each.
+        columns: Inputs and, if known, `labels`, `uncertainty` and `instance`, shape (V,) or (V, C) each.
         rows: Points of the tile, shape (N,), int64.
-        origin: Where its positions count from [m], shape (3,), float64.
+        origin: Origin of its positions [m], shape (3,), float64.
         seed: Seed of its draws.
     """
     labels = columns["labels"][rows] if "labels" in columns else np.full(len(rows), 255, np.uint8)
@@ -243,7 +243,7 @@ def _split_of(facts: SourceFacts, place: int, settings: DatasetSettings, splits:
 
 
 def _for_split(patch: Patch, split: str, settings: DatasetSettings) -> Patch:
-    """Leave noisy points out of what is trained on, unless they are a class; nothing is left out of the rest."""
+    """Remove noisy points from training pieces, unless they are a class; other splits keep all points."""
     if split != TRAIN or settings.noisy_class:
         return patch
     kept = ~(patch.uncertainty > settings.noisy)

@@ -1,4 +1,4 @@
-"""The card of a data set: what is in it, where it comes from, and what it is not for, as Markdown."""
+"""The card of a data set as Markdown: contents, sources, and limits of use."""
 
 from collections.abc import Mapping
 

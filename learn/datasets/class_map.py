@@ -1,4 +1,4 @@
-"""What the numbers in other people's files mean: class maps, which are data."""
+"""Class maps: the meaning of class numbers in files from elsewhere, as data files."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ U8 = NDArray[np.uint8]
 
 
 class CodeRow(Settings):
-    """What one number in a file stands for."""
+    """Meaning of one number in a file."""
 
     id: int = Field(ge=0, le=255, description="Number in the file")
     name: str = Field(description="Name in the file's own words")
@@ -48,12 +48,12 @@ class ClassMapFile(Settings):
 
 @dataclass(frozen=True)
 class ClassMap:
-    """What the numbers of a file stand for.
+    """Meaning of the numbers of a file.
 
     Attributes:
         name: Name of the map.
-        facts: What the file says about itself.
-        codes: Each number and what it covers.
+        facts: Facts that the class map states about the data.
+        codes: Each number and its meaning.
     """
 
     name: str
@@ -83,20 +83,20 @@ class ClassMap:
         return table.index(found.pop()) if len(found) == 1 else UNLABELED
 
     def labels(self, codes: U8, table: ClassTable) -> U8:
-        """Turn the numbers of a file into labels of a data set.
+        """Convert the numbers of a file to labels of a data set.
 
         Args:
             codes: Numbers, shape (N,), uint8.
             table: The classes.
 
         Returns:
-            Labels, shape (N,), uint8; 255 for what no class is known.
+            Labels, shape (N,), uint8; 255 where no class is known.
         """
         return np.array([self.label(code, table) for code in range(256)], np.uint8)[codes]
 
 
 def map_names() -> tuple[str, ...]:
-    """Name the class maps that are in the package."""
+    """List the class maps of the package."""
     found = (entry.name for entry in files("learn").joinpath("datasets/maps").iterdir())
     return tuple(sorted(name.removesuffix(".toml") for name in found if name.endswith(".toml")))
 
@@ -108,7 +108,7 @@ def read_class_map(name: str) -> ClassMap:
         name: One of `map_names`, or the path of a .toml or .json file.
 
     Raises:
-        MissingError: Neither a name nor a file.
+        MissingError: Neither the name of a class map nor a file.
         InputError: The file is not a class map.
     """
     if name in map_names():
@@ -141,7 +141,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _checked(name: str, facts: ClassMapFile, where: object) -> ClassMap:
-    """Every part and every class that a map names exists; numbers stand once."""
+    """Check that every component and class of a map exists, and that each number occurs once."""
     if facts.table and facts.table not in TAXONOMIES:
         raise InputError(
             "an unknown table", where=where, field="table", value=facts.table, allowed=", ".join(TAXONOMIES)
@@ -182,7 +182,7 @@ def _checked(name: str, facts: ClassMapFile, where: object) -> ClassMap:
 
 
 def _rows_of_table(name: str) -> list[CodeRow]:
-    """The numbers of one of our tables, each with the components that it covers."""
+    """Make a class map of one of our tables: each number with the components that it covers."""
     table = taxonomy(name)
     return [
         CodeRow(

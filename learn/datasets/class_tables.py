@@ -1,4 +1,4 @@
-"""The classes that a data set has, and how the labels of a cloud of ours become their numbers."""
+"""The classes of a data set, and the conversion of labels of our clouds to them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ BACKGROUND_CLASS = "background"
 COMPONENTS = "components"
 """A table of a data set alone: every component kind is a class, so that a model of them fits every other table."""
 NOISY_CLASS = "noisy_point"
-OWN = "own"  # in place of a table: the classes of a class map as they are
+OWN = "own"  # instead of a table: the classes of a class map, unchanged
 
 
 @dataclass(frozen=True)
 class ClassTable:
-    """The classes of a data set; a point's label is the place of its class in the list.
+    """The classes of a data set; a point's label is the index of its class in the list.
 
     Attributes:
         name: Name of the table.
@@ -34,7 +34,7 @@ class ClassTable:
     colors: tuple[tuple[int, int, int], ...]
 
     def index(self, name: str) -> int:
-        """Give the label of a class, 255 where the table has none of that name.
+        """Return the label of a class, 255 if the table has none of that name.
 
         Args:
             name: Class name.
@@ -43,7 +43,7 @@ class ClassTable:
 
 
 def is_background(classes: Sequence[str]) -> NDArray[np.bool_]:
-    """Tell which classes are no part of a bridge.
+    """Tell which classes are not part of a bridge.
 
     Args:
         classes: Component kinds, or classes of the base table.
@@ -75,7 +75,7 @@ def class_table(name: str, noisy: bool = False) -> ClassTable:
 
 
 def own_table(names: Sequence[str]) -> ClassTable:
-    """List classes that are no table of the project's: those of a user's class map.
+    """Make a table of a user's own classes, from a class map.
 
     Args:
         names: Name of each class, in the order of the labels.
@@ -92,13 +92,13 @@ def _table_of_components(noisy: bool) -> ClassTable:
 
 
 def labels_of_cloud(cloud: Cloud, table: ClassTable) -> U8:
-    """Turn the labels of a cloud of ours into those of a data set.
+    """Convert the labels of a cloud of ours to those of a data set.
 
-    The component counts where it is known, since it is finer than the class; a class that the table in force does not
-    know becomes 255.
+    The component is used where it is known, because it is finer than the class; a class that the table does not have
+    becomes 255.
 
     Args:
-        cloud: A cloud, whatever table its stage had in force.
+        cloud: A cloud, with any class table.
         table: The classes.
 
     Returns:
@@ -122,7 +122,7 @@ def labels_of_cloud(cloud: Cloud, table: ClassTable) -> U8:
 
 
 def _label(class_name: str, component: str, based: bool, table: ClassTable) -> int:
-    """The label of a class in the cloud's own table and a component kind."""
+    """Find the label for a class of the cloud's own table and a component kind."""
     if class_name in ("", "unlabelled"):
         return UNLABELED
     if table.name == COMPONENTS:
@@ -136,7 +136,7 @@ def _label(class_name: str, component: str, based: bool, table: ClassTable) -> i
 
 
 def class_of(target: Taxonomy, component: str, base_class: str) -> str:
-    """Find the class of a component kind and a class of the base table; empty where the target knows neither.
+    """Find the class for a component kind and a class of the base table; empty if the target has neither.
 
     Args:
         target: Table.

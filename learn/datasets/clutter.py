@@ -1,7 +1,7 @@
-"""Land without a bridge as an aircraft scans it, drawn from simple bodies: slopes, ditches, quays, houses, crowns.
+"""Random land without a bridge as an airborne scan, made of simple shapes: slopes, ditches, quays, houses, crowns.
 
-Our worlds have a few kinds of trees and houses; a stranger's scan has all of them. A model that has seen nothing but
-our worlds takes the others for what they are most like. These squares are no landscapes: they are there for variety.
+Our worlds have a few kinds of trees and houses, real scans have many more. A model trained only on our worlds takes
+unknown kinds for the class that they resemble most. These squares are not realistic landscapes; they add variety.
 """
 
 from collections.abc import Mapping
@@ -14,15 +14,15 @@ F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
 KINDS = ("ground", "road", "water", "embankment", "tree", "shrub", "building", "roof", "vehicle", "pole", "fence")
-_WATER = 0.03  # share of the pulses on water that come back
+_WATER = 0.03  # share of the pulses on water that return
 
 
 @dataclass(eq=False)
 class _Land:
-    """Pulses over a square, and the highest solid surface that each meets: changed as bodies are put up.
+    """Pulses over a square, and the highest solid surface under each; updated as shapes are added.
 
     Attributes:
-        place: Where each pulse comes down [m], shape (N, 2), float64.
+        place: Horizontal position of each pulse [m], shape (N, 2), float64.
         height: Of the surface [m], shape (N,), float64.
         label: Of the surface, shape (N,), uint8.
         code: Label of each of `KINDS`.
@@ -40,7 +40,7 @@ class _Land:
     extra: list[tuple[F64, U8]]
 
     def cover(self, inside: NDArray[np.bool_], top: F64, kind: str) -> None:
-        """Lay a surface over what is lower."""
+        """Raise the surface to a higher one."""
         above = inside & (top > self.height)
         self.height = np.where(above, top, self.height)
         self.label = np.where(above, np.uint8(self.code[kind]), self.label)
@@ -52,7 +52,7 @@ class _Land:
         return float(self.height[rows[np.argmin(((self.place[rows] - place) ** 2).sum(axis=1))]])
 
     def add(self, points: F64, kind: str) -> None:
-        """Put further points in."""
+        """Add further points."""
         self.extra.append((points, np.full(len(points), self.code[kind], np.uint8)))
 
 
@@ -68,8 +68,8 @@ def draw_clutter(
         rng: Source of randomness.
 
     Returns:
-        Positions from the middle of the square and the general level of its ground [m], shape (N, 3), float32, and
-        labels, shape (N,), uint8.
+        Positions relative to the centre of the square and the general level of its ground [m], shape (N, 3), float32,
+        and labels, shape (N,), uint8.
     """
     density = float(np.exp(rng.uniform(np.log(4.0), np.log(25.0))))
     place = _pulses(size, density, rng)
@@ -98,7 +98,7 @@ def draw_clutter(
 
 
 def _pulses(size: float, density: float, rng: np.random.Generator) -> F64:
-    """Spread pulses over a square at random, or in lines as of one strip or of two [m], shape (N, 2), float64."""
+    """Draw pulses over a square at random, or in the scan lines of one or two strips [m], shape (N, 2), float64."""
     if rng.random() < 0.3:
         return rng.uniform(-0.5 * size, 0.5 * size, (max(64, round(density * size * size)), 2))
     parts = []
@@ -115,13 +115,13 @@ def _pulses(size: float, density: float, rng: np.random.Generator) -> F64:
 
 
 def _across(place: F64, rng: np.random.Generator, reach: float) -> F64:
-    """Signed distance of places from a straight line somewhere in the square [m], shape (N,), float64."""
+    """Compute the signed distance of places from a random straight line in the square [m], shape (N,), float64."""
     turn = rng.uniform(0.0, 2.0 * np.pi)
     return place @ np.array([np.cos(turn), np.sin(turn)]) - rng.uniform(-reach, reach)
 
 
 def _shape_land(land: _Land, rng: np.random.Generator) -> None:
-    """Give the ground its slope and waves, and now and then a ditch or canal, a step or quay, a dike, a road."""
+    """Give the ground slope and waves, and sometimes a ditch or canal, a step or quay, a dike, a road."""
     x, y = land.place.T
     turn, slope = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, 0.08) if rng.random() < 0.5 else 0.0
     land.height += slope * (x * np.cos(turn) + y * np.sin(turn))
@@ -152,7 +152,7 @@ def _shape_land(land: _Land, rng: np.random.Generator) -> None:
 
 
 def _build_houses(land: _Land, rng: np.random.Generator) -> None:
-    """Put up single houses, a row of them wall to wall, or a hall that fills the square."""
+    """Add single houses, a terrace of houses, or a hall that fills the square."""
     way = rng.uniform(0.0, np.pi)
     middle = rng.uniform(-land.half - 2.0, land.half + 2.0, 2)
     kind = rng.choice(["single", "row", "hall"], p=[0.4, 0.4, 0.2])
@@ -173,7 +173,7 @@ def _build_houses(land: _Land, rng: np.random.Generator) -> None:
 def _build_house(
     land: _Land, middle: F64, way: float, plan: tuple[float, float], eaves: float, rng: np.random.Generator
 ) -> None:
-    """Put up one house: a roof of some form over walls that are seen here and there."""
+    """Add one house: a roof of random form over partly visible walls."""
     base = land.ground_at(middle)
     turn = np.array([[np.cos(way), np.sin(way)], [-np.sin(way), np.cos(way)]])
     u, v = turn @ (land.place - middle).T
@@ -208,7 +208,7 @@ def _build_house(
 def _show_walls(
     land: _Land, middle: F64, turn: F64, box: tuple[float, float, float, float], rng: np.random.Generator
 ) -> None:
-    """Show of the walls as much as slanting pulses meet, on some sides nothing."""
+    """Add the points that oblique pulses hit on walls, on some sides none."""
     a, b, base, eaves = box
     for side in range(4):
         if rng.random() < 0.5:
@@ -222,7 +222,7 @@ def _show_walls(
 
 
 def _put_vehicle(land: _Land, rng: np.random.Generator) -> None:
-    """Park a car, a van or a lorry."""
+    """Add a car, a van or a lorry."""
     middle, way = rng.uniform(-land.half, land.half, 2), rng.uniform(0.0, np.pi)
     long, high = [(4.4, 1.5), (5.5, 2.3), (11.0, 3.7)][rng.choice(3, p=[0.7, 0.2, 0.1])]
     u, v = np.array([[np.cos(way), np.sin(way)], [-np.sin(way), np.cos(way)]]) @ (land.place - middle).T
@@ -232,7 +232,7 @@ def _put_vehicle(land: _Land, rng: np.random.Generator) -> None:
 
 
 def _put_line(land: _Land, rng: np.random.Generator) -> None:
-    """Put up what is thin: a pole with or without wires, or a fence or wall in the open."""
+    """Add thin objects: a pole with or without wires, or a fence or free-standing wall."""
     start, way = rng.uniform(-land.half, land.half, 2), rng.uniform(0.0, 2.0 * np.pi)
     base, ahead = land.ground_at(start), np.array([np.cos(way), np.sin(way)])
     if rng.random() < 0.5:
@@ -250,10 +250,10 @@ def _put_line(land: _Land, rng: np.random.Generator) -> None:
 
 
 def _grow_plants(land: _Land, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """Grow trees, alone, in rows or as a wood, and shrubs: returns within their crowns; tell what still sees the land.
+    """Add single trees, rows or woods, and shrubs, with returns within their crowns; tell which pulses reach the land.
 
-    A crown is some ellipsoids. In each a pulse meets the next leaf after a way that is exponential, and what has met
-    enough of them never comes to the ground.
+    A crown consists of ellipsoids. In each, the distance to the next leaf is exponentially distributed, and a pulse
+    that has hit enough leaves does not reach the ground.
     """
     count = len(land.place)
     passed = np.ones(count, bool)
@@ -284,7 +284,7 @@ def _grow_plants(land: _Land, rng: np.random.Generator) -> NDArray[np.bool_]:
 def _pass_leaves(
     land: _Land, passed: NDArray[np.bool_], body: tuple[F64, F64], leafy: float, kind: str, rng: np.random.Generator
 ) -> None:
-    """Send what is left of the pulses through one ellipsoid of leaves, and take off what does not come out below."""
+    """Send the remaining pulses through one ellipsoid of leaves, and remove those that do not leave it below."""
     middle, axes = body
     flat = (((land.place - middle[:2]) / axes[:2]) ** 2).sum(axis=1)
     rows = np.flatnonzero((flat < 1.0) & passed)

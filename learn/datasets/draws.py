@@ -1,4 +1,4 @@
-"""Draws of a fixed number of points: until all points were drawn, or one at random, even or by class."""
+"""Draws of a fixed number of points: exhaustive, random, or stratified by class."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,7 +7,7 @@ I64 = NDArray[np.int64]
 
 
 def count_draws(count: int, size: int) -> int:
-    """Count the draws after which every point was drawn once.
+    """Count the draws needed to draw every point once.
 
     Args:
         count: Points that there are, at least one.
@@ -17,7 +17,7 @@ def count_draws(count: int, size: int) -> int:
 
 
 def exhaustive_draw(count: int, size: int, number: int, seed: int) -> I64:
-    """Draw without replacement until the points run out; the last draw is topped up with points drawn before.
+    """Draw without replacement until all points are drawn; the last draw is filled up with points drawn before.
 
     Args:
         count: Points that there are, at least one.
@@ -35,7 +35,7 @@ def exhaustive_draw(count: int, size: int, number: int, seed: int) -> I64:
 
 
 def random_draw(count: int, size: int, rng: np.random.Generator) -> I64:
-    """Draw without replacement; where there are too few points, each as often as the other, save by one.
+    """Draw without replacement; if there are too few points, their numbers of repetitions differ by at most one.
 
     Args:
         count: Points that there are, at least one.
@@ -51,12 +51,12 @@ def random_draw(count: int, size: int, rng: np.random.Generator) -> I64:
 
 
 def stratified_draw(labels: NDArray[np.integer], size: int, least: int, rng: np.random.Generator) -> I64:
-    """Draw at random, but keep some points of every class: they take the places of points of the larger classes.
+    """Draw at random, but with a least number of points of every class, which replace points of larger classes.
 
     Args:
         labels: Class of each point, shape (N,), any integer type, at least one.
         size: Points of the draw.
-        least: Points of each class that the draw keeps, where there are so many and there is room for all classes.
+        least: Points of each class that the draw keeps, if there are so many and there is room for all classes.
         rng: Source of randomness.
 
     Returns:
@@ -67,7 +67,7 @@ def stratified_draw(labels: NDArray[np.integer], size: int, least: int, rng: np.
         return rows
     classes, codes, total = np.unique(labels, return_inverse=True, return_counts=True)
     wanted = np.minimum(total, min(least, size // len(classes)))
-    spare = np.bincount(codes[rows], minlength=len(classes)) - wanted  # what each has beyond what it must keep
+    spare = np.bincount(codes[rows], minlength=len(classes)) - wanted  # points of each class above its least number
     leaving = np.zeros(len(classes), np.int64)
     for _ in range(int(-spare[spare < 0].sum())):
         leaving[np.argmax(spare - leaving)] += 1

@@ -1,4 +1,4 @@
-"""A data set for other training code: S3DIS' text, one HDF5 file a split, Parquet shards."""
+"""Export of data sets for other training code: S3DIS text files, one HDF5 file per split, Parquet shards."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -18,7 +18,7 @@ from usd_schemas.components import UNLABELED
 
 _AREAS = {"train": "Area_1", "val": "Area_2", "test": "Area_3"}  # S3DIS counts rooms in areas
 _SHARD = 256  # draws in a Parquet file
-_NAMES = {"train": "train", "val": "validation", "test": "test"}  # as Hugging Face's loaders call them
+_NAMES = {"train": "train", "val": "validation", "test": "test"}  # names of the splits in Hugging Face's loaders
 
 
 def export_dataset(folder: Path, to: str, out: Path) -> list[str]:
@@ -30,7 +30,7 @@ def export_dataset(folder: Path, to: str, out: Path) -> list[str]:
         out: Empty folder to fill.
 
     Returns:
-        Files for people to open, from `out`.
+        Files for people to open, relative to `out`.
 
     Raises:
         InputError: Not a data set, an unknown format, or a package that is not installed.
@@ -43,8 +43,8 @@ def export_dataset(folder: Path, to: str, out: Path) -> list[str]:
 def write_s3dis(folder: Path, facts: DatasetFacts, out: Path) -> list[str]:
     """Write each piece as a room of S3DIS: all points as x y z r g b, and one file for each class.
 
-    Training, validation and test are areas 1, 2 and 3. Class names lose their underscores, since readers of S3DIS
-    take what stands before the first one.
+    Training, validation and test are areas 1, 2 and 3. Underscores are removed from class names, because readers of
+    S3DIS take the text before the first one as the class.
 
     Args:
         folder: A data set.
@@ -183,7 +183,7 @@ def _parquet_row(row: PieceRow, patch: Patch, rows: NDArray[np.int64]) -> dict[s
 def _draws(
     folder: Path, facts: DatasetFacts, split: str, channels: tuple[str, ...]
 ) -> Iterator[tuple[PieceRow, Patch, NDArray[np.int64]]]:
-    """Every draw that visits the points of a split; of training too, where nothing is changed at random then."""
+    """Yield the draws that visit all points of a split; those of training are not augmented either."""
     source = StoredSplit(folder, split, ("x", "y", "z", *channels), augment=False)
     rows = [row for row in facts.pieces if row.split == split for _ in range(row.draws)]
     for index, row in enumerate(rows):

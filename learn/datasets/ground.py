@@ -1,4 +1,4 @@
-"""Where the ground lies below each part of a cloud, from the points alone."""
+"""Estimation of the ground height below each part of a cloud, from its points only."""
 
 from dataclasses import dataclass
 
@@ -9,9 +9,9 @@ from scipy.spatial import KDTree
 F64 = NDArray[np.float64]
 
 CELL = 5.0  # [m] wide enough to hold some ground beside a pier, narrow enough to follow a bank
-_LOW = 0.05  # quantile of the heights in a cell: stray points below the ground are fewer
-_LOWEST = 0.2  # quantile of the cells round a place: more than a fifth of them show the ground, fewer lie below it
-_FEWEST = 8  # points without which a cell says nothing
+_LOW = 0.05  # quantile of the heights in a cell: fewer points than that are stray ones below the ground
+_LOWEST = 0.2  # quantile of the cells around a place: at least a fifth of them show the ground
+_FEWEST = 8  # least number of points of a cell
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class Ground:
 
         Args:
             places: Horizontal positions [m], shape (P, 2), float64.
-            reach: Distance within which cells count [m].
+            reach: Distance within which cells are used [m].
 
         Returns:
             Heights [m], shape (P,), float64.
@@ -46,13 +46,13 @@ class Ground:
         return found
 
     def heights_above(self, coord: F64, reach: float) -> F64:
-        """Estimate how high each point stands above the ground.
+        """Estimate the height of each point above the ground.
 
         The ground is estimated at the corners of the cells that hold points, and bilinear within each.
 
         Args:
             coord: Positions [m], shape (N, 3), float64, at least one.
-            reach: Distance within which cells count [m].
+            reach: Distance within which cells are used [m].
 
         Returns:
             Heights above the ground [m], shape (N,), float32.

@@ -1,4 +1,4 @@
-"""Clouds of ours and scans from elsewhere in one form: positions, allowed inputs, labels, and the bridge's name."""
+"""Our clouds and scans from elsewhere in one format: positions, allowed inputs, labels, and the bridge's name."""
 
 import re
 from collections.abc import Mapping
@@ -22,27 +22,27 @@ from usd_schemas.components import UNLABELED
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
-INPUTS = ("color", "normal", "n_views")  # beside coord, all that a network may see of a point
-HEIGHT = "height"  # made of coord: see learn.datasets.tiles
+INPUTS = ("color", "normal", "n_views")  # all inputs that a network may have, beside coord
+HEIGHT = "height"  # computed from coord: see learn.datasets.tiles
 PIECE_INPUTS = (*INPUTS, HEIGHT)
 # Columns of a cloud that a data set depends on.
 _READ = ("coord", *INPUTS, "segment", "component", "uncertainty", "instance")
-_MARKS = "surface_distance"  # of what moves it is NaN: read too where the cloud says that anything moved
-_DECK = ("deck", "slab", "sleeper", "track", "parapet")  # classes of the base table that make up the deck's width
+_MARKS = "surface_distance"  # NaN on moving objects: read only if the cloud says that anything moved
+_DECK = ("deck", "slab", "sleeper", "track", "parapet")  # classes of the base table that span the deck's width
 
 
 @dataclass(frozen=True)
 class SourceFacts:
-    """What is known of a source before its points are read.
+    """Facts of a source, known before its points are read.
 
     Attributes:
-        name: Its name, without its place.
+        name: Its name, without its folder.
         bridge: Hash that all clouds of one bridge share.
-        digest: SHA-256 of all that the data set depends on.
+        digest: SHA-256 of everything that the data set depends on.
         kind: How its points were made, or `scan`.
-        evaluate_only: Whether it must not be trained on.
+        evaluate_only: Whether it must not be used for training.
         licence: Terms, as its class map states them.
-        test: Whether its publishers keep it for the test.
+        test: Whether its publishers reserve it for the test.
     """
 
     name: str
@@ -56,12 +56,12 @@ class SourceFacts:
 
 @dataclass(frozen=True, eq=False)
 class LabeledCloud:
-    """Points with what a network may see of them, and what it should say.
+    """Points with the inputs of a network and the true labels.
 
     Attributes:
         coord: Positions [m], shape (N, 3), float64.
         inputs: Those of `INPUTS` that the source has, shape (N,) or (N, 3) each.
-        labels: Place of each point's class in the table, 255 where unknown, shape (N,), uint8.
+        labels: Index of each point's class in the table, 255 where unknown, shape (N,), uint8.
         uncertainty: Uncertainty of each point, NaN where unknown [m], shape (N,), float32; never an input.
         base: Label of each point in the base table, 255 where unknown, shape (N,), uint8.
         instance: Instance of each point, 0 for none, shape (N,), int64; None where the source knows none; never an
@@ -81,18 +81,18 @@ class LabeledCloud:
 
     @property
     def deck(self) -> NDArray[np.bool_]:
-        """Whether each point is on the deck, shape (N,), bool."""
+        """Tell whether each point is on the deck, shape (N,), bool."""
         table = class_table("falsework")
         return np.isin(self.base, [table.index(name) for name in _DECK])
 
     @property
     def bridge(self) -> NDArray[np.bool_]:
-        """Whether each point is on the bridge, shape (N,), bool."""
+        """Tell whether each point is on the bridge, shape (N,), bool."""
         return (self.base != class_table("falsework").index("background")) & (self.base != UNLABELED)
 
 
 def identify(path: Path, class_map: ClassMap | None, bridge: str = "") -> SourceFacts:
-    """Find out which bridge a source shows, and hash what the data set takes from it.
+    """Find the bridge of a source, and hash what the data set takes from it.
 
     Args:
         path: Folder of a cloud, or file of a scan.
@@ -144,7 +144,7 @@ def identify(path: Path, class_map: ClassMap | None, bridge: str = "") -> Source
 
 
 def cloud_name(folder: Path) -> str:
-    """Name a cloud: those of a run, which are all called alike, by scene and cloud, others by their folder.
+    """Name a cloud: one of a run by scene and cloud, because their folders have the same names; others by their folder.
 
     Args:
         folder: Folder of a cloud.
@@ -155,14 +155,14 @@ def cloud_name(folder: Path) -> str:
 def read_labeled(
     path: Path, class_map: ClassMap | None, table: ClassTable, progress: Progress = SILENT, moving: bool = False
 ) -> LabeledCloud:
-    """Read a source and give its points the labels of a data set.
+    """Read a source and convert its labels to those of a data set.
 
     Args:
         path: Folder of a cloud, or file of a scan.
         class_map: What the numbers of a scan mean; None for a cloud of ours.
         table: Classes of the data set.
-        progress: Told what is odd.
-        moving: Keep the points of what moved while its photographs were taken.
+        progress: Listener for warnings.
+        moving: Keep the points of objects that moved while the photographs were taken.
 
     Raises:
         MissingError: There is no such source.
@@ -203,7 +203,7 @@ def read_labeled(
 
 
 def _still(found: LabeledCloud, cloud: Cloud, progress: Progress) -> LabeledCloud:
-    """Leave out the points that have an uncertainty and no distance to a surface: those of what moves."""
+    """Leave out the points of moving objects: they have an uncertainty but no distance to a surface."""
     gone = np.isnan(cloud.columns[_MARKS]) & ~np.isnan(found.uncertainty)
     if not gone.any():
         return found
@@ -216,5 +216,5 @@ def _still(found: LabeledCloud, cloud: Cloud, progress: Progress) -> LabeledClou
 
 
 def _known(cloud: Cloud, name: str) -> bool:
-    """A column of a cloud counts as an input unless it is zero throughout: sampled clouds may know no views."""
+    """Tell whether a column is usable as input; one of zeros is not: sampled clouds may have no views."""
     return bool(cloud.columns[name].any())

@@ -1,4 +1,4 @@
-"""The data set on disk: Pointcept's folders of arrays, and `dataset.json`, which says what they are."""
+"""The format of a data set on disk: Pointcept's folders of arrays, and the manifest `dataset.json`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ from usd_schemas.components import UNLABELED
 
 FORMAT = "falsework.dataset"
 FORMAT_VERSION = 2
-_READABLE = (1, 2)  # the first had no `height`, `row` and `instance`: it can be trained on
+_READABLE = (1, 2)  # version 1 has no `height`, `row` and `instance`; it can still be used for training
 MANIFEST = "dataset.json"
-_IGNORED = -1  # Pointcept's number for what no loss is computed on
+_IGNORED = -1  # Pointcept's label for points that are excluded from the loss
 _KINDS = {
     "coord": ("float32", 3),
     "color": ("uint8", 3),
@@ -37,17 +37,17 @@ _KINDS = {
 
 @dataclass(frozen=True)
 class PieceRow:
-    """What the manifest says of one piece.
+    """One piece in the manifest.
 
     Attributes:
-        name: Folder, from its split's.
+        name: Its folder, relative to that of its split.
         split: train, val or test.
         bridge: Hash of its bridge.
         source: Row in the list of sources.
-        points: Points that it holds.
-        draws: Draws after which all of them were seen.
+        points: Number of its points.
+        draws: Number of draws that visit all points.
         seed: Seed of these draws.
-        origin: Where its positions count from [m].
+        origin: Origin of its positions [m].
     """
 
     name: str
@@ -62,16 +62,16 @@ class PieceRow:
 
 @dataclass(frozen=True)
 class DatasetFacts:
-    """What the manifest says of the whole.
+    """The manifest of a data set.
 
     Attributes:
-        settings: How it was made.
+        settings: Settings that it was made with.
         classes: Class names in the order of the labels.
-        inputs: Columns that every piece has beside its positions.
-        scaling: How positions become numbers for a network.
+        inputs: Columns of every piece beside its positions.
+        scaling: How positions are scaled for a network.
         pieces: All pieces, in the order in which they were cut.
         sources: JSON facts of each source.
-        identified: Whether pieces say which points of their cloud they hold.
+        identified: Whether pieces hold the row of each point in its cloud.
     """
 
     settings: DatasetSettings
@@ -87,8 +87,8 @@ def write_piece(folder: Path, patch: Patch) -> None:
     """Write the arrays of one piece.
 
     Args:
-        folder: Folder to make, inside one that the caller makes whole.
-        patch: What to write.
+        folder: Folder to make, inside one that the caller writes atomically.
+        patch: The piece.
     """
     segment = patch.labels.astype(np.int32)
     arrays = {
@@ -112,7 +112,7 @@ def read_piece(folder: Path, row: PieceRow, inputs: Sequence[str], *, identified
         folder: Root of the data set.
         row: Which piece.
         inputs: Columns to read beside positions, labels and uncertainty.
-        identified: Whether to read rows and instances, too.
+        identified: Whether to read rows and instances too.
 
     Raises:
         InputError: A column is missing, damaged, or of a wrong length or type.
@@ -159,10 +159,10 @@ def _column(path: Path, name: str, count: int) -> NDArray[Any]:
 
 
 def manifest_record(facts: DatasetFacts) -> dict[str, Any]:
-    """Spell the manifest.
+    """Convert the manifest to JSON.
 
     Args:
-        facts: What it says.
+        facts: The manifest.
     """
     return {
         "format": FORMAT,

@@ -1,4 +1,4 @@
-"""A piece of a cloud as a data set keeps it, and what a network gets to see of it."""
+"""A piece of a cloud in a data set, and the samples made from it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,7 +16,8 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 U8 = NDArray[np.uint8]
 
-# Each channel that a network may have, and the column that it needs; the list is closed: truth is not in it.
+# Each channel that a network may have, and the column that it needs. The list is closed, so that truth is never an
+# input.
 CHANNELS: Mapping[str, str] = {
     "x": "coord",
     "y": "coord",
@@ -31,7 +32,7 @@ CHANNELS: Mapping[str, str] = {
     "height": "height",
 }
 _AXES = {"x": 0, "y": 1, "z": 2, "red": 0, "green": 1, "blue": 2, "nx": 0, "ny": 1, "nz": 2}
-_VIEWS = np.float32(np.log(100.0))  # as many views become 1
+_VIEWS = np.float32(np.log(100.0))  # number of views that is scaled to 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,16 +40,16 @@ class Patch:
     """A piece of a cloud.
 
     Attributes:
-        coord: Positions from `origin` [m], shape (N, 3), float32.
-        inputs: Columns that channels are made of: color uint8 and normal float32, shape (N, 3),
+        coord: Positions relative to `origin` [m], shape (N, 3), float32.
+        inputs: Columns that channels are computed from: color uint8 and normal float32, shape (N, 3),
             n_views uint16 and height above the ground [m] float32, shape (N,).
         labels: Label of each point, 255 where unknown, shape (N,), uint8.
-        uncertainty: For scores by threshold and the weights of a training, never an input [m], shape (N,), float32.
-        origin: Where `coord` counts from, in the source [m], shape (3,), float64.
+        uncertainty: For scores by threshold and the weights in the loss, never an input [m], shape (N,), float32.
+        origin: Origin of `coord` in the source [m], shape (3,), float64.
         seed: Seed of the draws that visit every point.
-        row: Row of each point in its cloud as it was cut, thinned or not, by which pieces that overlap know their
-            common points, shape (N,), int64; None where it was not asked for.
-        instance: Instance of each point in its cloud, 0 for none, never an input, shape (N,), int64; None likewise.
+        row: Row of each point in the cloud that was cut, thinned or not, which identifies common points of overlapping
+            pieces, shape (N,), int64; None if not read.
+        instance: Instance of each point in its cloud, 0 for none, never an input, shape (N,), int64; None if not read.
     """
 
     coord: F32
@@ -67,12 +68,12 @@ class Patch:
 
 @dataclass(frozen=True)
 class Scaling:
-    """How positions become numbers for a network.
+    """How positions are scaled for a network.
 
     Attributes:
-        kind: `constant`, divided by one length; or `extent`, each sample brought to the cube from 0 to 1 by its
-            largest side, as in the paper.
-        length: Length that becomes 1 [m].
+        kind: `constant`: divided by one length; or `extent`: each sample scaled by its largest side to the unit cube,
+            as in the paper.
+        length: Length that is scaled to 1 [m].
     """
 
     kind: Literal["constant", "extent"]
@@ -94,15 +95,15 @@ class Scaling:
 
 
 def check_channels(channels: tuple[str, ...], present: Mapping[str, Any] | tuple[str, ...], where: object) -> None:
-    """Refuse channels that nobody may have, or that a source lacks.
+    """Refuse unknown channels, and channels that a source lacks.
 
     Args:
         channels: Names.
-        present: Columns that there are.
+        present: Columns of the source.
         where: Source, for the error.
 
     Raises:
-        InputError: Not a channel, or nothing to make it of.
+        InputError: Not a channel, or the source lacks its column.
     """
     for name in channels:
         if name not in CHANNELS:
@@ -120,13 +121,13 @@ def check_channels(channels: tuple[str, ...], present: Mapping[str, Any] | tuple
 def make_sample(
     patch: Patch, rows: I64, channels: tuple[str, ...], scaling: Scaling, change: F64 | None = None
 ) -> Sample:
-    """Show a network some points of a patch.
+    """Make a sample of some points of a patch.
 
     Args:
         patch: The patch.
-        rows: Points, in the order in which the network gets them, shape (N,), int64.
+        rows: Points, in the order of the sample, shape (N,), int64.
         channels: Names of `CHANNELS`.
-        scaling: How positions become numbers.
+        scaling: How positions are scaled.
         change: Augmentation [1], shape (3, 3), float64, or None.
     """
     coord, normal = patch.coord[rows], patch.inputs["normal"][rows] if "normal" in patch.inputs else None

@@ -1,4 +1,4 @@
-"""What the data sets understand: how clouds are cut, drawn and split."""
+"""Settings of data sets: how clouds are cut, drawn and split."""
 
 from collections.abc import Mapping
 from typing import Any, Literal, Self
@@ -12,7 +12,7 @@ MOST_TILES_ACROSS = 16  # tiles that cover one place along one axis
 
 
 class TileSettings(Settings):
-    """Metric tiles: squares of one size, all brought to scale by one constant."""
+    """Metric tiles: squares of one size, scaled by one constant."""
 
     size: float = Field(default=10.0, gt=0.0, le=1000.0, description="Side of a tile [m]")
     stride: float = Field(default=5.0, gt=0.0, le=1000.0, description="Distance of neighbouring tiles [m]")
@@ -34,7 +34,7 @@ class TileSettings(Settings):
 
 
 class WindowSettings(Settings):
-    """The paper's windows along a bridge; their boxes are read off the labels."""
+    """The paper's windows along a bridge; their boxes are computed from the labels."""
 
     length: float = Field(default=10.0, gt=0.0, le=1000.0, description="Length along the bridge [m]")
     overlap: float = Field(default=0.8, ge=0.0, lt=1.0, description="Share of a window that the next one covers [1]")
@@ -44,7 +44,7 @@ class WindowSettings(Settings):
 
 
 class AugmentSettings(Settings):
-    """Random changes of a training sample; validation and test samples stay as they are."""
+    """Augmentation of training samples; validation and test samples are never augmented."""
 
     flip: bool = Field(default=True, description="Mirror half of the samples")
     rotate: bool = Field(default=True, description="Turn about the vertical axis by any angle")
@@ -58,7 +58,7 @@ class AugmentSettings(Settings):
 
 
 class SensorSettings(Settings):
-    """Random changes that make a training sample look as if another sensor, or another flight, had taken it."""
+    """Augmentation that imitates another sensor or another flight."""
 
     range: float = Field(
         default=0.5,
@@ -73,7 +73,7 @@ class SensorSettings(Settings):
 
 
 class DatasetSettings(Settings):
-    """What both kinds of data set share."""
+    """Common settings of both kinds of data set."""
 
     kind: Literal["local", "global"] = Field(default="local", description="Pieces of bridges, or whole ones")
     mode: Literal["metric", "paper"] = Field(
@@ -134,15 +134,15 @@ _OF_KIND: Mapping[str, Mapping[str, Any]] = {
 
 
 def dataset_settings(kind: str, values: Mapping[str, Any], where: object) -> DatasetSettings:
-    """Validate settings over the defaults of their kind.
+    """Validate settings, with the defaults of their kind.
 
     Args:
         kind: `local` or `global`.
-        values: What the user wrote, nested.
+        values: Nested values from the user.
         where: Name for the error message.
 
     Raises:
-        InputError: The first thing wrong.
+        InputError: A value is invalid.
     """
     whole: dict[str, Any] = {"kind": kind, **_OF_KIND.get(kind, {})}
     for key, value in values.items():

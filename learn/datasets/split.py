@@ -1,4 +1,4 @@
-"""Which part of a data set is for what: by whole bridges, or at random as in the paper."""
+"""Training, validation and test splits: by whole bridges, or at random as in the paper."""
 
 from collections.abc import Sequence
 
@@ -13,11 +13,11 @@ TRAIN, VAL, TEST = SPLITS = ("train", "val", "test")
 
 
 def split_bridges(sources: Sequence[SourceFacts], settings: DatasetSettings) -> dict[str, str]:
-    """Give every bridge one split, by the hash of its shape: looks, worlds, lights and sensors of it stay together.
+    """Assign every bridge to one split by the hash of its shape, so that all its looks and sensors stay together.
 
-    Bridges are put in an order that depends on their hash and the seed alone, and cut by the shares; with three or
-    more, none of the wanted splits stays empty. Bridges that are for the test, or must not be trained on, go there
-    first.
+    Bridges are ordered by a hash of their hash and the seed, and split by the shares; with three or more bridges, no
+    wanted split is empty. Bridges that are reserved for the test, or must not be used for training, are assigned to the
+    test first.
 
     Args:
         sources: All sources.
@@ -27,7 +27,7 @@ def split_bridges(sources: Sequence[SourceFacts], settings: DatasetSettings) -> 
         Split of each bridge.
 
     Raises:
-        InputError: A bridge that is named for the test is not there, or one is both trained on and kept for the test.
+        InputError: A bridge named for the test is missing, or one is used for training and reserved for the test.
     """
     bridges = sorted({source.bridge for source in sources}, key=lambda bridge: digest([settings.seed, bridge]))
     held = {source.bridge for source in sources if source.evaluate_only or source.test}
@@ -43,7 +43,7 @@ def split_bridges(sources: Sequence[SourceFacts], settings: DatasetSettings) -> 
         held.update(found)
     free = [bridge for bridge in bridges if bridge not in held]
     train, val, test = settings.shares
-    if held:  # the test is there already: the rest is shared between the other two
+    if held:  # the test has its bridges: the rest is divided between the other two
         train, val, test = train / max(train + val, 1e-9), val / max(train + val, 1e-9), 0.0
     counts = _counts(len(free), (train, val, test))
     names = [name for name, count in zip(SPLITS, counts, strict=True) for _ in range(count)]
@@ -51,7 +51,7 @@ def split_bridges(sources: Sequence[SourceFacts], settings: DatasetSettings) -> 
 
 
 def _counts(total: int, shares: tuple[float, float, float]) -> list[int]:
-    """Whole numbers near the shares; one at least where a share is wanted and there are enough bridges."""
+    """Round the shares to whole numbers; at least one for each share above 0 if there are enough bridges."""
     exact = np.array(shares) * total
     counts = np.floor(exact).astype(int)
     for place in np.argsort(-(exact - counts), kind="stable")[: total - counts.sum()]:
@@ -64,11 +64,11 @@ def _counts(total: int, shares: tuple[float, float, float]) -> list[int]:
 
 
 def split_at_random(source: SourceFacts, number: int, settings: DatasetSettings) -> str:
-    """Give a piece of a cloud a split by a draw of its own: overlapping pieces of one bridge land in all of them.
+    """Draw the split of one piece at random: overlapping pieces of a bridge may be in different splits.
 
     Args:
-        source: Where it comes from.
-        number: Which piece of the source.
+        source: Its source.
+        number: Number of the piece in the source.
         settings: Shares and seed.
     """
     if source.evaluate_only or source.test:

@@ -22,8 +22,8 @@ XYZ = ("x", "y", "z")
 class StoredSplit:
     """The samples of one split.
 
-    A training sample is drawn and changed at random from the seed. Those of validation and test are always the same:
-    they visit every point of every piece, unchanged, and neither labels nor uncertainty have a part in them.
+    Training samples are drawn and augmented at random from the seed. Validation and test samples are always the same:
+    they visit every point of every piece, without augmentation, and do not depend on labels or uncertainty.
     """
 
     def __init__(
@@ -40,9 +40,9 @@ class StoredSplit:
         Args:
             folder: Root of a data set.
             split: train, val or test.
-            channels: What a network gets to see of a point.
-            augment: Whether training samples are changed at random.
-            sensors: Further changes of training samples, towards other sensors; None for none.
+            channels: Inputs of the network per point.
+            augment: Whether training samples are augmented.
+            sensors: Augmentation that imitates other sensors; None for none.
 
         Raises:
             InputError: Not a data set, an unknown split, or channels that the data set lacks.
@@ -70,7 +70,7 @@ class StoredSplit:
         return len(self._items)
 
     def unchanged(self) -> "StoredSplit":
-        """Give the same split with samples as those of validation, for bridges that are held out of a training."""
+        """Return the same split with samples like those of validation, for bridges that are held out of a training."""
         still = StoredSplit(self.folder, self.split, self.channels, augment=False)
         still._still = True
         return still
@@ -84,7 +84,7 @@ class StoredSplit:
         return self._items[index][0].bridge
 
     def piece(self, index: int) -> tuple[Patch, np.ndarray]:
-        """Give the piece that a sample of validation or test is drawn from, and which of its points it holds.
+        """Return the piece of a validation or test sample, and the rows of the sample's points in it.
 
         Args:
             index: Number of the sample.
@@ -98,13 +98,13 @@ class StoredSplit:
         return patch, exhaustive_draw(len(patch), self.facts.settings.points, number, patch.seed)
 
     def truth(self, index: int) -> Truth:
-        """Tell which points of which cloud a sample of validation or test holds, for scores.
+        """Return the truth of a validation or test sample and the rows of its points in their cloud, for scores.
 
         Args:
             index: Number of the sample.
 
         Raises:
-            InputError: The data set is too old to know.
+            InputError: The data set is of version 1, which has no rows.
         """
         if not self.facts.identified:
             raise InputError(

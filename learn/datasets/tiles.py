@@ -1,7 +1,7 @@
-"""Metric tiles of a cloud: the same code cuts them for training and for prediction, and it sees points alone.
+"""Metric tiles of a cloud, cut by the same code for training and for prediction, from points only.
 
-A tile is a square of one fixed size. Its positions count from its centre and from the ground, which is estimated from
-the points; no label, no axis of the bridge and no stage is needed.
+A tile is a square of fixed size. Its positions are relative to its centre and to the ground, which is estimated from
+the points; labels, the axis of the bridge and the stage are not needed.
 """
 
 from collections.abc import Iterator, Mapping
@@ -25,7 +25,7 @@ class Tile:
     """A square of a cloud.
 
     Attributes:
-        place: Number of the square along x and y.
+        place: Index of the square along x and y.
         rows: Its points in the voxel cloud, ascending, shape (N,), int64.
         origin: Centre of the square, at the height of the ground [m], shape (3,), float64.
     """
@@ -36,12 +36,12 @@ class Tile:
 
     @property
     def seed(self) -> int:
-        """Seed of the draws from this tile: its place says it, so that training and prediction agree."""
+        """Compute the seed of the draws from this tile from its place, so that training and prediction agree."""
         return ((self.place[0] + (1 << 20)) << 21) | (self.place[1] + (1 << 20))
 
 
 def thin(coord: F64, columns: Mapping[str, NDArray[Any]], settings: TileSettings) -> VoxelCloud:
-    """Keep one point in each cube of a cloud that is in memory as a whole.
+    """Keep one point in each cube of a cloud in memory.
 
     Args:
         coord: Positions [m], shape (N, 3), float64, at least one.
@@ -53,11 +53,11 @@ def thin(coord: F64, columns: Mapping[str, NDArray[Any]], settings: TileSettings
 
 
 def with_heights(cloud: VoxelCloud, settings: TileSettings) -> VoxelCloud:
-    """Add how high every point stands above the estimated ground: what z says of a tile on a plain, on a bank too.
+    """Add the height of every point above the estimated ground, which on slopes differs from z.
 
     Args:
         cloud: Thinned points, at least one.
-        settings: Distance within which the ground is looked for.
+        settings: Distance within which the ground is estimated.
 
     Returns:
         The cloud with a column `height` [m], shape (V,), float32.
@@ -67,7 +67,7 @@ def with_heights(cloud: VoxelCloud, settings: TileSettings) -> VoxelCloud:
 
 
 def cut_tiles(cloud: VoxelCloud, settings: TileSettings) -> Iterator[Tile]:
-    """Cut a thinned cloud into overlapping tiles, row by row; every point lies in as many as overlap anywhere.
+    """Cut a thinned cloud into overlapping tiles, row by row; every point is in the same number of tiles.
 
     Args:
         cloud: Thinned points, at least one.

@@ -1,4 +1,4 @@
-"""Training samples as other sensors, densities and surroundings would give them: for a model of strangers' scans."""
+"""Strong augmentation of sensor, density and surroundings, for a model that generalizes to other people's scans."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,12 +22,12 @@ from usd_schemas.components import component_classes
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
-_FEWEST = 256  # points that a half of a piece must have
-_PLANTS = ("tree", "shrub")  # component kinds whose leaves real sensors scatter more than a stage has them
+_FEWEST = 256  # least number of points in a half of a piece
+_PLANTS = ("tree", "shrub")  # component kinds whose leaves scatter more in real scans than in a stage
 
 
 class Variation(Settings):
-    """How training samples differ from what was scanned, beside being turned, mirrored and scaled."""
+    """Settings of the augmentation, beside rotation, mirroring and scaling."""
 
     samples: int = Field(default=1000, ge=1, le=1_000_000, description="Samples of an epoch")
     by_class: float = Field(default=0.5, ge=0.0, le=1.0, description="Share of the pieces chosen for a drawn class [1]")
@@ -58,10 +58,10 @@ class Variation(Settings):
 
 @dataclass(frozen=True)
 class VariedSplit:
-    """Samples of some bridges of a data set, every cloud as often as the others; a `learn.sample.SampleSource`.
+    """Samples of some bridges of a data set, equally many from every cloud; a `learn.sample.SampleSource`.
 
-    A sample is a piece of its cloud: any, or one that holds a class drawn from all that the cloud has, so that what is
-    rare is seen. Positions are what changes; a model of colours or normals is not for this.
+    A sample is a piece of its cloud: a random one, or one that holds a class drawn from those of the cloud, so that
+    rare classes occur. Only positions are augmented, so it does not suit models with colours or normals.
 
     Attributes:
         split: The split for training.
@@ -83,28 +83,28 @@ class VariedSplit:
 
     @cached_property
     def _counts(self) -> list[I64]:
-        """For each cloud the points of each class in its pieces, shape (pieces, classes)."""
+        """Count for each cloud the points of each class in its pieces, shape (pieces, classes)."""
         return [np.stack([self._count(row) for row in rows]) for rows in self._clouds]
 
     @cached_property
     def _surroundings(self) -> I64:
-        """Labels of what is no part of a bridge, and of points without one."""
+        """List the labels of classes that are not part of a bridge, and of unlabelled points."""
         return np.array([*np.flatnonzero(is_background(self.classes)), UNLABELED])
 
     @cached_property
     def _plants(self) -> I64:
-        """Labels of trees and shrubs."""
+        """List the labels of trees and shrubs."""
         return np.array([i for i, name in enumerate(self.classes) if name in _PLANTS], np.int64)
 
     def _clutter(self, rng: np.random.Generator) -> Patch:
-        """Make a square of land up, as large as the tiles."""
+        """Draw a square of random land, as large as the tiles."""
         tile, kinds = self.split.facts.settings.tile, component_classes()
         code = {kind: self.classes.index(kind if kind in self.classes else kinds[kind]) for kind in clutter.KINDS}
         coord, labels = clutter.draw_clutter(tile.size, tile.voxel, code, rng)
         return Patch(coord, {}, labels, np.full(len(coord), np.nan, np.float32), np.zeros(3), 0)
 
     def _draw(self, number: int, rng: np.random.Generator) -> int:
-        """Choose a piece of a cloud, on purpose one without a bridge now and then."""
+        """Choose a piece of a cloud, sometimes one without a bridge."""
         counts = self._counts[number]
         if self.settings.empty and rng.random() < self.settings.empty:
             own = np.delete(counts, self._surroundings[self._surroundings < counts.shape[1]], axis=1)
@@ -138,8 +138,8 @@ class VariedSplit:
         """Draw a piece of a cloud and change it.
 
         Args:
-            index: Number of the sample; it decides the cloud.
-            seed: Seed of everything else.
+            index: Number of the sample; it determines the cloud.
+            seed: Seed of all random choices.
         """
         rng, number = np.random.default_rng([seed, index]), index % len(self._clouds)
         if self.settings.clutter and rng.random() < self.settings.clutter:
@@ -155,11 +155,11 @@ class VariedSplit:
 
 @dataclass(frozen=True)
 class SomeSamples:
-    """Some samples of a source; a `learn.sample.SampleSource` too.
+    """A subset of the samples of a source; a `learn.sample.SampleSource` too.
 
     Attributes:
         source: All samples.
-        rows: Numbers of those that are taken.
+        rows: Numbers of the selected samples.
     """
 
     source: SampleSource
@@ -171,7 +171,7 @@ class SomeSamples:
         return self.source.classes
 
     def __len__(self) -> int:
-        """Count the samples that are taken."""
+        """Count the selected samples."""
         return len(self.rows)
 
     def bridge(self, index: int) -> str:
@@ -193,7 +193,7 @@ class SomeSamples:
 
 
 def draw_piece(counts: I64, by_class: float, rng: np.random.Generator) -> int:
-    """Choose a piece of a cloud: any, or by one of the classes that the cloud has.
+    """Choose a piece of a cloud: a random one, or one with a random class of the cloud.
 
     Args:
         counts: Points of each class in each piece, shape (P, C), int64.
@@ -213,12 +213,12 @@ def draw_piece(counts: I64, by_class: float, rng: np.random.Generator) -> int:
 def vary(
     patch: Patch, surroundings: I64, settings: Variation, rng: np.random.Generator, plants: I64 | None = None
 ) -> Patch:
-    """Cut, empty, thin, lift and shake a piece.
+    """Augment a piece: cut it, remove surroundings, thin it, shift it and add noise.
 
     Args:
-        patch: Piece with positions alone.
-        surroundings: Labels of what is no part of a bridge, shape (S,), int64.
-        settings: How much.
+        patch: Piece with positions only.
+        surroundings: Labels of classes that are not part of a bridge, shape (S,), int64.
+        settings: Size of the changes.
         rng: Source of randomness.
         plants: Labels of trees and shrubs, shape (P,), int64; None for none.
 
@@ -237,7 +237,7 @@ def vary(
     drop = 0.0
     if settings.alone and rng.random() < settings.alone:
         own = kept[~np.isin(patch.labels[kept], surroundings)]
-        if len(own) >= _FEWEST:  # a scan that was cut out: the ground that is then found is the lowest of the bridge
+        if len(own) >= _FEWEST:  # a scan cropped to the bridge: its lowest points are then taken for the ground
             kept, seen = own, patch.coord[own].astype(np.float64)
             drop = float(estimate_ground(seen).below(seen[:, :2].mean(axis=0, keepdims=True), np.inf)[0])
     if rng.random() < settings.thinned:
@@ -253,7 +253,7 @@ def vary(
 
 
 def draw_tilt(largest: float, rng: np.random.Generator) -> F64:
-    """Draw a rotation about a level axis.
+    """Draw a rotation about a horizontal axis.
 
     Args:
         largest: Largest angle [deg].
@@ -266,11 +266,11 @@ def draw_tilt(largest: float, rng: np.random.Generator) -> F64:
 
 
 def tilt_about(heading: float, angle: float) -> F64:
-    """Rotate about a level axis.
+    """Make a rotation about a horizontal axis.
 
     Args:
         heading: Angle of the axis from +x [rad].
-        angle: By how much [rad].
+        angle: Angle of the rotation [rad].
 
     Returns:
         Rotation for column vectors [1], shape (3, 3), float64.

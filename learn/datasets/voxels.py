@@ -1,4 +1,4 @@
-"""One point for each cube of a grid, whatever the pieces in which the points come in."""
+"""Voxel grids: one point for each cube, independent of the chunks in which the points are read."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from groundwork.errors import InputError
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-_BITS = 21  # of each axis in a key
+_BITS = 21  # bits of each axis in a key
 _MOST_CELLS = 1 << _BITS
 
 
 @dataclass(frozen=True, eq=False)
 class VoxelGrid:
-    """Cubes over a cloud.
+    """A grid of cubes over a cloud.
 
     Attributes:
         origin: Lower corner of the first cube, in whole meters [m], shape (3,), float64.
@@ -29,7 +29,7 @@ class VoxelGrid:
     size: float
 
     def keys(self, coord: F64) -> I64:
-        """Number the cubes of points.
+        """Compute the keys of the points' cubes.
 
         Args:
             coord: Positions [m], shape (N, 3), float64, none below the origin.
@@ -42,13 +42,13 @@ class VoxelGrid:
 
 
 def lay_grid(low: F64, high: F64, size: float, where: object = None) -> VoxelGrid:
-    """Lay cubes over a box.
+    """Make a grid of cubes over a box.
 
     Args:
         low: Lower corner of the cloud [m], shape (3,), float64.
         high: Upper corner [m], shape (3,), float64.
         size: Side of a cube [m].
-        where: Cloud, for the error.
+        where: The cloud, for the error message.
 
     Raises:
         InputError: More cubes along an axis than can be numbered.
@@ -69,7 +69,7 @@ def lay_grid(low: F64, high: F64, size: float, where: object = None) -> VoxelGri
 
 @dataclass(frozen=True, eq=False)
 class VoxelCloud:
-    """The first point, in the order of the file, of every cube that holds one.
+    """The first point, in the order of the file, in every cube that holds points.
 
     Attributes:
         grid: The cubes.
@@ -88,7 +88,7 @@ class VoxelCloud:
         return len(self.keys)
 
     def find(self, coord: F64) -> I64:
-        """Find the cubes of points that are all in some cube.
+        """Find the cubes of points; each must be in a known cube.
 
         Args:
             coord: Positions [m], shape (N, 3), float64.
@@ -100,7 +100,7 @@ class VoxelCloud:
 
 
 def empty_cloud(grid: VoxelGrid) -> VoxelCloud:
-    """Begin with no points.
+    """Make a cloud without points.
 
     Args:
         grid: The cubes.
@@ -109,12 +109,12 @@ def empty_cloud(grid: VoxelGrid) -> VoxelCloud:
 
 
 def add_points(cloud: VoxelCloud, coord: F64, columns: Mapping[str, NDArray[Any]]) -> VoxelCloud:
-    """Add the next points of a file; those whose cube is taken already are left out.
+    """Add the next points of a file; points in cubes that already have one are skipped.
 
     Args:
-        cloud: What there is.
+        cloud: The cloud so far.
         coord: Positions [m], shape (N, 3), float64.
-        columns: Further columns, the same ones every time, shape (N,) or (N, C) each.
+        columns: Further columns, the same in every call, shape (N,) or (N, C) each.
     """
     keys, first = np.unique(cloud.grid.keys(coord), return_index=True)
     at = np.searchsorted(cloud.keys, keys)

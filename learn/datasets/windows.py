@@ -1,4 +1,4 @@
-"""The paper's windows along a bridge; their boxes are read off the labels, so that only labelled clouds have them."""
+"""The paper's windows along a bridge; their boxes are computed from the labels, so only labelled clouds have them."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ from usd_schemas.components import UNLABELED
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-_EDGES = 0.5, 99.5  # percentiles between which the deck lies: a few stray points shall not widen it
+_EDGES = 0.5, 99.5  # percentiles between which the deck lies: stray points must not widen it
 _GROUND, _TOP = 1.0, 99.9  # percentiles of the heights of background and bridge
-_FEWEST_DECK = 10  # points of the deck without which a window has no width
+_FEWEST_DECK = 10  # least number of deck points for the width of a window
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class Window:
     """Points in a box across the bridge.
 
     Attributes:
-        number: Which one along the bridge.
+        number: Number of the window along the bridge.
         rows: Its points, ascending, shape (N,), int64.
         origin: Centre of its box, at the lower end [m], shape (3,), float64.
     """
@@ -39,10 +39,10 @@ class WindowBox:
     """A box across the bridge.
 
     Attributes:
-        number: Which one along the bridge.
+        number: Number of the window along the bridge.
         axis: Direction of the bridge [1], shape (2,), float64.
-        along: Where it begins and ends along the axis [m].
-        beside: Where it begins and ends across, to the left of the axis [m].
+        along: Its start and end along the axis [m].
+        beside: Its start and end across the axis, positive to the left [m].
         height: Its lower and upper end [m].
         origin: Its centre, at the lower end [m], shape (3,), float64.
     """
@@ -71,7 +71,7 @@ class WindowBox:
 
 
 def cut_windows(cloud: LabeledCloud, settings: WindowSettings, where: object) -> Iterator[Window]:
-    """Cut boxes one after the other along the bridge.
+    """Cut a cloud into boxes along the bridge.
 
     Args:
         cloud: Labelled points.
@@ -89,7 +89,7 @@ def cut_windows(cloud: LabeledCloud, settings: WindowSettings, where: object) ->
 
 
 def lay_windows(cloud: LabeledCloud, settings: WindowSettings, where: object) -> list[WindowBox]:
-    """Give the boxes that `cut_windows` cuts, for other clouds of the same bridge.
+    """Compute the boxes of `cut_windows`, for other clouds of the same bridge.
 
     Args:
         cloud: Labelled points.
@@ -103,10 +103,10 @@ def lay_windows(cloud: LabeledCloud, settings: WindowSettings, where: object) ->
 
 
 def _lay(cloud: LabeledCloud, settings: WindowSettings, where: object) -> Iterator[tuple[WindowBox, I64]]:
-    """Lay boxes along the bridge; with each, its points.
+    """Lay out boxes along the bridge; with each, its points.
 
-    The axis is the longer horizontal direction of the deck. Each box is as wide as the deck there and a margin, and
-    reaches from below the ground to above the bridge.
+    The axis is the longer horizontal direction of the deck. Each box is as wide as the deck there plus a margin, and
+    extends from below the ground to above the bridge.
 
     Source: the local data set of the method; margins as in its text.
     """
@@ -153,7 +153,7 @@ def _lay(cloud: LabeledCloud, settings: WindowSettings, where: object) -> Iterat
 
 
 def _long_axis(points: F64) -> F64:
-    """Longer horizontal direction, towards +x (or +y), shape (2,)."""
+    """Find the longer horizontal direction, towards +x (or +y), shape (2,)."""
     _, vectors = np.linalg.eigh(np.cov(points.T))
     axis = vectors[:, 1]
     return axis if (axis[0] > 0 or (axis[0] == 0 and axis[1] > 0)) else -axis
@@ -165,7 +165,7 @@ def _between(along: F64, order: I64, start: float, end: float) -> I64:
 
 
 def _heights(cloud: LabeledCloud, rows: I64, height: F64) -> tuple[float, float]:
-    """Height of the ground and of the bridge's top among some points."""
+    """Find the height of the ground and of the bridge's top among some points."""
     bridge = cloud.bridge[rows]
     rest = rows[~bridge & (cloud.base[rows] != UNLABELED)]
     lowest = np.percentile(height[rest], _GROUND) if len(rest) else height[rows].min()

@@ -1,4 +1,4 @@
-"""The clouds of the demonstration: some bridges of ours, thinned, in one small file, and the way out of it and in."""
+"""The clouds of the demonstration: some of our bridges, thinned, in one small file; reading and writing it."""
 
 import io
 import json
@@ -18,7 +18,7 @@ from recon.cloud import COLUMNS, Cloud, read_cloud, without_observations, write_
 from usd_schemas.components import class_id, class_rows
 
 FILE = "clouds.npz.xz"
-STEP = 0.05  # [m] of the stored positions: a tenth of the cubes of one point each
+STEP = 0.05  # [m] resolution of the stored positions: a tenth of the cubes of one point each
 VOXEL = 0.5  # [m]
 
 
@@ -62,10 +62,10 @@ def thin_cloud(folder: Path, name: str) -> DemoCloud:
 
 
 def pack_clouds(clouds: Sequence[DemoCloud], path: Path) -> None:
-    """Write clouds into one file: differences of neighbours, axis by axis, which press well.
+    """Write clouds into one file, as differences of neighbours along each axis, which compress well.
 
     Args:
-        clouds: What to write.
+        clouds: The clouds.
         path: File.
     """
     facts = [{"name": cloud.name, "bridge": cloud.bridge, "kinds": cloud.kinds} for cloud in clouds]
@@ -97,15 +97,15 @@ def demo_clouds() -> list[DemoCloud]:
 
 
 def _places(steps: NDArray[np.int16]) -> NDArray[np.float64]:
-    """Sum the differences up, axis by axis."""
+    """Sum the differences along each axis."""
     return np.cumsum(steps, axis=1, dtype=np.int16).T.astype(np.float64) * STEP
 
 
 def write_demo_cloud(cloud: DemoCloud, folder: Path) -> None:
-    """Write a cloud as `falsework sample mesh` would, as far as the demonstration knows its columns.
+    """Write a cloud as `falsework sample mesh` would, with the columns that the demonstration has.
 
     Args:
-        cloud: What to write.
+        cloud: The cloud.
         folder: Empty folder.
     """
     components = ("", *sorted({component for _, component in cloud.kinds} - {""}))

@@ -1,4 +1,4 @@
-"""The demonstration: a network learns from clouds that come with the package, and is held against simple answers."""
+"""The demonstration: a network is trained on clouds of the package and compared with simple baselines."""
 
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -41,10 +41,10 @@ MODEL: Mapping[str, Any] = {
 
 @dataclass(frozen=True)
 class DemoRow:
-    """What one way of answering is worth on the held-out bridges.
+    """Score of one classifier on the held-out bridges.
 
     Attributes:
-        name: Way of answering.
+        name: Name of the classifier.
         iou: Of each class, over all held-out bridges together; NaN where it occurs in neither [1], shape (C,), float64.
         mean: Mean over the classes [1].
         bridges: Mean IoU of each bridge [1].
@@ -64,14 +64,14 @@ def run_demo(
     test: Sequence[str] = TEST,
     changed: Mapping[str, Any] | None = None,
 ) -> tuple[tuple[str, ...], list[DemoRow]]:
-    """Train on the shipped clouds and score what was learnt on bridges that the training never saw.
+    """Train on the shipped clouds and score on bridges that were not used for training.
 
     Args:
-        folder: Where the model goes; what an interrupted call left there is gone on from.
+        folder: Folder of the model; an interrupted training there is resumed.
         progress: Listener.
-        clouds: Clouds in place of the shipped ones.
+        clouds: Clouds to use instead of the shipped ones.
         test: Names of those that are held out.
-        changed: Settings of the training in place of the demonstration's own.
+        changed: Settings of the training that replace the demonstration's own.
 
     Returns:
         Class names; rows of the network, a forest on the height alone, and the class with most points.
@@ -104,19 +104,19 @@ def run_demo(
 
 
 def demo_settings(test: Sequence[str]) -> DatasetSettings:
-    """Say how the demonstration's clouds are cut: squares of 10 m side by side, each drawn until every point was seen.
+    """Return how the demonstration's clouds are cut: adjacent squares of 10 m, with draws until every point is seen.
 
     Args:
         test: Hashes of the bridges that are held out.
     """
     tile = {"size": 10.0, "stride": 10.0, "voxel": VOXEL}
-    shares = (0.7, 0.08, 0.22)  # of the bridges that are not for the test one in ten is for validation
+    shares = (0.7, 0.08, 0.22)  # one in ten of the bridges that are not for the test is for validation
     values = {"points": 1024, "fewest": 128, "tile": tile, "shares": shares, "test": list(test)}
     return dataset_settings("local", values, "demo")
 
 
 def demo_table(classes: tuple[str, ...], rows: Sequence[DemoRow]) -> list[str]:
-    """Spell the scores as a table for people.
+    """Format the scores as a table.
 
     Args:
         classes: Class names.
@@ -166,7 +166,7 @@ def _row(name: str, answer: Any, held: StoredSplit, names: Mapping[str, str], pr
 
 @dataclass(frozen=True)
 class _HeightForest:
-    """A forest that knows of a point how high it stands, and nothing else."""
+    """A forest whose only input is the height of a point."""
 
     arrays: Mapping[str, NDArray[Any]]
 
@@ -184,7 +184,7 @@ class _HeightForest:
 
 @dataclass(frozen=True)
 class _Majority:
-    """Always the class with most training points."""
+    """A baseline that always predicts the class with most training points."""
 
     likely: F32
 

@@ -1,4 +1,4 @@
-"""The clouds that come with the package as a small data set of its own: one folder a bridge, and a card."""
+"""The clouds of the package as a small published data set: one folder per bridge, and a card."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -10,16 +10,16 @@ from learn.demo.clouds import STEP, VOXEL, DemoCloud, write_demo_cloud
 from learn.demo.demo import TEST
 
 CARD = "README.md"
-MOST_POINTS = 600_000  # 92 bytes each: the whole stays below 60 MB
+MOST_POINTS = 600_000  # 92 bytes each: less than 60 MB in all
 CUT = "--set points=1024 --set fewest=128 --set tile.size=10 --set tile.stride=10 --set tile.voxel=0.5"
 
 
 def small_enough(clouds: Sequence[DemoCloud], most: int = MOST_POINTS) -> list[DemoCloud]:
-    """Take the bridges of the test, and the smallest others as long as there is room; their order stays.
+    """Select the bridges of the test, and the smallest others up to the limit, in their order.
 
     Args:
         clouds: All clouds.
-        most: Points of all that are taken.
+        most: Largest number of points of the selection.
     """
     room = most - sum(len(cloud.coord) for cloud in clouds if cloud.name in TEST)
     taken: set[str] = set(TEST)
@@ -31,10 +31,10 @@ def small_enough(clouds: Sequence[DemoCloud], most: int = MOST_POINTS) -> list[D
 
 
 def write_ready_made(clouds: Sequence[DemoCloud], folder: Path) -> int:
-    """Write clouds that every command reads, and say what they are.
+    """Write clouds that every command reads, with a card.
 
     Args:
-        clouds: What to write.
+        clouds: The clouds.
         folder: Empty folder.
 
     Returns:
@@ -49,10 +49,10 @@ def write_ready_made(clouds: Sequence[DemoCloud], folder: Path) -> int:
 
 
 def card_lines(clouds: Sequence[DemoCloud]) -> list[str]:
-    """Spell the card: what the clouds are and are not, how they are used, and each with its classes.
+    """Write the card: contents and limits of the clouds, their use, and the classes of each.
 
     Args:
-        clouds: What the card is of.
+        clouds: The clouds.
     """
     total = sum(len(cloud.coord) for cloud in clouds)
     return [
@@ -81,7 +81,7 @@ def card_lines(clouds: Sequence[DemoCloud]) -> list[str]:
 
 
 def _classes(cloud: DemoCloud) -> str:
-    """Class names with their points, the largest first."""
+    """List class names with their points, the largest first."""
     counts: Counter[str] = Counter()
     for (name, _), count in zip(cloud.kinds, np.bincount(cloud.kind, minlength=len(cloud.kinds)), strict=True):
         counts[name] += int(count)

@@ -1,4 +1,4 @@
-"""What every network offers: geometry for the loader, logits from features and geometry."""
+"""The interface of every network: geometry for the loader, logits from features and geometry."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,10 +22,10 @@ Geometry = Mapping[str, Tensor]
 
 
 class Backbone(Protocol):
-    """A network of `learn.models`: a torch module with these two methods besides."""
+    """A network of `learn.models`: a torch module with these additional methods."""
 
     def pyramid(self, coord: F32) -> Indices:
-        """Search the neighborhoods of one cloud; what the loader does, and the cache keeps.
+        """Search the neighborhoods of one cloud; called by the loader, and stored in the cache.
 
         Args:
             coord: Positions [m or 1], shape (N, 3), float32.
@@ -36,11 +36,11 @@ class Backbone(Protocol):
         ...
 
     def pyramid_parameters(self) -> object:
-        """Tell what decides the pyramid beside the positions: the rest of the cache's key."""
+        """Return the parameters that determine the pyramid beside the positions: the rest of the cache's key."""
         ...
 
     def forward(self, features: Tensor, geometry: Geometry) -> Tensor:
-        """Score every point for every class.
+        """Compute logits for every point and class.
 
         Args:
             features: Inputs [1], shape (B, N, C), float32.
@@ -62,7 +62,7 @@ def geometry_of(
         backbone: The network.
         coord: Positions that the neighborhoods are searched in [m or 1], shape (N, 3), float32.
         cache: Folder of pyramids, or None.
-        moved: The same points turned, mirrored or scaled afterwards [m or 1], shape (N, 3), float32; None: not at all.
+        moved: The same points after augmentation [m or 1], shape (N, 3), float32; None: not augmented.
 
     Returns:
         `coord` [m or 1], shape (N, 3), float32, and the pyramid, shape (rows,) or (rows, neighbours), int64.
@@ -77,7 +77,7 @@ def batched(geometries: list[dict[str, Tensor]]) -> dict[str, Tensor]:
     """Stack the geometries of clouds with the same number of points.
 
     Args:
-        geometries: One a cloud, as of `geometry_of`: `coord` [m or 1], shape (N, 3), float32, and pyramids, shape
+        geometries: One per cloud, from `geometry_of`: `coord` [m or 1], shape (N, 3), float32, and pyramids, shape
             (rows,) or (rows, neighbours), int64.
 
     Returns:

@@ -1,4 +1,4 @@
-"""What a neighbourhood looks like at several scales: features of its covariance, for a forest."""
+"""Covariance features of neighbourhoods at several scales, for a forest."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ def covariance_features(coord: F32, scales: Sequence[int]) -> F32:
 
     Args:
         coord: Positions, z up [m or 1], shape (N, 3), float32.
-        scales: Numbers of neighbours; no more than there are points are taken.
+        scales: Numbers of neighbours; limited to the number of points.
 
     Returns:
         Features [m or 1], shape (N, 9 x scales + 1), float32: for each scale `NAMES`, then the height above the lowest

@@ -1,4 +1,4 @@
-"""A random forest as plain arrays: trained with scikit-learn, predicting without it."""
+"""A random forest as plain arrays: trained with scikit-learn, evaluated without it."""
 
 from collections.abc import Mapping
 
@@ -19,7 +19,7 @@ _LEAF = -1
 def grow_forest(
     features: F32, labels: I64, classes: int, *, trees: int, depth: int, seed: int
 ) -> dict[str, np.ndarray]:
-    """Train a random forest, classes balanced, and take it apart into arrays.
+    """Train a random forest with balanced classes, and convert it to arrays.
 
     Args:
         features: One row a point [m or 1], shape (N, C), float32.
@@ -62,7 +62,7 @@ def grow_forest(
 
 
 def forest_probabilities(arrays: Arrays, features: F32) -> F32:
-    """Let the trees vote.
+    """Average the class shares of the trees.
 
     Args:
         arrays: As `grow_forest`: `first`, shape (T + 1,); of every node `column`, `threshold`, `left`, `right`, shape
@@ -73,7 +73,7 @@ def forest_probabilities(arrays: Arrays, features: F32) -> F32:
         Mean share of each class over the trees [1], shape (N, classes), float32.
 
     Raises:
-        InputError: Arrays that do not make a forest of these features.
+        InputError: The arrays are not a forest for these features.
     """
     _check(arrays, features.shape[1])
     return _vote(
@@ -86,7 +86,7 @@ def forest_probabilities(arrays: Arrays, features: F32) -> F32:
 
 
 def _check(arrays: Arrays, columns: int) -> None:
-    """Refuse what would read beside an array or run in a circle: children stand behind their parent in one tree."""
+    """Refuse indices out of range, and cycles: children must follow their parent within the same tree."""
     names = {"first", "column", "threshold", "left", "right", "share"}
     if arrays.keys() != names or arrays["share"].ndim != 2:
         raise InputError("not a forest", field="arrays", value=sorted(arrays), allowed=", ".join(sorted(names)))

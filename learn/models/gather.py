@@ -1,4 +1,4 @@
-"""Taking features of neighbours: rows within each cloud of a batch, channels last."""
+"""Gathering of neighbours' features: rows within each cloud of a batch, channels last."""
 
 import torch
 from torch import Tensor, nn
@@ -6,7 +6,7 @@ from torch.nn import functional
 
 
 def gather(values: Tensor, index: Tensor) -> Tensor:
-    """Take rows within each cloud.
+    """Gather rows within each cloud.
 
     One `index_select` on the flattened batch is several times faster than `gather` along an expanded axis, forwards
     and backwards, and has a deterministic backward on every device.
@@ -25,7 +25,7 @@ def gather(values: Tensor, index: Tensor) -> Tensor:
 
 
 def interpolate(values: Tensor, index: Tensor, coord: Tensor, known: Tensor, power: int) -> Tensor:
-    """Carry features to finer points, weighted by a power of the inverse distance.
+    """Interpolate features at finer points, weighted by a power of the inverse distance.
 
     Args:
         values: Features of the coarse points, shape (B, M, C).
@@ -49,7 +49,7 @@ def of_neighbors(layer: nn.Module, features: Tensor, offset: Tensor, index: Tens
     The features of a point go through the layer once, not once in every neighborhood that holds it.
 
     Args:
-        layer: A `Shared` one of 3 + C inputs: the offset comes first.
+        layer: A `Shared` layer with 3 + C inputs: the offset comes first.
         features: Shape (B, N, C).
         offset: From the centers to their neighbors, shape (B, M, K, 3).
         index: Rows of the neighbors, shape (B, M, K), int64.
@@ -94,11 +94,11 @@ class Shared(nn.Module):
         return self.behind(functional.linear(values, self.linear.weight))
 
     def behind(self, values: Tensor) -> Tensor:
-        """Finish what the linear part, without its bias, has begun.
+        """Apply bias, normalisation and activation to the output of the linear part without its bias.
 
-        In training the bias is left out: normalisation takes it away with the mean of the batch. It moves the running
-        mean alone, and its gradient is nought. To write it to every row and to sum its gradient up takes a tenth of
-        a step.
+        In training the bias is left out, because normalisation subtracts it with the mean of the batch. It only changes
+        the running mean, and its gradient is zero. Adding it to every row and summing its gradient takes a tenth of a
+        step.
 
         Args:
             values: Shape (…, outputs).
@@ -116,13 +116,13 @@ class Shared(nn.Module):
 
 
 def _normalized(rows: Tensor, bias: Tensor | None, norm: nn.BatchNorm1d) -> Tensor:
-    """Normalise in training as if a bias had been added to the rows."""
+    """Normalize in training as if a bias had been added to the rows."""
     if bias is None:
         return norm(rows)
     assert norm.running_mean is not None
     assert norm.num_batches_tracked is not None
     mean = norm.running_mean - bias.detach()
-    after = norm.bias + 0.0 * bias  # so that the bias has its gradient of nought
+    after = norm.bias + 0.0 * bias  # so that the bias has a gradient of zero
     found = functional.batch_norm(
         rows,
         mean,

@@ -50,7 +50,7 @@ class PointNet2Settings(Settings):
 
 
 class PointNet2(nn.Module):
-    """PointNet++ with its neighborhoods taken from the loader.
+    """PointNet++ with neighborhoods from the loader.
 
     Source: Qi et al., PointNet++, 2017, https://doi.org/10.48550/arXiv.1706.02413, and the authors' segmentation
     network for rooms.
@@ -70,7 +70,7 @@ class PointNet2(nn.Module):
         self.up = nn.ModuleList()
         below = widths[-1]
         for level in reversed(range(len(levels))):
-            skip = widths[level] if level else 0  # the finest step takes no inputs along, as published
+            skip = widths[level] if level else 0  # the finest level uses no inputs, as published
             self.up.append(_mlp((below + skip, *UP[level]), relu))
             below = UP[level][-1]
         self.head = nn.Sequential(Shared(below, HEAD, relu), nn.Dropout(settings.dropout), nn.Linear(HEAD, classes))
@@ -88,11 +88,11 @@ class PointNet2(nn.Module):
         return farthest_pyramid(coord, self.settings.counts, self.balls)
 
     def pyramid_parameters(self) -> object:
-        """Tell what decides the pyramid beside the positions."""
+        """Return the parameters that determine the pyramid beside the positions."""
         return {"pyramid": "farthest", "counts": self.settings.counts, "balls": self.balls}
 
     def forward(self, features: Tensor, geometry: Geometry) -> Tensor:
-        """Score every point for every class.
+        """Compute logits for every point and class.
 
         Args:
             features: Inputs [1], shape (B, N, C), float32.

@@ -64,13 +64,13 @@ class PointNext(nn.Module):
         )
 
     def radius(self, level: int) -> float:
-        """Give the radius of the balls that lead to a level.
+        """Return the radius of the balls of a level.
 
         Args:
             level: 0 for the first set abstraction.
 
         Returns:
-            Radius [m or 1]; the residual blocks behind it look twice as far.
+            Radius [m or 1]; the residual blocks behind it use twice the radius.
         """
         return self.settings.radius * 2**level
 
@@ -92,7 +92,7 @@ class PointNext(nn.Module):
         return add_own_balls(arrays, coord, LEVELS, [(2 * self.radius(level), near) for level in range(LEVELS)])
 
     def pyramid_parameters(self) -> object:
-        """Tell what decides the pyramid beside the positions."""
+        """Return the parameters that determine the pyramid beside the positions."""
         return {
             "pyramid": "next",
             "own": self.settings.kind != "pointnext-s",
@@ -101,7 +101,7 @@ class PointNext(nn.Module):
         }
 
     def forward(self, features: Tensor, geometry: Geometry) -> Tensor:
-        """Score every point for every class.
+        """Compute logits for every point and class.
 
         Args:
             features: Inputs [1], shape (B, N, C), float32.
@@ -162,7 +162,7 @@ class SetAbstraction(nn.Module):
 
 
 class InvertedResidual(nn.Module):
-    """One layer over a ball, then two pointwise ones that widen and narrow again, with a shortcut about all three."""
+    """A layer over a ball, then two pointwise layers that widen and narrow again, with a shortcut around all."""
 
     def __init__(self, width: int, radius: float) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The last layer over a neighbourhood and its maximum: in training what is not the maximum is never normalised."""
+"""The last layer over a neighbourhood and its maximum: in training only the maximum is normalised."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -12,12 +12,12 @@ from learn.models.gather import Shared
 def pooled(layers: Iterable[nn.Module], begun: Tensor) -> Tensor:
     """Apply a shared MLP to neighborhoods, and take the maximum over each.
 
-    Normalisation and activation rise or fall with their input, so that the maximum may be taken before them, which
-    saves time in training. Elsewhere, and under autocast, everything is done in turn.
+    Normalisation and activation are monotonic, so the maximum can be taken before them, which saves time in training.
+    In evaluation and under autocast, all steps run in the usual order.
 
     Args:
-        layers: Of `Shared` layers, at least one; the last one is active by ReLU or not at all.
-        begun: What the linear part of the first layer gave, as `of_neighbors` does, shape (B, M, K, outputs).
+        layers: `Shared` layers, at least one; the last has ReLU or no activation.
+        begun: Output of the linear part of the first layer, as from `of_neighbors`, shape (B, M, K, outputs).
 
     Returns:
         Shape (B, M, outputs).
@@ -33,7 +33,7 @@ def pooled(layers: Iterable[nn.Module], begun: Tensor) -> Tensor:
     assert norm.num_batches_tracked is not None
     rows = begun.flatten(0, 1)
     bias, shift = norm.bias, torch.zeros_like(norm.running_mean)
-    if linear.bias is not None:  # as in `Shared`: it moves the running mean alone
+    if linear.bias is not None:  # as in `Shared`: it only changes the running mean
         bias, shift = norm.bias + 0.0 * linear.bias, linear.bias.detach()
     mean = norm.running_mean - shift
     found: Tensor = _PooledNorm.apply(rows, norm.weight, bias, mean, norm.running_var, norm.momentum, norm.eps)
@@ -46,7 +46,7 @@ def pooled(layers: Iterable[nn.Module], begun: Tensor) -> Tensor:
 class _PooledNorm(torch.autograd.Function):
     """Batch normalisation over all rows, and the maximum over the second axis."""
 
-    @staticmethod  # many: torch calls it with one argument after the other
+    @staticmethod  # many: torch passes the arguments by position
     def forward(
         ctx: Any,
         rows: Tensor,
@@ -75,7 +75,7 @@ class _PooledNorm(torch.autograd.Function):
         (above,) = gradients
         of_bias, of_weight = above.sum(dim=0), (above * normal).sum(dim=0)
         count = rows.shape[0] * rows.shape[1]
-        # of every row what mean and variance pass on, and of the maxima what comes from above
+        # gradient of every row through mean and variance, and of the maxima from above
         slope = -of_weight * inverse * inverse * weight / count
         level = -of_bias * inverse * weight / count - slope * mean
         whole = torch.addcmul(level, rows, slope)

@@ -46,9 +46,9 @@ class RandlaNetSettings(Settings):
 
 
 class RandlaNet(nn.Module):
-    """RandLA-Net with its neighborhoods taken from the loader.
+    """RandLA-Net with neighborhoods from the loader.
 
-    Positions enter the spatial encoding as they are: centre each cloud.
+    Positions enter the spatial encoding without change: centre each cloud.
 
     Source: Hu et al., RandLA-Net, 2020, https://doi.org/10.48550/arXiv.1911.11236, and the authors' settings.
     """
@@ -89,7 +89,7 @@ class RandlaNet(nn.Module):
         return random_pyramid(coord, self.settings.ratios, self.settings.neighbours, self.settings.sampling_seed)
 
     def pyramid_parameters(self) -> object:
-        """Tell what decides the pyramid beside the positions."""
+        """Return the parameters that determine the pyramid beside the positions."""
         settings = self.settings
         return {
             "pyramid": "random",
@@ -99,7 +99,7 @@ class RandlaNet(nn.Module):
         }
 
     def forward(self, features: Tensor, geometry: Geometry) -> Tensor:
-        """Score every point for every class.
+        """Compute logits for every point and class.
 
         Args:
             features: Inputs [1], shape (B, N, C), float32.
@@ -128,7 +128,7 @@ class RandlaNet(nn.Module):
 
 
 class DilatedResidual(nn.Module):
-    """Two local aggregations in a row, with a shortcut about both."""
+    """Two consecutive local aggregations, with a shortcut around both."""
 
     def __init__(self, inputs: int, width: int) -> None:
         super().__init__()
@@ -182,7 +182,7 @@ class AttentivePooling(nn.Module):
 
 
 def relative_place(coord: Tensor, near: Tensor) -> Tensor:
-    """Describe where each neighbour lies.
+    """Compute the spatial encoding of each neighbour.
 
     Args:
         coord: Positions [m or 1], shape (B, N, 3).

@@ -30,16 +30,16 @@ def build_network(
 
     Args:
         name: A row of `NETWORKS`.
-        values: Settings of the network, its kind left out.
+        values: Settings of the network, without its kind.
         inputs: Channels of a sample.
         classes: Number of classes.
-        where: File or option that the values come from.
+        where: File or option of the values, for the error message.
 
     Returns:
         The network; its weights are drawn from torch's generator.
 
     Raises:
-        InputError: No such network, or a setting that it does not know.
+        InputError: No such network, or an unknown setting.
     """
     if name not in NETWORKS:
         raise InputError("no such network", where=where, value=name, allowed=", ".join(NETWORKS))

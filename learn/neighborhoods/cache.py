@@ -1,4 +1,4 @@
-"""A folder of pyramids under the hash of the cloud and of the parameters: what was searched once is read afterwards."""
+"""A cache folder of pyramids, named by the hash of the cloud and of the parameters."""
 
 import hashlib
 import io
@@ -20,11 +20,11 @@ VERSION = 1
 
 
 def pyramid_key(coord: F32, parameters: object) -> str:
-    """Name a pyramid by what it is made of.
+    """Compute the cache key of a pyramid.
 
     Args:
         coord: Positions [m or 1], shape (N, 3), float32.
-        parameters: Whatever else decides it; anything with a canonical JSON form.
+        parameters: All other parameters that determine it; anything with a canonical JSON form.
 
     Returns:
         SHA-256 in 64 hexadecimal digits.
@@ -35,17 +35,17 @@ def pyramid_key(coord: F32, parameters: object) -> str:
 
 
 def cached_pyramid(folder: Path | None, coord: F32, parameters: object, build: Callable[[F32], Indices]) -> Indices:
-    """Read a pyramid from the cache, or build it and keep it.
+    """Read a pyramid from the cache, or build and store it.
 
     Args:
-        folder: The cache; made when absent. None keeps nothing.
+        folder: The cache; made if absent. None: no cache.
         coord: Positions [m or 1], shape (N, 3), float32.
-        parameters: Whatever else decides the pyramid.
-        build: Makes it.
+        parameters: All other parameters that determine the pyramid.
+        build: Function that builds it.
 
     Returns:
-        The pyramid: named arrays of row numbers, shape (rows,) or (rows, neighbours), int32; a file that is torn or of
-        another make is built anew.
+        The pyramid: named arrays of row numbers, shape (rows,) or (rows, neighbours), int32; a damaged or foreign file
+        is rebuilt.
     """
     if folder is None:
         return build(coord)

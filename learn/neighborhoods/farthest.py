@@ -12,10 +12,10 @@ I64 = NDArray[np.int64]
 
 
 def farthest_points(coord: F32, count: int) -> I64:
-    """Choose points by farthest point sampling, always from point 0 on.
+    """Choose points by farthest point sampling, always starting at point 0.
 
-    The first point is fixed because a random one changes the score of a trained network by as much as another seed of
-    its training does. Distances are float64 and ties go to the lower number, so that every machine chooses alike.
+    The first point is fixed because a random one changes the score of a trained network as much as another training
+    seed does. Distances are float64 and ties go to the lower index, so that every machine chooses the same points.
 
     Args:
         coord: Positions [m or 1], shape (N, 3), float32.
@@ -25,7 +25,7 @@ def farthest_points(coord: F32, count: int) -> I64:
         Rows of the chosen points in the order of choice, shape (count,), int64.
 
     Raises:
-        InputError: Fewer points than are to be chosen.
+        InputError: Fewer than `count` points.
 
     Source: Eldar et al., The farthest point strategy for progressive image sampling, 1997; PointNet++, section 3.2.
     """

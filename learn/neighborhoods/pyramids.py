@@ -1,7 +1,7 @@
-"""Pyramids of points: which points each level keeps, and which points see which, as arrays of row numbers.
+"""Pyramids of points: the points of each level and their neighbours, as arrays of row numbers.
 
-Row numbers do not change when a cloud is turned, mirrored or scaled alike in all directions (with the radii), so one
-pyramid serves every such augmentation of a cloud.
+Row numbers do not change under rotation, mirroring and uniform scaling (if the radii are scaled too), so one pyramid
+serves every such augmentation of a cloud.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,11 +17,11 @@ F32 = NDArray[np.float32]
 I64 = NDArray[np.int64]
 Indices = Mapping[str, NDArray[np.int32]]
 
-INTERPOLATED = 3  # known points that a finer point takes its features from
+INTERPOLATED = 3  # coarse points that the features of a finer point are interpolated from
 
 
 def farthest_pyramid(coord: F32, counts: Sequence[int], balls: Sequence[Sequence[tuple[float, int]]]) -> Indices:
-    """Build the pyramid of PointNet++: farthest points, balls about them, and the way back up.
+    """Build the pyramid of PointNet++: farthest points, balls about them, and neighbours for upsampling.
 
     Args:
         coord: Positions [m or 1], shape (N, 3), float32.
@@ -46,12 +46,12 @@ def farthest_pyramid(coord: F32, counts: Sequence[int], balls: Sequence[Sequence
 
 
 def add_own_balls(arrays: Indices, coord: F32, levels: int, balls: Sequence[tuple[float, int]]) -> Indices:
-    """Add to a pyramid the balls about the points of each level among the points of that same level.
+    """Add to a pyramid, for the points of each level, the balls among the points of the same level.
 
     Args:
         arrays: A pyramid of `farthest_pyramid`: `kept{l}`, shape (points of level l,), `ball{l}_{j}` and `up{l}`, shape
             (rows, neighbours), int32.
-        coord: Positions that it was made of [m or 1], shape (N, 3), float32.
+        coord: Positions that it was built from [m or 1], shape (N, 3), float32.
         levels: Number of levels.
         balls: (radius [m or 1], neighbours) at each level.
 
@@ -70,9 +70,9 @@ def random_pyramid(coord: F32, ratios: Sequence[int], neighbors: int, seed: int)
 
     Args:
         coord: Positions [m or 1], shape (N, 3), float32.
-        ratios: By how much each step thins the cloud.
+        ratios: Factor by which each level thins the cloud.
         neighbors: Nearest neighbors k.
-        seed: Seed of the choice; the paper takes the first points of a cloud that was shuffled beforehand.
+        seed: Seed of the choice; the paper takes the first points of a cloud shuffled beforehand.
 
     Returns:
         For level l: `near{l}`, shape (N_l, k), rows of level l; `kept{l}`, shape (N_l // ratio,), rows of level l that

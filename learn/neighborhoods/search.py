@@ -13,9 +13,9 @@ I64 = NDArray[np.int64]
 def ball_query(coord: F32, centers: F32, radius: float, count: int) -> I64:
     """Find the points within a ball about each centre.
 
-    Nearest first; where a ball holds more than `count`, the nearest are kept. (The published code keeps those with the
-    lowest numbers, which depends on the order of the file.) Where it holds fewer, the row is filled up with its first
-    entry, as published: a maximum over the row does not see the repeats.
+    Nearest first; if a ball holds more than `count` points, the nearest are kept. (The published code keeps those with
+    the lowest indices, which depend on the order of the file.) If it holds fewer, the row is filled up with its first
+    entry, as published: repeats do not change a maximum over the row.
 
     Args:
         coord: Positions [m or 1], shape (N, 3), float32.
@@ -24,7 +24,7 @@ def ball_query(coord: F32, centers: F32, radius: float, count: int) -> I64:
         count: Entries of a row.
 
     Returns:
-        Rows of `coord`, shape (M, count), int64; the nearest point alone where a ball is empty.
+        Rows of `coord`, shape (M, count), int64; for an empty ball the nearest point, repeated.
     """
     tree = KDTree(coord)
     bound = float(np.nextafter(radius, np.inf))

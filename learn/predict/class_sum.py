@@ -1,4 +1,4 @@
-"""Probabilities of a model's classes summed into the classes of another table."""
+"""Conversion of a model's class probabilities to the classes of another table, by summation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,20 +14,20 @@ from usd_schemas.components import UNLABELED, component_classes
 from usd_schemas.taxonomies import BASE, TAXONOMIES, taxonomy
 
 F32 = NDArray[np.float32]
-_BLOCK = 1_000_000  # points whose sums are in memory at once
+_BLOCK = 1_000_000  # points summed at once
 
 
 @dataclass(frozen=True, eq=False)
 class ClassSum:
-    """How classes of a model become classes of a file.
+    """Mapping from the classes of a model to the classes of a file.
 
     Attributes:
-        table: The table that the classes of the file are of.
+        table: Class table of the file.
         names: Classes of the file.
         ids: Id of each in the file, shape (T,), uint8.
-        matrix: Which class of the model goes into which [1], shape (K, T), float32, one 1 in each row.
+        matrix: Mapping of the model's classes [1], shape (K, T), float32, one 1 in each row.
         kept: Whether each class is written; others become 255, shape (T,), bool.
-        rest: Whether each class is what is no part of a bridge, or noise, shape (T,), bool.
+        rest: Whether each class is background or noise, shape (T,), bool.
     """
 
     table: str
@@ -38,15 +38,14 @@ class ClassSum:
     rest: NDArray[np.bool_]
 
     def decide(self, probabilities: F32, least: float) -> tuple[NDArray[np.uint8], F32]:
-        """Choose the likeliest class of each point.
+        """Choose the most probable class of each point.
 
         Args:
             probabilities: Of the model's classes [1], shape (N, K), float32.
-            least: Confidence below which no class is given [1].
+            least: Confidence below which a point gets no class [1].
 
         Returns:
-            Class ids, 255 for none, shape (N,), uint8; summed probability of the likeliest class [1], shape (N,),
-            float32.
+            Class ids, 255 for none, shape (N,), uint8; summed probability of the chosen class [1], shape (N,), float32.
         """
         best, sure = np.empty(len(probabilities), np.int64), np.empty(len(probabilities), np.float32)
         for first in range(0, len(probabilities), _BLOCK):
@@ -59,24 +58,24 @@ class ClassSum:
 
     @property
     def background(self) -> tuple[int, ...]:
-        """Ids of what is no part of a bridge, and has no instances."""
+        """List the ids of background and noise, which have no instances."""
         return tuple(self.ids[self.rest].tolist())
 
 
 @dataclass(frozen=True, eq=False)
 class SummedModel:
-    """A model whose classes are led into those of a data set, so that it can be scored there.
+    """A model whose classes are converted to those of a data set, so that it can be scored there.
 
     Attributes:
         model: The model.
-        matrix: Which class of it goes into which of the data set [1], shape (K, T), float32.
+        matrix: Mapping of its classes to those of the data set [1], shape (K, T), float32.
     """
 
     model: Predicting
     matrix: F32
 
     def probabilities(self, samples: Sequence[Sample]) -> list[F32]:
-        """Say how likely each class of the data set is at each point.
+        """Compute the probability of each class of the data set at each point.
 
         Args:
             samples: Clouds as in training.
@@ -88,7 +87,7 @@ class SummedModel:
 
 
 def summed_model(model: Predicting, classes: tuple[str, ...], own: str, table: str, names: Sequence[str]) -> Predicting:
-    """Lead a model into the classes of a data set; a model that has them already stays what it is.
+    """Convert a model to the classes of a data set; a model that already has them is returned unchanged.
 
     Args:
         model: The model.
@@ -116,17 +115,17 @@ def summed_model(model: Predicting, classes: tuple[str, ...], own: str, table: s
 def sum_classes(
     classes: tuple[str, ...], own: str, table: str, kept: tuple[str, ...], ids: tuple[int, ...] = ()
 ) -> ClassSum:
-    """Lead the classes of a model into a table.
+    """Map the classes of a model to a table.
 
     Args:
         classes: Classes of the model: component kinds or classes of the base table, or classes of another table.
         own: Table of these.
         table: Table to sum into; empty for the model's own.
-        kept: Classes of it to write; none for all.
-        ids: Id of each class in the file, where they are no table's.
+        kept: Classes of the table to write; empty for all.
+        ids: Id of each class in the file, for a user's own classes.
 
     Raises:
-        InputError: No such table, one that the model's classes do not determine, or a class that it lacks.
+        InputError: No such table, a table that the model's classes do not determine, or a class that it lacks.
     """
     if own == OWN and table in ("", OWN):
         return _as_they_are(classes, ids or tuple(range(len(classes))), kept)
@@ -175,7 +174,7 @@ def check_table(table: str) -> None:
 
 
 def _as_they_are(classes: tuple[str, ...], ids: tuple[int, ...], kept: tuple[str, ...]) -> ClassSum:
-    """Write a user's own classes with their own numbers."""
+    """Keep a user's own classes with their own numbers."""
     _check_kept(kept, classes)
     chosen = np.array([name in kept or not kept for name in classes])
     rest = np.array([name in (BACKGROUND_CLASS, NOISY_CLASS) for name in classes])

@@ -1,4 +1,4 @@
-"""From the coordinates of a scan to metres with z up."""
+"""Conversion of a scan's coordinates to metres with z up."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from learn.predict.settings import UNITS, PredictSettings
 
 F64 = NDArray[np.float64]
 
-# Rows: which axis of the scan becomes x, y and z, and with which sign; each is a rotation.
+# Rows: the axis of the scan that becomes x, y and z, with its sign; each is a rotation.
 _TURNS: dict[str, tuple[tuple[int, ...], ...]] = {
     "z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
     "-z": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
@@ -20,12 +20,12 @@ _TURNS: dict[str, tuple[tuple[int, ...], ...]] = {
     "-x": ((0, 0, 1), (0, 1, 0), (-1, 0, 0)),
 }
 
-_SAME = 1e-3  # [1] the feet of a survey and of everybody else are one length here
+_SAME = 1e-3  # [1] tolerance: the US survey foot and the international foot count as equal
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """How the coordinates of a scan become metres with z up.
+    """Conversion of a scan's coordinates to metres with z up.
 
     Attributes:
         meters: Length of one unit [m].
@@ -36,7 +36,7 @@ class Frame:
     turn: F64
 
     def apply(self, coord: F64) -> F64:
-        """Change positions.
+        """Convert positions.
 
         Args:
             coord: Positions [scan units], shape (N, 3), float64.
@@ -47,7 +47,7 @@ class Frame:
         return (coord @ self.turn.T) * self.meters
 
     def rotate(self, normal: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Turn directions.
+        """Rotate directions.
 
         Args:
             normal: Unit vectors [1], shape (N, 3), float32.
@@ -59,11 +59,11 @@ class Frame:
 
 
 def choose_frame(said: float | None, settings: PredictSettings, where: object) -> Frame:
-    """Find the unit: what the user says counts more than what the scan says, and one of them must.
+    """Choose the unit: the user's setting takes precedence over the scan's record; one of them is required.
 
     Args:
-        said: Length of a unit as the scan says [m]; None where it does not, 0 where its coordinates are angles.
-        settings: What the user says.
+        said: Length of a unit as the scan states [m]; None if it does not, 0 if its coordinates are angles.
+        settings: The user's settings.
         where: Scan, for the error.
 
     Raises:
@@ -92,10 +92,10 @@ def choose_frame(said: float | None, settings: PredictSettings, where: object) -
 
 
 def contradiction(said: float | None, frame: Frame) -> str:
-    """Tell that the user says another unit than the scan; empty where both agree or the scan says none.
+    """Describe a difference between the user's unit and the scan's; empty if both agree or the scan states none.
 
     Args:
-        said: Length of a unit as the scan says [m]; None where it does not.
+        said: Length of a unit as the scan states [m]; None if it does not.
         frame: Of `choose_frame`.
     """
     if not said or abs(frame.meters / said - 1.0) < _SAME:

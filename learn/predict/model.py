@@ -1,4 +1,4 @@
-"""What a prediction needs of a model, and how one is found by its name."""
+"""The interface of a model for prediction, and loading of a model by its name."""
 
 import sys
 from collections.abc import Sequence
@@ -18,35 +18,35 @@ F32 = NDArray[np.float32]
 
 
 class PointModel(Protocol):
-    """A trained model, whatever is inside."""
+    """Interface of a trained model."""
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """Name of each class, in the order of the probabilities."""
+        """List the class names, in the order of the probabilities."""
         ...
 
     @property
     def table(self) -> str:
-        """Table that the classes are of; `falsework` also for component kinds."""
+        """Return the name of the class table; `falsework` also for component kinds."""
         ...
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Names of `learn.datasets.patch.CHANNELS` that it sees."""
+        """List its input channels, names of `learn.datasets.patch.CHANNELS`."""
         ...
 
     @property
     def tile(self) -> TileSettings:
-        """The tiles that it was trained on."""
+        """Return the settings of the tiles that it was trained on."""
         ...
 
     @property
     def points(self) -> int:
-        """Points of a draw."""
+        """Return the number of points of a draw."""
         ...
 
     def probabilities(self, samples: Sequence[Sample]) -> list[F32]:
-        """Say how likely each class is at each point.
+        """Compute the probability of each class at each point.
 
         Args:
             samples: Clouds as in training.
@@ -58,10 +58,10 @@ class PointModel(Protocol):
 
 
 def shipped_folder() -> Path:
-    """Give the folder of the model that comes with the package; its README.md is the model's card.
+    """Return the folder of the model of the package; its README.md is the model's card.
 
     Raises:
-        MissingError: This installation was built without it.
+        MissingError: This installation does not contain it.
     """
     folder = Path(str(files("learn").joinpath("shipped")))
     if not (folder / "model.json").is_file():
@@ -74,19 +74,19 @@ def shipped_folder() -> Path:
 
 
 def named_model(name: str) -> PointModel:
-    """Read a trained model, or call a function of the user's own that makes one.
+    """Read a trained model, or call a user's function that makes one.
 
     Args:
-        name: Folder that `falsework train` has written, or `module:function`; the module is looked for in the folder
-            that the command is called in, too. Empty: the model of the package.
+        name: Folder that `falsework train` has written, or `module:function`; the module is also searched in the
+            current folder. Empty: the model of the package.
 
     Raises:
-        InputError: No such folder, module or function, or what it gives is not a model.
+        InputError: No such folder, module or function, or its result is not a model.
     """
     if not name:
         name = str(shipped_folder())
     if Path(name).is_dir():
-        from learn.predict.trained_model import read_trained_model  # torch is imported for a trained model alone
+        from learn.predict.trained_model import read_trained_model  # torch is imported only for a trained model
 
         return read_trained_model(Path(name))
     module, colon, function = name.partition(":")

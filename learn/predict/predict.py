@@ -1,4 +1,4 @@
-"""The conductor: a scan, tile by tile through a model, and back to every one of its points."""
+"""Conductor of predictions: run a model on the tiles of a scan and label every point of the scan."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,24 +29,24 @@ from recon.formats.scan import Labels, Scan, ScanStream, check_copy, open_scan, 
 
 F32 = NDArray[np.float32]
 
-_OWN_FILES = {".laz": "cloud.laz", ".las": "cloud.laz", ".ply": "cloud.ply"}  # what lies beside a cloud's columns
-_ASPRS = "asprs"  # of this table, and of no other, the ids are those of LAS' own field
+_OWN_FILES = {".laz": "cloud.laz", ".las": "cloud.laz", ".ply": "cloud.ply"}  # files beside a cloud's columns
+_ASPRS = "asprs"  # only this table has the codes of LAS' field `classification`
 FORMAT = "falsework.instances"
 BOXES = ".instances.json"
-_FEWEST_SEEN = 0.002  # [1] of the points: with fewer in cubes of their own the unit is hardly right
+_FEWEST_SEEN = 0.002  # [1] share of occupied cubes to points: below, the unit is probably wrong
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What became of a scan.
+    """Result of a prediction.
 
     Attributes:
         points: Number of points.
-        thinned: Points that the model saw.
-        counts: Points of each class that was given, by name.
-        unlabelled: Points that got no class.
+        thinned: Points after thinning, which the model processed.
+        counts: Points of each predicted class, by name.
+        unlabelled: Points without a class.
         instances: Number of instances.
-        doubts: A line for each reason to look at the unit again.
+        doubts: Warnings that the unit may be wrong, one line each.
     """
 
     points: int
@@ -62,25 +62,25 @@ def predict_scan(
 ) -> Prediction:
     """Label every point of a scan, and write a copy of it with class, confidence and instance.
 
-    The scan is gone through three times, some points at a time: for its box, for one point in each small cube, and to
-    hand the labels of the cubes to all their points. Beside the copy stands a JSON file with the instances' boxes.
+    The scan is read three times in chunks: for its bounding box, for one point in each small cube, and to copy the
+    labels of the cubes to all their points. A JSON file with the instances' boxes is written beside the copy.
 
     Args:
         source: LAS, LAZ, PLY, E57, NPY or text file, or the folder of a cloud.
         out: File to write.
         model: What knows the classes.
-        settings: Units, classes, and how far apart instances are.
+        settings: Units, classes, and the distance between instances.
         progress: Listener.
 
     Raises:
-        InputError: The scan cannot be read, says no unit, or lacks a channel of the model.
+        InputError: The scan cannot be read, states no unit, or lacks a channel of the model.
     """
     file, said = _file_of(source, out)
     former = _boxes_record(out.with_suffix(BOXES))
     _check_outputs(source, out, former)
     check_copy(file, out)
     _check_link(settings, model)
-    ids = tuple(getattr(model, "ids", ()))  # of own classes, which no table numbers
+    ids = tuple(getattr(model, "ids", ()))  # of a user's own classes, which have their own numbers
     summing = sum_classes(model.classes, model.table, settings.table, settings.classes, ids)
     with open_scan(file, progress=progress) as stream:
         told = stream.unit if said is None else said or None
@@ -119,7 +119,7 @@ def predict_scan(
 
 
 def _check_outputs(source: Path, out: Path, former: dict[str, Any]) -> None:
-    """Refuse to write over files that no former prediction of this name has left."""
+    """Refuse to overwrite files that are not from an earlier prediction of this name."""
     _refuse_boxes_of_another(former, out)
     check_output_file(out.with_suffix(BOXES), [source], lambda path: bool(former))
     check_output_file(out, [source], lambda path: _is_former(former, path))
@@ -137,10 +137,10 @@ def _check_link(settings: PredictSettings, model: PointModel) -> None:
 
 @contextmanager
 def _copy_and_boxes(source: Path, out: Path, former: dict[str, Any]) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """Give a name for the copy and a record to fill, and put both into place.
+    """Yield a temporary name for the copy and a record to fill, and put both into place afterwards.
 
-    The boxes go first and speak of both copies, the new and the former one, so that a kill in between leaves nothing
-    that the next command takes for somebody else's.
+    The boxes are put first, with the sizes of both copies, the new and the former one, so that after a kill in between
+    the next command still recognizes both files as ours.
     """
     record: dict[str, Any] = {"format": FORMAT, "format_version": 1}
     with fresh_file(out, [source], lambda path: _is_former(former, path)) as copy:
@@ -153,7 +153,7 @@ def _copy_and_boxes(source: Path, out: Path, former: dict[str, Any]) -> Iterator
 
 
 def _boxes_record(boxes_file: Path) -> dict[str, Any]:
-    """Read a former file of boxes; empty where it is none of ours."""
+    """Read an existing file of boxes; empty if Falsework did not write it."""
     try:
         record = read_json(boxes_file)
     except InputError:
@@ -162,7 +162,7 @@ def _boxes_record(boxes_file: Path) -> dict[str, Any]:
 
 
 def _refuse_boxes_of_another(record: dict[str, Any], out: Path) -> None:
-    """Boxes stand beside the copy under its name without its suffix: those of two formats would be one file."""
+    """Refuse boxes of a copy in another format: their file name is that of the copy without its suffix."""
     other = out.with_suffix(str((record.get("copy") or {}).get("suffix") or out.suffix))
     if other.suffix != out.suffix and other.exists():
         raise InputError(
@@ -178,7 +178,7 @@ def _doubts(contradicted: str, seen: int, count: int) -> tuple[str, ...]:
 
 
 def _is_former(record: dict[str, Any], copy: Path) -> bool:
-    """Tell whether the boxes beside a copy speak of this very one, whose format may lack room for a signature."""
+    """Tell whether the boxes beside a copy belong to it; its format may lack room for a signature."""
     return _size_of(copy, copy) in (record.get("copy"), record.get("replaces"))
 
 
@@ -187,17 +187,17 @@ def _size_of(copy: Path, name: Path) -> dict[str, object]:
 
 
 def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int, where: object) -> VoxelCloud:
-    """Keep one point in each cube of a scan: the first of the file, in whatever pieces it is read.
+    """Keep one point in each cube of a scan: the first of the file, independent of the chunk size.
 
     Args:
         stream: The scan.
-        frame: How its coordinates become metres.
-        model: What columns are needed for, and how large the cubes are.
+        frame: Conversion of its coordinates to metres.
+        model: Determines the columns and the size of the cubes.
         chunk: Points at a time.
         where: Scan, for the error.
 
     Raises:
-        InputError: The scan lacks a channel of the model, or reaches too far.
+        InputError: The scan lacks a channel of the model, or is too large.
     """
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for scan in stream.chunks(chunk):
@@ -214,12 +214,12 @@ def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int,
 
 
 def vote(cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = SILENT) -> F32:
-    """Let the model see every tile until all of its points were drawn, and take the mean of what it says of each.
+    """Predict draws of every tile until all points are drawn, and average the probabilities of each point.
 
     Args:
         cloud: Thinned points.
         model: What knows the classes.
-        batch: Samples that it gets at once.
+        batch: Samples per call of the model.
         progress: Listener.
 
     Returns:
@@ -229,7 +229,7 @@ def vote(cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = 
         cloud = with_heights(cloud, model.tile)
     total = np.zeros((len(cloud), len(model.classes)), np.float32)
     seen = np.zeros(len(cloud), np.float32)
-    overlap = round(model.tile.size / model.tile.stride) ** 2  # tiles that hold each point
+    overlap = round(model.tile.size / model.tile.stride) ** 2  # number of tiles that hold each point
     progress.stage("predict", overlap * len(cloud))
     done = 0
     waiting: list[tuple[NDArray[np.int64], Sample]] = []
@@ -263,12 +263,12 @@ def vote(cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = 
 def tile_samples(
     cloud: VoxelCloud, rows: NDArray[np.int64], origin: NDArray[np.float64], seed: int, model: PointModel
 ) -> Iterator[tuple[NDArray[np.int64], Sample]]:
-    """Draw a tile until all of its points were drawn, as the samples of a test split are drawn.
+    """Yield draws of a tile until all points are drawn, as for the samples of a test split.
 
     Args:
         cloud: Thinned points.
         rows: Points of the tile, shape (N,), int64.
-        origin: Where its positions count from [m], shape (3,), float64.
+        origin: Origin of its positions [m], shape (3,), float64.
         seed: Seed of its draws.
         model: Channels, size of a draw, and scale.
 
@@ -291,9 +291,9 @@ def _inputs(scan: Scan, frame: Frame) -> dict[str, NDArray[Any]]:
 
 
 def _file_of(source: Path, out: Path) -> tuple[Path, float | None]:
-    """The file to copy, and the unit where it is known: a cloud's folder holds its points as LAZ and PLY too.
+    """Return the file to copy, and its unit if known: a cloud's folder holds its points as LAZ and PLY too.
 
-    A cloud that no alignment brought into the world has no unit: 0 then.
+    A cloud that is not aligned to the world has no unit: then 0.
     """
     if not source.is_dir():
         return source, None

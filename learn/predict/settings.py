@@ -1,4 +1,4 @@
-"""What a prediction understands."""
+"""Settings of a prediction."""
 
 from typing import Literal
 

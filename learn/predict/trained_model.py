@@ -1,4 +1,4 @@
-"""A model that `falsework train` has written, as a prediction asks it."""
+"""Adapter from a model of `falsework train` to the interface of predictions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ F32 = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class TrainedModel:
-    """A trained model with the data set that it was trained on; a `learn.predict.model.PointModel`.
+    """A trained model with the settings of its data set; a `learn.predict.model.PointModel`.
 
     Attributes:
         trained: Network or forest.
@@ -31,36 +31,36 @@ class TrainedModel:
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """Name of each class, in the order of the probabilities."""
+        """List the class names, in the order of the probabilities."""
         return self.trained.classes
 
     @property
     def table(self) -> str:
-        """Table that the classes are of."""
+        """Return the name of the class table."""
         return self.settings.table
 
     @property
     def ids(self) -> tuple[int, ...]:
-        """Number of each class in the user's files, where the classes are the user's own."""
+        """Return the number of each class in the user's files, for a user's own classes."""
         return tuple(self.settings.own[name] for name in self.classes) if self.settings.own else ()
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Names of `learn.datasets.patch.CHANNELS` that it sees."""
+        """List its input channels, names of `learn.datasets.patch.CHANNELS`."""
         return self.trained.channels
 
     @property
     def tile(self) -> TileSettings:
-        """The tiles that it was trained on."""
+        """Return the settings of the tiles that it was trained on."""
         return self.settings.tile
 
     @property
     def points(self) -> int:
-        """Points of a draw."""
+        """Return the number of points of a draw."""
         return self.settings.points
 
     def probabilities(self, samples: Sequence[Sample]) -> list[F32]:
-        """Say how likely each class is at each point.
+        """Compute the probability of each class at each point.
 
         Args:
             samples: Clouds as in training.
@@ -78,7 +78,7 @@ def read_trained_model(folder: Path) -> TrainedModel:
         folder: The model.
 
     Raises:
-        InputError: Not a model, torn, or trained on samples that no scan without labels can be cut into.
+        InputError: Not a model, damaged, or trained on samples that cannot be cut without labels.
     """
     trained = read_model(folder)
     where, stored = folder / FACTS, trained.facts.data.get("settings")

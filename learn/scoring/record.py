@@ -1,4 +1,4 @@
-"""Scores of a model as a record for JSON: of the whole and of each bridge, by uncertainty, of instances."""
+"""Scores of a model as a record for JSON: of all bridges and of each, by uncertainty, and of instances."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -9,30 +9,30 @@ from numpy.typing import NDArray
 
 from learn.instances import connected_parts
 from learn.metrics import calibration_error, confusion_by_threshold, mean_iou, reliability, risk_coverage, scores
-from learn.panoptic import PanopticCounts, count_instances, panoptic_quality
+from learn.scoring.panoptic import PanopticCounts, count_instances, panoptic_quality
 from learn.scoring.votes import ScoredCloud, labeled
 
 F32 = NDArray[np.float32]
 I64 = NDArray[np.int64]
 
-FORMAT_VERSION = 3  # 3: `class_names`, since the keys of a JSON object come sorted
+FORMAT_VERSION = 3  # 3: added `class_names`, because the keys of a JSON object are sorted
 SURE = 0.1  # [m] the paper's threshold, above which a point counts as noisy
 THRESHOLDS = (0.01, 0.03, SURE, 0.3, 1.0)  # [m]
-_ALL = len(THRESHOLDS)  # place of the matrix of all points, behind those of the thresholds
+_ALL = len(THRESHOLDS)  # index of the matrix of all points, behind those of the thresholds
 
 
 @dataclass
 class Tally:
-    """What is counted over clouds, be it those of a bridge or all.
+    """Counts over the clouds of a bridge, or over all clouds.
 
     Attributes:
         matrices: Confusion up to each threshold, then of all points, shape (T + 1, C, C), int64.
-        confidence: Highest class probabilities of the labelled points [1], one array a cloud, shape (P,), float32.
-        right: Whether the class of each is right, one array a cloud, shape (P,), bool.
-        modeled: Instances compared with the true ones.
-        parts: Instances compared with the connected parts of the true classes.
+        confidence: Highest class probabilities of the labelled points [1], one array per cloud, shape (P,), float32.
+        right: Whether the class of each is right, one array per cloud, shape (P,), bool.
+        modeled: Predicted instances compared with the true ones.
+        parts: Predicted instances compared with the connected parts of the true classes.
         points: Points that were scored.
-        votes: Draws that held them, together.
+        votes: Number of draws that held them, summed.
     """
 
     matrices: I64
@@ -57,14 +57,14 @@ class Tally:
 
 
 def tally_cloud(cloud: ScoredCloud, classes: int, without: Sequence[int], link: float, fewest: int) -> Tally:
-    """Count what scores of one cloud are made of.
+    """Count for one cloud what its scores are computed from.
 
     Args:
-        cloud: What a model says of its points.
+        cloud: Predictions for its points.
         classes: Number of classes.
         without: Classes that have no instances.
         link: Points of a class in touching cubes of this side are one instance [m].
-        fewest: Points without which a connected part is no instance.
+        fewest: Least number of points of an instance.
     """
     known = labeled(cloud)
     truth, found = cloud.truth[known], cloud.probabilities[known].argmax(axis=1)
@@ -85,15 +85,16 @@ def tally_cloud(cloud: ScoredCloud, classes: int, without: Sequence[int], link: 
 
 
 def whole_record(tallies: dict[str, Tally], names: Sequence[str], link: float) -> dict[str, Any]:
-    """Spell the scores of all bridges and of each.
+    """Return the scores of all bridges and of each.
 
     Args:
-        tallies: What was counted of each bridge.
+        tallies: Counts of each bridge.
         names: Name of each class.
         link: As for `tally_cloud` [m].
 
     Returns:
-        A record for JSON; a score of nothing is null. Rows and columns of `confusion` come as `class_names` does.
+        A record for JSON; an undefined score is null. Rows and columns of `confusion` are in the order of
+        `class_names`.
     """
     count = len(names)
     total = sum(tallies.values(), Tally(np.zeros((_ALL + 1, count, count), np.int64)))
@@ -127,10 +128,10 @@ def whole_record(tallies: dict[str, Tally], names: Sequence[str], link: float) -
 
 
 def score_rows(matrix: I64, names: Sequence[str]) -> dict[str, Any]:
-    """Spell what follows from a confusion matrix.
+    """Return all scores of a confusion matrix.
 
     Args:
-        matrix: True classes down, predicted ones across, shape (C, C), int64.
+        matrix: True classes in rows, predicted ones in columns, shape (C, C), int64.
         names: Name of each class.
 
     Returns:
@@ -166,7 +167,7 @@ def _bridge(tally: Tally, names: Sequence[str]) -> dict[str, Any]:
 
 
 def _reliability(confidence: F32, right: NDArray[np.bool_]) -> list[dict[str, float]]:
-    """Spell how often the class is right where it was said to be so likely; bins without points are left out."""
+    """Return the accuracy by confidence, in bins; bins without points are left out."""
     return [
         {"points": int(points), "confidence": float(said / points), "accuracy": float(true / points)}
         for points, said, true in zip(*reliability(confidence, right), strict=True)

@@ -1,4 +1,4 @@
-"""Scores as tables for people, in Markdown, which a terminal shows as well."""
+"""Scores as Markdown tables, which can also be read in a terminal."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -8,7 +8,7 @@ _MEANS = ("mean_accuracy", "mean_precision", "mean_iou", "mean_f1")
 
 
 def score_lines(record: Mapping[str, Any]) -> list[str]:
-    """Spell scores as Markdown.
+    """Format scores as Markdown.
 
     Args:
         record: Of `learn.evaluate.evaluate_model`.
@@ -30,7 +30,7 @@ def score_lines(record: Mapping[str, Any]) -> list[str]:
 
 
 def short_lines(record: Mapping[str, Any]) -> list[str]:
-    """Spell the classes, the means and the bridges alone.
+    """Format only the scores of classes, the means and those of bridges.
 
     Args:
         record: Of `learn.evaluate.evaluate_model`.
@@ -136,14 +136,14 @@ def _bridges(record: Mapping[str, Any]) -> list[str]:
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Set cells in columns: a table of Markdown that can be read as it stands.
+    """Format an aligned Markdown table.
 
     Args:
-        header: Words of the first row.
+        header: Cells of the first row.
         rows: Cells of the others.
 
     Returns:
-        One line a row, and the line below the header.
+        One line per row, and the line below the header.
     """
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     lines = [

@@ -1,4 +1,4 @@
-"""What a model says of every point of a cloud: the mean over the draws and tiles that hold it, as in a prediction."""
+"""Predictions for every point of a cloud: the mean over the draws and tiles that hold it, as in `falsework predict`."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-_BATCH = 8  # samples that a model gets at once
+_BATCH = 8  # samples per call of the model
 
 
 class Predicting(Protocol):
-    """What can be scored."""
+    """Interface of a model that can be scored."""
 
     def probabilities(self, samples: Sequence[Sample]) -> list[F32]:
-        """Say how likely each class is at each point.
+        """Compute the probability of each class at each point.
 
         Args:
             samples: Clouds as in training.
@@ -34,12 +34,12 @@ class Predicting(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ScoredCloud:
-    """The points of a cloud that any sample held, each once.
+    """The points of a cloud that occur in any sample, each once.
 
     Attributes:
         bridge: Its bridge.
         truth: True classes, 255 where unknown, shape (P,), int64.
-        probabilities: Means of what the model says [1], shape (P, K), float32.
+        probabilities: Mean predicted probabilities [1], shape (P, K), float32.
         coord: Positions [m], shape (P, 3), float64.
         uncertainty: NaN where unknown [m], shape (P,), float32.
         instance: True instances, 0 for none, shape (P,), int64.
@@ -56,7 +56,7 @@ class ScoredCloud:
 
 
 class _Ballot:
-    """Sums over the points of one cloud; its size is that of the highest row so far."""
+    """Sums over the points of one cloud; it grows to the highest row so far."""
 
     def __init__(self, bridge: str, classes: int) -> None:
         self.bridge = bridge
@@ -65,7 +65,7 @@ class _Ballot:
         self._uncertainty, self._coord = np.zeros(0, np.float32), np.zeros((0, 3))
 
     def add(self, truth: Truth, labels: I64, told: F32) -> None:
-        """Count what the model says of a sample; a topped-up draw holds a point twice and counts it twice."""
+        """Add the predictions of a sample; a point that a filled-up draw holds twice counts twice."""
         self._reach(int(truth.row.max(initial=-1)) + 1)
         np.add.at(self._total, truth.row, told)
         np.add.at(self._votes, truth.row, 1)
@@ -81,7 +81,7 @@ class _Ballot:
             setattr(self, name, np.concatenate([former, np.zeros((more, *former.shape[1:]), former.dtype)]))
 
     def close(self) -> ScoredCloud:
-        """Give the means of the points that were held."""
+        """Return the means of the points that occurred."""
         rows = np.flatnonzero(self._votes)
         votes = self._votes[rows]
         return ScoredCloud(
@@ -96,11 +96,11 @@ class _Ballot:
 
 
 def scored_clouds(model: Predicting, source: ScoredSource, progress: Progress) -> Iterator[ScoredCloud]:
-    """Let a model see every sample of a source, and give its clouds one after the other.
+    """Predict every sample of a source, and yield its clouds one by one.
 
     Args:
         model: A model with the classes of the source.
-        source: Samples, those of one cloud in a row.
+        source: Samples; those of one cloud are consecutive.
         progress: Listener.
 
     Yields:

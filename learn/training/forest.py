@@ -1,4 +1,4 @@
-"""Training a forest on covariance features: a full peer of the networks, and often the better one with little data."""
+"""Training of a random forest on covariance features, which is often better than a network with little data."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -39,17 +39,17 @@ def train_forest(
 ) -> None:
     """Train a forest and write it as a model.
 
-    Nothing is picked, and so nothing is held out: every training bridge counts.
+    No epoch is chosen by validation, so no bridge is held out.
 
     Args:
         source: Training samples, each drawn once.
-        settings: What the user chose; `network` holds the forest's settings.
-        folder: Where the model goes.
+        settings: The user's settings; `network` holds those of the forest.
+        folder: Folder of the model.
         progress: Listener.
-        data: How the samples were made: kept with the model.
+        data: How the samples were made; stored with the model.
 
     Raises:
-        InputError: No samples, a setting that a forest does not know, or one class alone.
+        InputError: No samples, an unknown setting, or only one class.
     """
     chosen = parse_settings(ForestSettings, settings.network, "--set network")
     if not len(source):

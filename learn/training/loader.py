@@ -1,4 +1,4 @@
-"""Samples for a training: which ones in which order, their geometry, and batches of them."""
+"""Loading of training samples: their order, their geometry, and batches."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -23,17 +23,17 @@ Place = tuple[int, int]
 
 
 class EpochOrder(Sampler[Place]):
-    """Each epoch's order of the samples, decided by the seed and the epoch alone.
+    """Order of the samples in each epoch; it depends only on the seed and the epoch.
 
-    Some samples of an epoch may give way to others that are chosen by class: a class first, each as likely as the
-    other, then a sample as likely as it holds points of that class.
+    A share of an epoch's samples may be chosen by class: first a class, all equally likely, then a sample with a
+    probability proportional to its points of that class.
     """
 
     def __init__(self, rows: Sequence[int], seed: int, counts: I64 | None = None, share: float = 0.0) -> None:
-        """Say which samples there are.
+        """Set the samples.
 
         Args:
-            rows: Their numbers.
+            rows: Numbers of the samples.
             seed: Seed of every order.
             counts: Points of each class in each of them, shape (rows, C), int64; needed for a share above 0.
             share: Share of an epoch that is chosen by class [1].
@@ -42,7 +42,7 @@ class EpochOrder(Sampler[Place]):
         self._likely = np.zeros((0, len(self._rows))) if counts is None else _by_class(counts)
 
     def set_epoch(self, epoch: int) -> None:
-        """Say which epoch comes; Lightning does so, after a resumption too.
+        """Set the epoch; called by Lightning, also after a resumption.
 
         Args:
             epoch: Number of the epoch.
@@ -50,11 +50,11 @@ class EpochOrder(Sampler[Place]):
         self._epoch = epoch
 
     def __len__(self) -> int:
-        """Count the samples of an epoch; of several processes that train together each has its share."""
+        """Count the samples of an epoch; each of several training processes has its share."""
         return -(-len(self._rows) // _processes()[1])
 
     def __iter__(self) -> Iterator[Place]:
-        """Go through the epoch."""
+        """Iterate over the epoch."""
         rng = np.random.default_rng([self._seed, self._epoch])
         order = rng.permutation(len(self._rows))
         for place in range(round(self._share * len(order)) if len(self._likely) else 0):
@@ -63,13 +63,13 @@ class EpochOrder(Sampler[Place]):
         here, processes = _processes()
         order = np.resize(order, processes * len(self))[
             here::processes
-        ]  # the first ones again, so that all have as many
+        ]  # the first ones are repeated, so that all processes have equally many
         for row in order:
             yield self._epoch, self._rows[row]
 
 
 def _processes() -> tuple[int, int]:
-    """Number of this process, and of all that train together."""
+    """Return the rank of this process and the number of training processes."""
     there = torch.distributed.is_available() and torch.distributed.is_initialized()
     return (torch.distributed.get_rank(), torch.distributed.get_world_size()) if there else (0, 1)
 
@@ -79,11 +79,11 @@ class Loaded(Dataset[dict[str, Any]]):
     """Samples with their geometry.
 
     Attributes:
-        source: Where samples come from.
-        network: Whose geometry they get.
+        source: Source of the samples.
+        network: Network that their geometry is for.
         channels: Inputs of the network.
         seed: Seed of the draws.
-        cache: Folder of pyramids, for samples that are always the same; None for those that are drawn anew.
+        cache: Cache folder of pyramids, for samples that never change; None for random samples.
         doubt: Uncertainty at which a point counts for 1/e [m]; 0: every point counts alike.
     """
 
@@ -105,7 +105,7 @@ class Loaded(Dataset[dict[str, Any]]):
             "geometry": geometry_of(self.network, sample.coord, self.cache),
         }
         if self.doubt and sample.uncertainty is not None:
-            known = torch.from_numpy(sample.uncertainty).nan_to_num(nan=0.0, posinf=torch.inf)  # a scan does not say it
+            known = torch.from_numpy(sample.uncertainty).nan_to_num(nan=0.0, posinf=torch.inf)  # unknown
             item["weights"] = uncertainty_weights(known, self.doubt)
         return item
 
@@ -144,7 +144,7 @@ def count_labels(source: SampleSource, rows: Sequence[int], seed: int) -> I64:
 
 
 def expected_counts(counts: I64, share: float) -> Tensor:
-    """Give the points of each class that an epoch shows on average.
+    """Compute the expected number of points of each class in an epoch.
 
     Args:
         counts: Of `count_labels`, shape (rows, C), int64.
@@ -161,7 +161,7 @@ def expected_counts(counts: I64, share: float) -> Tensor:
 
 
 def _by_class(counts: I64) -> NDArray[np.float64]:
-    """How likely each sample is where a class was chosen: one row for each class that there is."""
+    """Compute the probability of each sample given the chosen class: one row for each class that occurs."""
     present = counts[:, counts.any(axis=0)].T.astype(np.float64)
     return present / present.sum(axis=1, keepdims=True)
 

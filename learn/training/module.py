@@ -1,4 +1,4 @@
-"""The Lightning module: one step, one validation, and what is kept of them. Nothing but `train` imports it."""
+"""The Lightning module: training step, validation step, history. Only `train` imports it."""
 
 import json
 import math
@@ -23,7 +23,7 @@ from learn.training.settings import Recipe, TrainSettings
 
 LAST, BEST = "last.ckpt", "best.safetensors"
 ENCODER = ("stem", "down", "blocks", "bottom")
-_SURE = math.exp(-1.0) - 1e-6  # weight of a point whose uncertainty is the recipe's doubt
+_SURE = math.exp(-1.0) - 1e-6  # weight of a point whose uncertainty equals the recipe's `doubt`
 _WARM = 0.1  # share of the steps in which the learning rate of a cycle rises
 _CYCLE_START = 0.04  # learning rate at the beginning of a cycle, as a share of the largest
 
@@ -33,7 +33,7 @@ class TrainingPlan:
     """How a network is trained.
 
     Attributes:
-        settings: What the user asked for.
+        settings: The user's settings.
         recipe: Losses, optimizer and schedule.
         weights: Of the classes [1], shape (C,), float32.
         noisy: Number of the class of noisy points; None where there is none.
@@ -51,9 +51,9 @@ class Segmentation(lightning.LightningModule):
     """A network in training.
 
     Attributes:
-        history: One row an epoch: epoch, mean loss, validation's mean IoU and accuracies, None where nothing is held
+        history: One row per epoch: epoch, mean loss, mean IoU and accuracies of the validation, None if nothing is held
             out.
-        best: Epoch with the highest mean IoU of validation, the earliest of equals; the last one where nothing is held
+        best: Epoch with the highest mean IoU of the validation, the earliest of equals; the last one if nothing is held
             out; -1 before the first.
     """
 
@@ -87,7 +87,7 @@ class Segmentation(lightning.LightningModule):
                     part.eval()  # its statistics stay, too
 
     def training_step(self, batch: dict[str, Any], number: int) -> Tensor:
-        """Score a batch and give its loss.
+        """Compute the loss of a batch.
 
         Args:
             batch: Features, labels and geometry.
@@ -96,7 +96,7 @@ class Segmentation(lightning.LightningModule):
         Returns:
             The loss [1], shape (), float32.
         """
-        # Dropout depends on the seed and the step alone, so that a resumed training goes on alike.
+        # Dropout depends only on the seed and the step, so that a resumed training continues identically.
         place = [self._settings.seed, self.global_step] + ([self.global_rank] if self.global_rank else [])
         torch.manual_seed(int(np.random.SeedSequence(place).generate_state(1)[0]))
         logits = self.network(batch["features"], batch["geometry"]).float().flatten(0, 1)
@@ -109,18 +109,18 @@ class Segmentation(lightning.LightningModule):
         weights = batch["weights"].flatten() if "weights" in batch else None
         loss = loss + cross_entropy(logits, labels, self.class_weights, weights, smoothing)
         if self._recipe.lovasz:
-            # of sets of points, which have no weights: those that are less sure than the recipe's doubt stay out
+            # Lovasz-softmax has no point weights: points more uncertain than the recipe's `doubt` are left out
             sure = labels if weights is None else labels.masked_fill(weights < _SURE, UNLABELED)
             loss = loss + self._recipe.lovasz * lovasz_softmax(logits, sure)
         self._losses.append(loss.detach())
         return loss
 
     def on_validation_epoch_start(self) -> None:
-        """Begin to count."""
+        """Reset the confusion matrix."""
         self._matrix[:] = 0
 
     def validation_step(self, batch: dict[str, Any], number: int) -> None:
-        """Count what a batch of validation is taken for.
+        """Add a batch of the validation to the confusion matrix.
 
         Args:
             batch: Features, labels and geometry.
@@ -131,14 +131,14 @@ class Segmentation(lightning.LightningModule):
         self._matrix += confusion(batch["labels"].flatten().cpu().numpy(), found, len(self._matrix))
 
     def on_validation_epoch_end(self) -> None:
-        """Log the epoch, and keep the weights where they are the best so far."""
+        """Log the epoch, and store the weights if they are the best so far."""
         result = scores(self._matrix)
         ahead = max((row["miou"] or 0.0 for row in self.history), default=-1.0)
         miou = 0.0 if np.isnan(result.mean_iou) else result.mean_iou
         self._close(miou > ahead, miou, result.overall_accuracy, result.mean_accuracy)
 
     def on_train_epoch_end(self) -> None:
-        """Log an epoch without validation, and keep its weights."""
+        """Log an epoch without validation, and store its weights."""
         if len(self.history) == self.current_epoch:
             self._close(True, None, None, None)
 
@@ -163,7 +163,7 @@ class Segmentation(lightning.LightningModule):
         self._listener.advance(self.current_epoch + 1)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Keep the history.
+        """Store the history.
 
         Args:
             checkpoint: What Lightning writes.
@@ -171,7 +171,7 @@ class Segmentation(lightning.LightningModule):
         checkpoint["history"], checkpoint["best"] = json.dumps(self.history), self.best
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Go on with the history.
+        """Restore the history.
 
         Args:
             checkpoint: What Lightning has read.
@@ -190,14 +190,14 @@ class Segmentation(lightning.LightningModule):
 
 
 def log_table(history: list[dict[str, float | None]]) -> str:
-    """Spell the history as CSV.
+    """Format the history as CSV.
 
     Args:
         history: Rows with the same keys [any unit].
 
     Returns:
-        A header and one line an epoch; floats as Python spells them, so that equal trainings have equal logs; nothing
-        where nothing was measured.
+        A header and one line per epoch; floats in Python's format, so that equal trainings have equal logs; empty where
+        nothing was measured.
     """
     lines = [",".join(history[0])] if history else []
     told = [",".join("" if value is None else str(value) for value in row.values()) for row in history]
@@ -205,10 +205,10 @@ def log_table(history: list[dict[str, float | None]]) -> str:
 
 
 def keeper(folder: Path) -> ModelCheckpoint:
-    """Make the callback that keeps the state after every epoch, to go on from.
+    """Make the callback that stores a checkpoint after every epoch, to resume from.
 
     Args:
-        folder: Where to.
+        folder: Folder of the checkpoint.
     """
     return ModelCheckpoint(
         dirpath=folder, filename=LAST.removesuffix(".ckpt"), save_on_train_epoch_end=True, enable_version_counter=False

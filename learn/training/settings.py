@@ -1,4 +1,4 @@
-"""What a user may choose about a training, and what the two recipes choose."""
+"""Settings of a training, and the values of the two recipes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -54,20 +54,20 @@ class TrainSettings(Settings):
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a recipe decides.
+    """Values that a recipe determines.
 
     Attributes:
         adamw: AdamW instead of Adam.
         learning_rate: Largest learning rate [1].
-        schedule: constant; decay: times 0.95 after each epoch; cycle: up over the first tenth and down to nothing.
+        schedule: constant; decay: times 0.95 after each epoch; cycle: up over the first tenth and down to zero.
         weights: Rule of the class weights.
         lovasz: Weight of the Lovasz-softmax loss beside the cross-entropy [1].
         smoothing: Label smoothing [1].
         noise_head: Whether noisy points get a head of their own.
         class_aware: Share of an epoch's samples that are chosen by class [1].
-        doubt: Uncertainty at which a point counts for 1/e [m]; 0 for all alike.
-        sensors: Changes towards other sensors, or None.
-        channels: What a network sees where nothing else is asked for.
+        doubt: Uncertainty at which a point has the weight 1/e [m]; 0: all points have equal weights.
+        sensors: Augmentation that imitates other sensors, or None.
+        channels: Default inputs of a network.
     """
 
     adamw: bool
@@ -97,7 +97,7 @@ def recipe_of(settings: TrainSettings) -> Recipe:
         settings: The training.
 
     Returns:
-        The network's own where there is one, with what the user chose put in its place.
+        The recipe of the network, if it has one, with the user's settings applied.
     """
     recipe = RECIPES.get(f"{settings.recipe} {settings.model}", RECIPES[settings.recipe])
     chosen = {"class_aware": settings.class_aware, "doubt": settings.doubt, "sensors": settings.sensors}

@@ -1,4 +1,4 @@
-"""A training from samples to a model on disk: the same bytes for the same seed on a CPU, interrupted or not."""
+"""Training of a network and its model on disk: the same bytes for the same seed on a CPU, interrupted or not."""
 
 import logging
 import warnings
@@ -34,12 +34,12 @@ I64 = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class TrainingData:
-    """Where the samples of a training come from.
+    """Sources of the samples of a training.
 
     Attributes:
         training: Training samples.
         validation: Samples of other bridges, the same at every call; None holds whole bridges out of `training`.
-        facts: How the samples were made: kept with the model.
+        facts: How the samples were made; stored with the model.
         cache: Folder of the pyramids of validation, or None.
     """
 
@@ -51,16 +51,16 @@ class TrainingData:
 
 @dataclass(frozen=True)
 class _Task:
-    """What a network learns, and from which samples.
+    """The samples and the request of a training.
 
     Attributes:
-        source: Where training samples come from.
+        source: Source of the training samples.
         rows: Their numbers.
-        validation: Where validation samples come from.
+        validation: Source of the validation samples.
         held: Their numbers.
         cache: Folder of the pyramids of validation, or None.
         channels: Inputs of the network.
-        noisy: Number of the class of noisy points where a head of its own learns it, or None.
+        noisy: Number of the class of noisy points if it has a separate head, or None.
         counts: Points of each class in each training sample, shape (rows, C), int64.
         request: Hash of everything that the training depends on.
     """
@@ -85,19 +85,18 @@ def train_network(
     init: Path | None = None,
     stop_after: int | None = None,
 ) -> None:
-    """Train a network and write the model of the best epoch; continues where a former call was stopped.
+    """Train a network and write the model of the best epoch; an interrupted call is resumed.
 
     Args:
         data: Samples.
-        settings: What the user chose.
-        folder: Where the model goes, and where an interrupted call left what this one continues.
+        settings: The user's settings.
+        folder: Folder of the model, and of the checkpoint of an interrupted call.
         progress: Listener.
-        init: A model to begin with; its head stays behind where the classes are others.
-        stop_after: Stop after so many epochs, to continue with another call; the learning rates are those of the whole.
+        init: A model to start from; its head is dropped if the classes differ.
+        stop_after: Stop after so many epochs, to resume with another call; the schedule is that of the whole training.
 
     Raises:
-        InputError: No samples, one class alone, no GPU where one was asked for, or a model to begin with that does not
-            fit.
+        InputError: No samples, only one class, no GPU although one is requested, or an `init` model that does not fit.
     """
     _check_gpu(settings)
     torch.use_deterministic_algorithms(not trains_on_gpu(settings))
@@ -137,12 +136,12 @@ def train_network(
 
 
 def trains_on_gpu(settings: TrainSettings) -> bool:
-    """Tell whether a GPU does the training; its sums have no fixed order, so that its results are not the same bytes.
+    """Tell whether the training runs on a GPU, whose sums have no fixed order, so that results are not reproducible.
 
     Args:
         settings: The training.
     """
-    # counted, not asked whether there is one: that would keep processes that are forked later from using it
+    # counted, because `is_available` would initialize CUDA and prevent its use in forked processes
     return settings.accelerator == "gpu" or (settings.accelerator == "auto" and torch.cuda.device_count() > 0)
 
 
@@ -167,7 +166,7 @@ def _check_gpu(settings: TrainSettings) -> None:
 
 
 def _set_task(data: TrainingData, settings: TrainSettings, init: Path | None) -> _Task:
-    """Share the samples out, and count what they show."""
+    """Split the samples into training and validation, and count their classes."""
     source = data.training
     validation, rows, held = _shared_out(source, data.validation, settings)
     channels = _check(source, validation, rows, held, settings)
@@ -195,7 +194,7 @@ def _set_task(data: TrainingData, settings: TrainSettings, init: Path | None) ->
 
 
 def begin_with(network: nn.Module, folder: Path, channels: tuple[str, ...], classes: tuple[str, ...]) -> None:
-    """Give a network the weights of a model, its last layer left out where the classes are others.
+    """Load the weights of a model into a network, without its last layer if the classes differ.
 
     Args:
         network: The network.
@@ -226,7 +225,7 @@ def begin_with(network: nn.Module, folder: Path, channels: tuple[str, ...], clas
 def _shared_out(
     source: SampleSource, validation: SampleSource | None, settings: TrainSettings
 ) -> tuple[SampleSource, list[int], list[int]]:
-    """Say what is trained on, and what is validated on: samples of other bridges, or of bridges that are held out."""
+    """Choose the training and validation samples: the latter of other bridges, or of bridges that are held out."""
     if validation is not None:
         return validation, list(range(len(source))), list(range(len(validation)))
     if not settings.validation:
@@ -288,9 +287,9 @@ def _fit(
     steps = settings.epochs * -(-len(task.rows) // (settings.batch * settings.devices))
     module = Segmentation(network, TrainingPlan(settings, recipe, weights, task.noisy, steps), folder, progress)
     epochs = settings.epochs if stop_after is None else min(stop_after, settings.epochs)
-    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)  # it advises on devices and services
+    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)  # it prints advice on devices and services
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # Lightning's advice on loaders and logging is for nobody here
+        warnings.simplefilter("ignore")  # Lightning's advice on loaders and logging does not apply here
         trainer = lightning.Trainer(
             max_epochs=epochs,
             accelerator=settings.accelerator,
@@ -315,18 +314,18 @@ def _fit(
         )
     if trainer.interrupted:
         raise KeyboardInterrupt
-    if settings.devices > 1:  # what the processes have seen is in their checkpoint
+    if settings.devices > 1:  # the results of the processes are in their checkpoint
         module.on_load_checkpoint(torch.load(folder / LAST, weights_only=True))
     return module
 
 
 def _loaders(network: Any, task: _Task, settings: TrainSettings) -> tuple[DataLoader[Any], DataLoader[Any]]:
-    """Load training samples drawn anew in each epoch, and validation samples that are always the same."""
+    """Make the loaders: training samples differ in each epoch, validation samples never change."""
     recipe = recipe_of(settings)
     several: dict[str, Any] = {
         "collate_fn": collate,
         "num_workers": settings.workers,
-        "persistent_workers": settings.workers > 0,  # what an epoch draws is said with each number
+        "persistent_workers": settings.workers > 0,  # each number carries the seed of its epoch's draw
         "pin_memory": trains_on_gpu(settings),
     }
     drawn = Loaded(task.source, network, task.channels, settings.seed, doubt=recipe.doubt)
@@ -352,7 +351,7 @@ def _best_weights(folder: Path) -> dict[str, Tensor]:
 
 
 def _temperature(network: Any, task: _Task) -> float:
-    """Fit the temperature at which the labelled points of validation are likeliest, to three digits."""
+    """Fit the temperature that maximizes the likelihood of the labelled validation points, to three digits."""
     samples, logits, labels, count = Loaded(task.validation, network.eval(), task.channels, 0), [], [], 0
     for row in task.held:
         item = collate([samples[0, row]])

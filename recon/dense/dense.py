@@ -1,4 +1,4 @@
-"""The dense step as seen from outside: one child process, and the points that it leaves in a folder."""
+"""Runs the dense step in a child process and reads the points that it writes to a folder."""
 
 from pathlib import Path
 from typing import Any
@@ -18,18 +18,18 @@ from render.capture import Capture
 _VERSION = 4  # of what the step writes
 _CHILD = "recon.dense.dense_child"
 _SLACK = 120.0  # [s] beside the time per image
-_BYTES_PER_PIXEL = 44  # on the disk: working image 3, depth 4, fate 1, and points: up to 36 where all pixels are in one
+_BYTES_PER_PIXEL = 44  # [bytes per pixel] on disk: image 3, depth 4, fate 1, point up to 36
 
 
 def run_dense(
     capture: Capture, sparse: Sparse, work: Path, settings: ReconSettings, progress: Progress
 ) -> tuple[DensePoints, PixelFates, dict[str, Any]]:
-    """Measure a depth for nearly every pixel and fuse the depth maps; never looks at the truth.
+    """Measure a depth for nearly every pixel and fuse the depth maps, without using the truth.
 
     Args:
         capture: Photographs.
-        sparse: The model, as structure from motion left it.
-        work: Existing work folder; a finished step there is taken over, and depth maps of an interrupted one, too.
+        sparse: The model from structure from motion.
+        work: Existing work folder; a finished step there is reused, and so are depth maps of an interrupted one.
         settings: What to do.
         progress: Listener.
 

@@ -31,7 +31,7 @@ from render.capture import Capture, load_image
 
 Mask = NDArray[np.bool_]
 
-_CACHE = 400e6  # [bytes] of depth maps that the fusion keeps at hand
+_CACHE = 400e6  # [bytes] of depth maps that the fusion keeps in memory
 
 
 def serve(request: dict[str, Any], progress: Progress) -> object:
@@ -47,7 +47,7 @@ def serve(request: dict[str, Any], progress: Progress) -> object:
     Raises:
         RejectedSceneError: `bad_lens`, or `no_depth`: no pixel's depth is seen alike by enough images.
     """
-    cv2.setNumThreads(1)  # the views are measured side by side
+    cv2.setNumThreads(1)  # the views are measured in parallel
     settings = ReconSettings.model_validate(request["settings"])
     capture, model = open_photographs(Path(request["capture"])), read_model(Path(request["model"]))
     out = Path(request["out"])
@@ -79,7 +79,7 @@ def serve(request: dict[str, Any], progress: Progress) -> object:
 
 
 def choose_method(settings: DenseSettings) -> str:
-    """Settle what `auto` means on this machine.
+    """Choose the method that `auto` stands for on this machine.
 
     Args:
         settings: Names the method.
@@ -93,7 +93,7 @@ def choose_method(settings: DenseSettings) -> str:
 
 
 class DepthMaps:
-    """Working images and depth maps on disk; those in use lately stay in memory.
+    """Working images and depth maps on disk, with the most recently used in memory.
 
     Attributes:
         camera: Their camera.
@@ -104,7 +104,7 @@ class DepthMaps:
         """Make the folders.
 
         Args:
-            folder: Where to keep them.
+            folder: Folder to store them in.
             model: Names the images, knows their poses.
             camera: Their camera.
         """
@@ -119,12 +119,12 @@ class DepthMaps:
         self._room = max(1, int(_CACHE // (shape[0] * shape[1] * 19)))
 
     def clear(self) -> None:
-        """Take all of them from the disk."""
+        """Delete all of them from the disk."""
         for path in (self._images, self._depths):
             shutil.rmtree(path)
 
     def has(self, row: int) -> bool:
-        """Tell whether a depth map is there, perhaps from a run that was interrupted."""
+        """Tell whether a depth map exists, perhaps from an interrupted run."""
         return (self._depths / f"{row:06d}.npy").is_file()
 
     @property
@@ -133,7 +133,7 @@ class DepthMaps:
         return self._model.poses
 
     def put_image(self, row: int, image: NDArray[np.uint8]) -> None:
-        """Keep a working image.
+        """Store a working image.
 
         Args:
             row: Row of the image.
@@ -146,7 +146,7 @@ class DepthMaps:
         return np.load(self._images / f"{row:06d}.npy", allow_pickle=False)
 
     def put_depth(self, row: int, depth: NDArray[np.float32]) -> None:
-        """Keep a depth map.
+        """Store a depth map.
 
         Args:
             row: Row of the image.
@@ -159,7 +159,7 @@ class DepthMaps:
         return np.load(self._depths / f"{row:06d}.npy", allow_pickle=False)
 
     def depth_view(self, row: int) -> DepthView:
-        """Read a depth map with its normals; what was used longest ago makes room."""
+        """Read a depth map with its normals; the least recently used one is dropped from memory."""
         if row in self._views:
             self._views.move_to_end(row)
             return self._views[row]
@@ -205,7 +205,7 @@ def _measure_all(
             return float((maps.depth(row) > 0).mean())
         view = views[row]
         pinhole = maps.camera.pinhole
-        if method == "patchmatch":  # compares whole pictures, whichever way the camera moved
+        if method == "patchmatch":  # PatchMatch compares windows in whole pictures, whichever way the camera moved
             sources = tuple(view.sources[: settings.dense.sources].tolist())
         else:
             sources = choose_sources(view, maps.poses, pinhole, settings.dense.sources)
@@ -236,7 +236,7 @@ def _fuse_all(
 
 
 def _for_each(work: Callable[[int], Any], count: int, name: str, threads: int, progress: Progress) -> list[Any]:
-    """Work on every image, several at once; results and progress in the images' order."""
+    """Process every image, several in parallel; results and progress in the images' order."""
     progress.stage(name, count)
     results = []
     with ThreadPoolExecutor(threads) as pool:

@@ -1,4 +1,4 @@
-"""Depth maps by COLMAP's PatchMatch, which needs a CUDA device; its results are not the same twice."""
+"""Depth maps by COLMAP's PatchMatch, which needs a CUDA device and is not deterministic."""
 
 import shutil
 from collections.abc import Iterator, Sequence
@@ -15,7 +15,7 @@ from usd_schemas.pinhole import Pinhole
 
 F32 = NDArray[np.float32]
 
-_KIND = "geometric"  # what COLMAP calls depths that it has checked against other views
+_KIND = "geometric"  # COLMAP's name for depths that it has checked against other views
 
 
 def has_cuda() -> bool:
@@ -33,7 +33,7 @@ def measure_with_colmap(
     Args:
         photographs: Folder that the images' names start from.
         model: Folder of the COLMAP model.
-        work: Folder for COLMAP's workspace; created, and taken away at the end.
+        work: Folder for COLMAP's workspace; created here, and deleted at the end.
         names: Names of the images.
         camera: Camera of the depth maps to return.
 
@@ -84,7 +84,7 @@ def read_depth_map(path: Path) -> F32:
 
 
 def reproject_depth(depth: F32, camera: Pinhole, target: Pinhole) -> F32:
-    """Bring a depth map to another camera of the same pose: planar depths stay, pixels move.
+    """Resample a depth map for another camera of the same pose: planar depths stay, pixels move.
 
     Args:
         depth: Planar depth [model units], shape (h, w), float32.

@@ -1,8 +1,9 @@
-"""Depth of one view by PatchMatch: a slanted plane for every pixel, handed on between neighbours and tried anew.
+"""Depth of one view by PatchMatch: a slanted plane for every pixel, propagated to neighbours and refined.
 
-Where semi-global matching needs a rectified pair and likes walls that face the camera, this compares slanted windows in
-all sources at once: slower, and more complete. Draws come from a hash of pixel and round, and all pixels of one colour
-of a chessboard look at the other colour only, so that no order of work and no number of threads changes a bit.
+Semi-global matching needs a rectified pair and favours walls that face the camera; PatchMatch compares slanted windows
+in all sources at once, which is slower and more complete. Random numbers come from a hash of pixel and round, and
+pixels of one colour of a chessboard read only those of the other colour, so that neither the order of work nor the
+number of threads changes the result.
 
 Source: Bleyer, Rhemann, Rother, PatchMatch Stereo (2011); the chessboard is from Galliani, Lasinger, Schindler,
 Massively parallel multiview stereopsis by surface normal diffusion (2015).
@@ -29,8 +30,8 @@ _STEP = 2  # [px] between its samples
 _SIDE = 2 * _RADIUS // _STEP + 1
 _SIMILAR = 14.0  # [grey levels] in which a sample's weight falls to 1/e
 _ROUNDS = 3
-_WORST = 2.0  # cost of what no source sees
-_GOOD = 0.3  # 1 - correlation up to which a depth is believed
+_WORST = 2.0  # cost of a plane that no source sees
+_GOOD = 0.3  # 1 - correlation up to which a depth is accepted
 _STEEP = 0.15  # [1] smallest cosine between normal and ray
 
 
@@ -49,7 +50,7 @@ def measure_slanted(
         others: Its sources, best first.
         camera: Working camera of all of them.
         covered: Working pixels that hold a picture, shape (H, W), bool.
-        reach: Smallest and largest depth to look for [model units].
+        reach: Smallest and largest depth to search [model units].
         tolerance: Difference of depths that still agree, as a share of the depth [1].
 
     Returns:
@@ -69,13 +70,13 @@ def measure_slanted(
 
 
 class Views(NamedTuple):
-    """What planes are compared with.
+    """The sources that planes are compared with.
 
     Attributes:
         sources: Grey values of the sources [of 255], shape (S, H, W), float32.
         to_other: Transforms from the view into each source [model units], shape (S, 4, 4), float64.
         lens: fx, fy, cx, cy of all cameras [px], shape (4,), float64.
-        least: Smallest inverse depth that is looked for [1 / model units].
+        least: Smallest inverse depth that is searched [1 / model units].
         most: Largest [1 / model units].
     """
 
@@ -114,7 +115,7 @@ def refine(gray: F32, views: Views, wanted: Mask, depth: F32, normal: F32) -> F3
     cost = np.full((height, width), np.float32(_WORST))
     weights, values = np.empty(_SIDE * _SIDE), np.empty(_SIDE * _SIDE)
     plane, trial = np.empty(4), np.empty(4)
-    for turn in range(-1, 2 * _ROUNDS):  # the turn before the first gives every pixel a plane
+    for turn in range(-1, 2 * _ROUNDS):  # the round before the first gives every pixel a plane
         for i in range(height):
             for j in range(width):
                 if not wanted[i, j] or (turn >= 0 and (i + j + turn) % 2):
@@ -154,7 +155,7 @@ def _vary(trial: F64, plane: F64, window: _Window, views: Views, turn: int, way:
 
 @njit(cache=True, nogil=True)
 def _begin(plane: F64, depth: F32, normal: F32, window: _Window, views: Views) -> None:
-    """Write the plane that a pixel starts with: what is known of it, or a draw."""
+    """Write the initial plane of a pixel: from the known depth and normal, or random."""
     i, j = window.i, window.j
     known = depth[i, j] > 0.0
     inverse = 1.0 / depth[i, j] if known else views.least + (views.most - views.least) * _draw(i, j, 0, 0)
@@ -172,7 +173,7 @@ def _set(plane: F64, inverse: float, x: float, y: float, z: float) -> None:
 
 @njit(cache=True, nogil=True)
 def _better(views: Views, window: _Window, trial: F64, plane: F64, best: float) -> float:
-    """Take a trial plane over where it costs less; returns the cost of the plane that stays."""
+    """Keep a trial plane if its cost is lower; returns the cost of the plane kept."""
     if not views.least <= trial[0] <= views.most:
         return best
     found = _cost(views, window, trial)
@@ -204,7 +205,7 @@ def _gather(gray: F32, i: int, j: int, weights: F64, values: F64) -> float:
 
 @njit(cache=True, nogil=True)
 def _cost(views: Views, window: _Window, plane: F64) -> float:
-    """Compare the window with what the best sources show of the plane: 1 - weighted correlation."""
+    """Compare the window with the best sources through the plane: 1 - weighted correlation."""
     x, y = _ray(window, views.lens)
     facing = plane[1] * x + plane[2] * y + plane[3]
     if facing > -1e-3:
@@ -267,7 +268,7 @@ def _correlate(views: Views, source: int, window: _Window, plane: F64, scale: fl
 
 @njit(cache=True, nogil=True)
 def _carried(depth: F32, normal: F32, neighbor: tuple[int, int], pixel: tuple[int, int], lens: F64) -> float:
-    """Carry a neighbour's plane to a pixel: its inverse depth there."""
+    """Extend a neighbour's plane to a pixel: its inverse depth there."""
     (y, x), (i, j) = neighbor, pixel
     a, b, c = normal[y, x, 0], normal[y, x, 1], normal[y, x, 2]
     there = a * (x + 0.5 - lens[2]) / lens[0] + b * (y + 0.5 - lens[3]) / lens[1] + c
@@ -288,7 +289,7 @@ def _tilt(plane: F64, former: F64, reach: float, i: int, j: int, number: int) ->
 
 @njit(cache=True, nogil=True)
 def _face(plane: F64, i: int, j: int, lens: F64) -> None:
-    """Turn a normal towards the camera where it looks away, or along the ray."""
+    """Turn a normal towards the camera if it points away from it or is perpendicular to the ray."""
     x, y = (j + 0.5 - lens[2]) / lens[0], (i + 0.5 - lens[3]) / lens[1]
     ray = np.sqrt(x * x + y * y + 1.0)
     cosine = (plane[1] * x + plane[2] * y + plane[3]) / ray
@@ -303,7 +304,7 @@ def _face(plane: F64, i: int, j: int, lens: F64) -> None:
 
 @njit(cache=True, nogil=True)
 def _draw(i: int, j: int, number: int, which: int) -> float:
-    """Draw from 0 to 1 by hashing where and when: the same whatever was drawn before.
+    """Draw a number from 0 to 1 by hashing pixel and round: it does not depend on earlier draws.
 
     Source: the finalizer of MurmurHash3 (Appleby, public domain), applied twice.
     """

@@ -1,4 +1,4 @@
-"""Depth of one view by semi-global matching with several others, kept where the others agree.
+"""Depth of one view by semi-global matching with several others; only depths on which they agree are kept.
 
 Source: Hirschmueller, Stereo processing by semiglobal matching and mutual information (2008); the matching is OpenCV's.
 """
@@ -27,13 +27,13 @@ _UNIQUE = 5  # [%] by which the best match must beat the second
 _BLAND = 1.0  # [grey levels] smallest standard deviation of a block: twice what noise leaves of it in a clear sky
 _SPECKLE = 60  # [px] smaller islands of disparity are dropped
 _FINE = 16  # steps of a disparity that OpenCV's whole numbers count
-_CUBE = 45_000_000  # rows are split so that no more than this many matching costs are held at once
-_OVERLAP = 24  # [px] rows that strips share on either side
+_CUBE = 45_000_000  # images are split into strips so that no more than this many matching costs are in memory
+_OVERLAP = 24  # [px] overlap of the strips on either side
 
 
 @dataclass(frozen=True)
 class PosedImage:
-    """A working image and where it was taken.
+    """A working image and its pose.
 
     Attributes:
         gray: Grey values, shape (H, W), uint8.
@@ -59,7 +59,7 @@ def measure_depth(
         others: Its sources, best first.
         camera: Working camera of all of them.
         covered: Working pixels that hold a picture, shape (H, W), bool.
-        reach: Smallest and largest depth to look for [model units].
+        reach: Smallest and largest depth to search [model units].
         tolerance: Difference of depths that still agree, as a share of the depth [1].
 
     Returns:
@@ -84,8 +84,8 @@ def measure_depth(
 def textured(gray: U8) -> Mask:
     """Find the pixels that can be told from their neighbours.
 
-    Semi-global matching carries a depth over any bland area, the sky beside a bridge above all, and does so alike in
-    every view: nothing later can tell that it was never seen. The rim of a bland area goes, too.
+    Semi-global matching spreads a depth over any area without texture, above all the sky beside a bridge, and does so
+    alike in every view: no later step can detect it. The rim of such an area is excluded too.
 
     Args:
         gray: Grey values, shape (H, W), uint8.
@@ -142,7 +142,7 @@ def match(left: U8, right: U8, pair: RectifiedPair, camera: Pinhole) -> NDArray[
 
 
 def _plane(pair: RectifiedPair) -> F64:
-    """Gather a pair's numbers for the compiled code: focal, centre, baseline, infinity."""
+    """Collect a pair's numbers for the compiled code: focal length, centre, baseline, infinity."""
     return np.array([pair.focal, *pair.left_center, pair.focal * pair.baseline, pair.infinity])
 
 
@@ -150,7 +150,7 @@ def _plane(pair: RectifiedPair) -> F64:
 def depth_of_disparity(
     disparity: NDArray[np.int16], turn: F64, plane: F64, to_other: F64, camera: F64, covered: Mask
 ) -> F32:
-    """Carry disparities of the rectified plane to depths of the view's own pixels.
+    """Convert disparities of the rectified plane to depths of the view's own pixels.
 
     Args:
         disparity: Disparities [1/16 px], shape (H', W'), int16.
@@ -195,7 +195,7 @@ def depth_of_disparity(
 
 @njit(cache=True, nogil=True)
 def _between(disparity: NDArray[np.int16], u: float, v: float, rows: int, columns: int) -> float:
-    """Read a disparity between pixels [px]: blended where its four neighbours are one surface, else the nearest."""
+    """Interpolate a disparity [px]: bilinear if its four neighbours are one surface, else the nearest."""
     x, y = int(np.floor(u)), int(np.floor(v))
     if x < 0 or y < 0 or x + 1 >= columns or y + 1 >= rows:
         return -1.0
@@ -211,14 +211,14 @@ def _between(disparity: NDArray[np.int16], u: float, v: float, rows: int, column
 
 @njit(cache=True, nogil=True)
 def consensus_depth(depths: F32, weights: F64, tolerance: float, least: int) -> F32:
-    """Keep the depth that most sources agree on, as the weighted mean of those that do.
+    """Keep the depth that most sources agree on, as their weighted mean.
 
-    A depth that one source alone knows stays, for fusion to judge: at the ends of a flight, and where the camera moves
-    forwards, no second source sees it. What sources disagree on goes.
+    A depth that only one source has is kept, and fusion decides: at the ends of a flight, and where the camera moves
+    forwards, no second source sees it. Depths on which sources disagree are removed.
 
     Args:
         depths: Depths by each source, 0 where unknown [model units], shape (S, H, W), float32.
-        weights: How exact each source is [px² model units²], shape (S,), float64; only their ratios count.
+        weights: Precision of each source [px² model units²], shape (S,), float64; only their ratios count.
         tolerance: Largest difference, as a share of the depth [1].
         least: Sources that must agree.
 

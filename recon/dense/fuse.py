@@ -1,6 +1,6 @@
-"""Depth maps into one cloud: a point is what several maps agree on, and every map's pixel is used once.
+"""Fuse depth maps into one cloud: a point is made where several maps agree, and each pixel of a map is used once.
 
-Compiled loops over pixels; the tests hold their plain twins.
+Compiled loops over pixels; the tests compare them with plain NumPy versions.
 """
 
 from dataclasses import dataclass
@@ -19,21 +19,21 @@ I64 = NDArray[np.int64]
 U8 = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
-_FREE_SPACE = 0.02  # [1] a map that sees this much farther than a point sees through it
+_FREE_SPACE = 0.02  # [1] a map whose depth exceeds the point's by this share contradicts the point
 _BLENDED = 0.05  # [1] share of the depth by which neighbours of one surface may differ, steep ones too
-_RIM_OFF = 0.01  # [px] so that no pixel beyond the image comes of rounding
+_RIM_OFF = 0.01  # [px] margin against rounding to a pixel outside the image
 
 
 @dataclass(frozen=True)
 class DepthView:
-    """One view's depth map and what belongs to it.
+    """One view's depth map with image, normals and pose.
 
     Attributes:
         image: Row in the model.
         depth: Planar depth, 0 where unknown [model units], shape (H, W), float32.
         normal: Unit normals in camera axes, towards the camera [1], shape (H, W, 3), float32.
         color: Working image, shape (H, W, 3), uint8.
-        used: Pixels that are part of a point already, shape (H, W), bool; fusion sets them.
+        used: Pixels that are already part of a point, shape (H, W), bool; set by the fusion.
         pose: camera_to_world [m], shape (4, 4), float64.
         fate: What became of its pixels, numbers of `PIXEL_FATES`, shape (H, W), uint8; fusion sets them.
     """
@@ -48,7 +48,7 @@ class DepthView:
 
 
 class _Own(NamedTuple):
-    """Maps of the view whose points are made, shape (H, W) each: depth, what is used, what became of it."""
+    """Maps of the view whose points are made, shape (H, W) each: depth, used pixels, fates."""
 
     depth: F32
     used: Mask
@@ -71,7 +71,7 @@ class _Others(NamedTuple):
 
 
 class _Answer(NamedTuple):
-    """What the views say of a point, filled anew for each: numbers of those that agree, the pixel of each, the mean."""
+    """Views that agree on one point, overwritten for each: their numbers, the pixel of each, the mean position."""
 
     views: I64
     pixels: I64
@@ -88,12 +88,11 @@ class _Seen(NamedTuple):
 def fuse_view(
     reference: DepthView, others: list[DepthView], camera: F64, min_views: int, tolerance: float, min_angle: float
 ) -> DensePoints:
-    """Make points of the pixels of one view that are no part of a point yet.
+    """Make points from the pixels of one view that are not yet part of a point.
 
     Args:
         reference: The view.
-        others: The views that it is checked against; their used pixels are marked, and so are its own, with what
-            became of them.
+        others: The views that it is checked against; used pixels and fates are marked in them and in `reference`.
         camera: fx, fy, cx, cy of the working camera [px], shape (4,), float64.
         min_views: Views that must agree, this one among them.
         tolerance: Largest difference of depths, as a share of the depth [1].
@@ -130,12 +129,12 @@ def fuse_view(
 
 @njit(cache=True, nogil=True)
 def _agreeing(own: _Own, others: _Others, min_views: int, max_cosine: float) -> tuple[F64, I64, U8, F32]:
-    """Find what agrees: points in the view's axes, view counts, view numbers (0 is it), their pixels."""
+    """Find the pixels that agree: points in the view's axes, view counts, view numbers (0 is the view), pixels."""
     height, width = own.depth.shape
     count = len(others.to_other)
     room, camera = height * width, others.camera
     points, counts = np.empty((room, 3)), np.empty(room, np.int64)
-    # For the worst case: what is never written takes no memory.
+    # Sized for the worst case: pages that are never written take no memory.
     seen = _Seen(np.empty(room * (count + 1), np.uint8), np.empty((room * (count + 1), 2), np.float32))
     made = filled = 0
     answer = _Answer(np.empty(count + 1, np.int64), np.empty((count + 1, 2), np.int64), np.empty(3))
@@ -190,7 +189,7 @@ def _use_pixels(own: _Own, others: _Others, answer: _Answer, agreeing: int, seen
 
 @njit(cache=True, nogil=True)
 def _settle_all(own: _Own, others: _Others, answer: _Answer, agreeing: int, in_points: bool) -> None:
-    """Note of all pixels that agree whether they are part of a point."""
+    """Record for all pixels that agree whether they are part of a point."""
     for n in range(agreeing):
         k = answer.views[n]
         _settle(own.fate if k == 0 else others.fates[k - 1], answer.pixels[n, 0], answer.pixels[n, 1], in_points)
@@ -198,7 +197,7 @@ def _settle_all(own: _Own, others: _Others, answer: _Answer, agreeing: int, in_p
 
 @njit(cache=True, nogil=True)
 def _settle(fate: U8, row: int, column: int, in_points: bool) -> None:
-    """Note of a used pixel whether it is part of a point; a pixel that is part of one stays so."""
+    """Record for a used pixel whether it is part of a point; a pixel that is part of one stays so."""
     if in_points:
         fate[row, column] = IN_POINTS
     elif fate[row, column] != IN_POINTS:
@@ -207,9 +206,9 @@ def _settle(fate: U8, row: int, column: int, in_points: bool) -> None:
 
 @njit(cache=True, nogil=True)
 def _ask(x: float, y: float, z: float, others: _Others, answer: _Answer) -> tuple[int, int]:
-    """Ask every view about a point: how many agree, itself among them, and how many see through it.
+    """Compare a point with every view: how many agree, the view itself included, and how many contradict it.
 
-    Fills in which views agree, at which row and column, and the mean of what they say, each weighted as it measures.
+    Fills in which views agree, at which row and column, and the mean position, weighted by each view's precision.
     """
     _, height, width = others.depths.shape
     camera, mean = others.camera, answer.mean
@@ -253,7 +252,7 @@ def _project(turn: F64, x: float, y: float, z: float, camera: F64) -> tuple[floa
 
 @njit(cache=True, nogil=True)
 def _depth_at(depth: F32, s: float, t: float) -> float:
-    """Read a depth between pixel centres: inverse depths blended where all four are one surface, else the nearest."""
+    """Interpolate a depth: bilinear in inverse depth if the four neighbours are one surface, else the nearest."""
     height, width = depth.shape
     u, v = s - 0.5, t - 0.5
     x, y = int(np.floor(u)), int(np.floor(v))

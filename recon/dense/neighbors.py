@@ -1,4 +1,4 @@
-"""Which images help to measure the depth of which, and between what depths: read off sparse points and poses."""
+"""Choice of the source images and the depth range of each view, from sparse points and poses."""
 
 from dataclasses import dataclass
 
@@ -13,22 +13,22 @@ from usd_schemas.pinhole import Pinhole
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-_MIN_SHARED = 12  # points that two images must share
+_MIN_SHARED = 12  # least number of points that two images must share
 _BEST_ANGLE = 8.0  # [deg] wide enough for depth, narrow enough to look alike
 _NEAR_PERCENTILE, _FAR_PERCENTILE = 0.5, 99.5
-_NEAR_SLACK, _FAR_SLACK = 0.75, 3.0  # surfaces without features stand nearer and farther than those with
-_ALIKE = 0.4  # a view beside one that was chosen already counts this much less
+_NEAR_SLACK, _FAR_SLACK = 0.75, 3.0  # surfaces without features may be nearer or farther than those with features
+_ALIKE = 0.4  # a view next to one already chosen is weighted down by this
 
 
 @dataclass(frozen=True)
 class View:
-    """What the dense step knows about one image beforehand.
+    """Source images and depth range of one image.
 
     Attributes:
         row: Row in the model.
         sources: Rows of the images that share its view, best first, shape (S,), int64.
-        near: Depth nearer than which nothing is looked for [model units].
-        far: Depth beyond which nothing is looked for [model units].
+        near: Smallest depth that is searched [model units].
+        far: Largest depth that is searched [model units].
     """
 
     row: int
@@ -40,8 +40,8 @@ class View:
 def choose_views(model: SparseModel, settings: DenseSettings) -> tuple[View, ...]:
     """Choose for every image its neighbours and its range of depths.
 
-    A pair counts by the sparse points that both images see, each weighted by the angle between its two rays: too small
-    an angle measures no depth, too large a one shows another picture.
+    A pair is scored by the sparse points that both images see, each weighted by the angle between its two rays: with a
+    small angle the depth is inexact, with a large one the images look too different to match.
 
     Args:
         model: Reconstruction.
@@ -69,16 +69,16 @@ def choose_views(model: SparseModel, settings: DenseSettings) -> tuple[View, ...
 
 
 def choose_sources(view: View, poses: F64, camera: Pinhole, wanted: int) -> tuple[int, ...]:
-    """Choose the neighbours that a depth map is matched with.
+    """Choose the source images of a depth map.
 
-    Of a pair that moved partly forwards or backwards only what lies beside its way can be compared. It counts for that
-    share, so that a view of which every neighbour lies ahead is matched with more of them.
+    If the camera moved partly forwards or backwards, only the part of the image beside its path can be rectified. Such
+    a pair counts only for that share, so that a view whose neighbours all lie ahead is matched with more of them.
 
     Args:
         view: The view and its neighbours.
         poses: camera_to_world [m] of every image, shape (I, 4, 4), float64.
         camera: Working camera of all of them.
-        wanted: Sum of the shares that is enough; at most twice as many images are taken.
+        wanted: Sum of shares to reach; at most twice as many images are taken.
 
     Returns:
         Rows of the images, best first; fewer where there are no more neighbours.
@@ -96,7 +96,7 @@ def choose_sources(view: View, poses: F64, camera: Pinhole, wanted: int) -> tupl
 
 
 def covisibility(model: SparseModel, settings: DenseSettings) -> F64:
-    """Weigh the sparse points that two images share by the angles under which both see them.
+    """Score pairs of images by their common sparse points, weighted by the angle between the rays.
 
     Args:
         model: Reconstruction.
@@ -144,7 +144,7 @@ def angle_weight(angle: F64, settings: DenseSettings) -> F64:
 
 
 def _spread_out(score: F64, centers: F64, row: int, count: int) -> I64:
-    """Take the best views one by one; what stands beside a chosen one, as seen from here, loses."""
+    """Take the best views one by one; a view close to a chosen one, as seen from here, loses weight."""
     left = score.copy()
     offset = centers - centers[row]
     reach = np.maximum(np.linalg.norm(offset, axis=1), 1e-300)

@@ -1,4 +1,4 @@
-"""What becomes of every pixel of the depth maps: part of a point, or why not."""
+"""Fate of every pixel of the depth maps: part of a point, or the reason why not."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ FOLDER = "fates"
 
 @dataclass(frozen=True)
 class PixelFates:
-    """The fates that a dense step left, image by image.
+    """The fates that a dense step has written, image by image.
 
     Attributes:
         folder: Folder of the step.
@@ -32,7 +32,7 @@ class PixelFates:
     camera: WorkingCamera
 
     def of(self, row: int) -> NDArray[np.uint8]:
-        """Read one depth map's, numbers of `PIXEL_FATES`, shape (H, W), uint8.
+        """Read the fates of one depth map, numbers of `PIXEL_FATES`, shape (H, W), uint8.
 
         Args:
             row: Row of the image in the model.
@@ -42,7 +42,7 @@ class PixelFates:
     def in_photograph(self) -> NDArray[np.int64]:
         """Find the photograph's pixel, column and row, that shows each pixel's centre [px], shape (H, W, 2), int64.
 
-        The working camera may see more than the photograph: there, they lie outside it.
+        The working camera may see more than the photograph; such pixels lie outside it.
         """
         pinhole = self.camera.pinhole
         column, row = np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5)
@@ -51,7 +51,7 @@ class PixelFates:
 
 
 def write_fates(folder: Path, fates: NDArray[np.uint8]) -> None:
-    """Keep the fates of all depth maps, a file for each.
+    """Write the fates of all depth maps, one file for each.
 
     Args:
         folder: Folder of the step; gains a folder `fates`.

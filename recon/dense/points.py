@@ -1,4 +1,4 @@
-"""Fused points and the views that they are made of, in memory and as the dense step's child hands them over."""
+"""Fused points and the views that they are made from, in memory and as files of the dense step's child."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
@@ -36,11 +36,11 @@ class DensePoints:
 
 
 def write_points(folder: Path, parts: Iterable[DensePoints]) -> int:
-    """Keep points in a folder, part after part: no more than one part is ever in memory.
+    """Write points to a folder, part by part, so that only one part is in memory.
 
     Args:
         folder: Existing folder; gains a folder `points`.
-        parts: What to keep, in order.
+        parts: The parts to write, in order.
 
     Returns:
         Number of points.
@@ -60,7 +60,7 @@ def write_points(folder: Path, parts: Iterable[DensePoints]) -> int:
 
 
 def read_points(folder: Path) -> DensePoints:
-    """Read what `write_points` wrote, of one part at least.
+    """Read what `write_points` wrote; there must be at least one part.
 
     Args:
         folder: The same folder.
@@ -75,7 +75,7 @@ def read_points(folder: Path) -> DensePoints:
 
 
 def save_array(path: Path, array: NDArray[Any]) -> None:
-    """Write an array as a whole or not at all.
+    """Write an array atomically.
 
     Args:
         path: File to write.

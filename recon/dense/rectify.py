@@ -1,4 +1,4 @@
-"""Two views turned so that the same point lies on the same row of both; of a motion forwards, what lies beside it."""
+"""Rectification of two views; if the camera moved forwards, of the part of the image beside its path."""
 
 from dataclasses import dataclass
 
@@ -10,9 +10,9 @@ from usd_schemas.pinhole import Pinhole
 F64 = NDArray[np.float64]
 
 _MIN_ANGLE = 12.0  # [deg] of the views' mean axis to the baseline: nearer to it, no plane faces both
-_MIN_SHARE = 0.35  # of an image: a motion within about 15 degrees of the axis leaves less, and hardly any parallax
-_MAX_SLOPE = np.tan(np.radians(60.0))  # a ray turned farther off the plane's axis is stretched too much to be compared
-_GRID = 33  # rays a side that stand for an image
+_MIN_SHARE = 0.35  # least share of an image: a motion within 15 degrees of the axis leaves less, and little parallax
+_MAX_SLOPE = np.tan(np.radians(60.0))  # of a ray to the plane's axis: beyond, the image is stretched too much
+_GRID = 33  # rays per side that sample an image
 _MAX_PARALLAX = 0.7  # disparity over focal length: on the plane's axis 35 degrees, under which two views look different
 _MOST_DISPARITIES = 2032  # OpenCV's sixteenths of a pixel are 16-bit numbers
 
@@ -53,9 +53,9 @@ def rectify(camera: Pinhole, reference: F64, source: F64, near: float, far: floa
     """Find the common image plane of two views.
 
     The rows run along the baseline, from the reference to the source, whichever way that is: a source above gives
-    upright rows, one on the left turns both images upside down. What is turned away from the plane's axis by more than
-    60 degrees, along the rows or across them, has no place on the plane: where the camera moves partly forwards or
-    backwards, the part of the image that lies along its way is left out.
+    upright rows, one on the left turns both images upside down. Rays at more than 60 degrees to the plane's axis, along
+    the rows or across them, are left out: if the camera moves partly forwards or backwards, that is the part of the
+    image along its path.
 
     Source: Fusiello, Trucco, Verri, A compact algorithm for rectification of stereo pairs (2000).
 
@@ -63,12 +63,12 @@ def rectify(camera: Pinhole, reference: F64, source: F64, near: float, far: floa
         camera: Intrinsics of both views.
         reference: camera_to_world of the reference [model units], shape (4, 4), float64.
         source: camera_to_world of the source [model units], shape (4, 4), float64.
-        near: Smallest depth of the reference that matters [model units].
-        far: Largest depth of the reference that matters [model units].
+        near: Smallest depth of the reference to cover [model units].
+        far: Largest depth of the reference to cover [model units].
 
     Returns:
-        The pair, or None where it cannot be rectified: too little of either image has a place on the plane, the two
-        look different ways, or the disparity of the whole scene is below a pixel.
+        The pair, or None if it cannot be rectified: too little of either image falls on the plane, the two look in
+        different directions, or the disparity of the whole scene is below a pixel.
     """
     offset = source[:3, 3] - reference[:3, 3]
     baseline = float(np.linalg.norm(offset))
@@ -108,7 +108,7 @@ def rectify(camera: Pinhole, reference: F64, source: F64, near: float, far: floa
 
 
 def source_maps(pair: RectifiedPair, camera: Pinhole, right: bool) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Find where each rectified pixel comes from, counted as OpenCV counts.
+    """Find the source position of each rectified pixel, in OpenCV's pixel coordinates.
 
     Args:
         pair: Rectified pair.
@@ -138,5 +138,5 @@ def _rays(camera: Pinhole) -> F64:
 
 
 def _on_plane(rays: F64) -> NDArray[np.bool_]:
-    """Tell which rays of the common axes lie before the plane and are not turned too far away from its axis."""
+    """Tell which rays in the common axes point forwards and are within 60 degrees of the plane's axis."""
     return (rays[:, 2] > 0.0) & (np.abs(rays[:, :2]).max(axis=1) <= _MAX_SLOPE * rays[:, 2])

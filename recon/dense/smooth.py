@@ -1,4 +1,4 @@
-"""A depth map made ready to be fused: rims cut, depths steadied, and the normal of the surface at every pixel."""
+"""Prepare a depth map for fusion: remove rims, smooth depths, and find the surface normal at every pixel."""
 
 import numpy as np
 from numba import njit
@@ -9,14 +9,14 @@ F64 = NDArray[np.float64]
 
 _RADIUS = 2  # [px] of the window to which a plane is fitted
 _SAME_SURFACE = 0.03  # [1] neighbours whose inverse depth differs more belong to another surface
-_MIN_FIT = 8  # pixels that a plane needs
-_STEP = 0.04  # [1] share of the depth by which the ground behind an edge is farther
-_RIM = 2  # [px] that matching lets a surface grow over what is behind it
+_MIN_FIT = 8  # least number of pixels of a plane fit
+_STEP = 0.04  # [1] share of the depth by which the surface behind an edge is farther
+_RIM = 2  # [px] by which matching extends a surface over the background
 
 
 @njit(cache=True, nogil=True)
 def smooth(depth: F32, camera: F64) -> tuple[F32, F32]:
-    """Fit a plane to the inverse depth around each pixel: a steadier depth, and the surface's normal.
+    """Fit a plane to the inverse depth around each pixel: a smoother depth, and the surface normal.
 
     Inverse depth is linear in the pixel on any plane, whatever its slope.
 
@@ -71,9 +71,9 @@ def smooth(depth: F32, camera: F64) -> tuple[F32, F32]:
 
 @njit(cache=True, nogil=True)
 def _at_edge(depth: F32, i: int, j: int) -> bool:
-    """Tell whether a pixel lies on a surface's rim, where matching lets it grow over what is farther.
+    """Tell whether a pixel lies on a surface's rim, which matching extends over the background.
 
-    Of what is so thin that all of it is rim, its middle stays: a hanger is not to vanish for being thin.
+    Of a part so thin that all of it is rim, the middle is kept, so that hangers do not vanish.
     """
     for di, dj in ((0, 1), (1, 0)):
         after, before = _steps(depth, i, j, di, dj), _steps(depth, i, j, -di, -dj)
@@ -84,9 +84,9 @@ def _at_edge(depth: F32, i: int, j: int) -> bool:
 
 @njit(cache=True, nogil=True)
 def _steps(depth: F32, i: int, j: int, di: int, dj: int) -> int:
-    """Count the steps to where a farther surface begins, up to twice the rim.
+    """Count the pixels to where a farther surface begins, up to twice the rim.
 
-    Farther than the pixel's own surface, that is, whose inverse depth goes on as it came from the other side.
+    Farther than the pixel's own surface, whose inverse depth is extrapolated from the other side.
     """
     height, width = depth.shape
     here = 1.0 / depth[i, j]

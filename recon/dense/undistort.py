@@ -21,7 +21,7 @@ _CLOSE = 0.01  # [px] a lens that moves no pixel by more than this draws straigh
 
 @dataclass(frozen=True)
 class WorkingCamera:
-    """A pinhole camera that sees all that the photograph shows, and the way back to the photograph's own pixels.
+    """A pinhole camera that sees all that the photograph shows, and the mapping back to the photograph's own pixels.
 
     Attributes:
         pinhole: Of the undistorted, reduced image.
@@ -36,7 +36,7 @@ class WorkingCamera:
     full: Pinhole
 
     def to_photograph(self, pixels: F64) -> F64:
-        """Find where the photograph shows what a working image shows.
+        """Map positions in a working image to the photograph.
 
         Args:
             pixels: Positions in the working image [px], shape (..., 2), float64.
@@ -50,18 +50,18 @@ class WorkingCamera:
 
 
 def working_camera(model: SparseModel, size: tuple[int, int], downscale: int) -> WorkingCamera:
-    """Settle the working camera of a reconstruction.
+    """Choose the working camera of a reconstruction.
 
     Args:
         model: Holds the camera as the reconstruction found it.
         size: Width and height of the photographs [px].
-        downscale: Pixels of the photograph along a side of a working pixel.
+        downscale: Side of a working pixel in pixels of the photograph.
 
     Returns:
         The camera.
 
     Raises:
-        RejectedSceneError: `bad_lens`: the distortion that was found cannot be undone inside the image.
+        RejectedSceneError: `bad_lens`: the estimated distortion cannot be inverted inside the image.
     """
     photograph, distortion = lens_of(model, size)
     (left, right), (top, bottom) = _reach(photograph, distortion)
@@ -73,7 +73,7 @@ def working_camera(model: SparseModel, size: tuple[int, int], downscale: int) ->
 
 
 def undistort(image: U8, camera: WorkingCamera) -> U8:
-    """Turn a photograph into a working image.
+    """Undistort and reduce a photograph to a working image.
 
     Args:
         image: Photograph, shape (H, W, 3), uint8.
@@ -92,7 +92,7 @@ def undistort(image: U8, camera: WorkingCamera) -> U8:
 
 
 def covered(camera: WorkingCamera) -> Mask:
-    """Find the working pixels that the photograph fills wholly.
+    """Find the working pixels that the photograph covers completely.
 
     Args:
         camera: Working camera.

@@ -1,4 +1,4 @@
-"""The cameras of a reconstruction for other programs: a COLMAP model in metres, and a nerfstudio data set."""
+"""Export the cameras of a reconstruction: a COLMAP model in metres, and a nerfstudio data set."""
 
 import struct
 from pathlib import Path
@@ -96,7 +96,7 @@ def _model_of(source: Path, cloud: Cloud) -> Path:
 
 
 def _intrinsics(model: str, params: tuple[float, ...]) -> dict[str, Any]:
-    """Parameters of a COLMAP camera under the names of nerfstudio."""
+    """Convert the parameters of a COLMAP camera to nerfstudio's names."""
     names = {
         "SIMPLE_PINHOLE": ("f", "cx", "cy"),
         "PINHOLE": ("fl_x", "fl_y", "cx", "cy"),
@@ -113,7 +113,7 @@ def _intrinsics(model: str, params: tuple[float, ...]) -> dict[str, Any]:
 
 
 def _renamed(data: bytes, stems: dict[str, str]) -> bytes:
-    """Images of a COLMAP model under the names that they have in the folder `images`."""
+    """Rename the images of a COLMAP model to their names in the folder `images`."""
     (count,), at = struct.unpack_from("<Q", data), 8
     parts = [data[:8]]
     for _ in range(count):

@@ -1,4 +1,4 @@
-"""A copy of a LAS or LAZ file with labels beside everything that it held, and new LAZ files for other sources."""
+"""Copy a LAS or LAZ file with labels added and everything else unchanged; write new LAZ files for other sources."""
 
 import copy
 import ctypes
@@ -23,7 +23,7 @@ _COUNTS = 2**31 - 1
 
 
 def copy_las(source: Path, rows: LasRows, out: Path, labels: Iterable[Labels], classify: bool) -> None:
-    """Copy a file point by point and append three extra dimensions; bytes of the points stay as they are.
+    """Copy a file point by point and append three extra dimensions; the other bytes of the points do not change.
 
     Args:
         source: LAS or LAZ file.
@@ -42,7 +42,7 @@ def copy_las(source: Path, rows: LasRows, out: Path, labels: Iterable[Labels], c
     try:
         with laspy.open(source) as reader:
             header, appended = copy.deepcopy(reader.header), list(reader.evlrs or ())
-    except Exception as error:  # the library raises whatever its parser does
+    except Exception as error:  # laspy may raise any exception of its parser
         raise InputError(f"its header cannot be copied: {str(error)[:80]}", where=source) from None
     known: Any = header.vlrs.get("ExtraBytesVlr")
     said = [bytes(row) for record in known for row in record.extra_bytes_structs]
@@ -138,7 +138,7 @@ def _pieces(labels: Iterable[Labels]) -> Iterator[tuple[int, Labels]]:
 
 
 def _set_classification(table: np.ndarray, classes: np.ndarray, number: int) -> None:
-    """Old point formats keep the class in the lower five bits of a byte that holds three flags."""
+    """Set the class; old point formats keep it in the lower five bits of a byte that also holds three flags."""
     codes = np.where(classes == 255, 1, classes).astype(np.uint8)
     if number >= _NEW_FORMATS:
         table["classification"] = codes

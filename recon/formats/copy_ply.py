@@ -12,7 +12,7 @@ from recon.formats.labels import CLASS, CONFIDENCE, DTYPES, INSTANCE, Labels, re
 from recon.formats.read_ply import Element, read_ply_header
 
 _PROPERTIES = (f"property uchar {CLASS}", f"property float {CONFIDENCE}", f"property uint {INSTANCE}")
-_BLOCK = 1 << 24  # [bytes] that are copied at once
+_BLOCK = 1 << 24  # [bytes] copied at once
 
 
 def copy_ply(source: Path, out: Path, labels: Iterable[Labels]) -> None:
@@ -42,7 +42,7 @@ def copy_ply(source: Path, out: Path, labels: Iterable[Labels]) -> None:
 
 
 def _header(head: bytes, vertex: Element) -> bytes:
-    """Put the new properties behind the last one of the points."""
+    """Add the new properties behind the last property of the points."""
     lines = head.split(b"\n")
     end = b"\r" if lines[0].endswith(b"\r") else b""
     words = [line.split() for line in lines]
@@ -76,7 +76,7 @@ def _copy_rows(
 
 
 def _size(order: str, element: Element) -> int:
-    """Bytes of a row; the reader has made sure that no list is in it."""
+    """Compute the bytes of a row; the reader has checked that it holds no list."""
     return np.dtype([(name, f"{order}{kind}") for name, kind in element.properties if kind]).itemsize
 
 

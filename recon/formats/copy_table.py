@@ -1,4 +1,4 @@
-"""Copies of text files and arrays with labels as three more columns."""
+"""Copy text files and arrays with labels as three additional columns."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -16,7 +16,7 @@ _LONGEST_LINE = 4096  # [bytes]
 
 
 def copy_text(source: Path, out: Path, labels: Iterable[Labels]) -> None:
-    """Copy lines as they are, each with class, confidence and instance behind it; comments and empty lines stay.
+    """Copy lines and append class, confidence and instance to each; comments and empty lines do not change.
 
     Args:
         source: Text file.

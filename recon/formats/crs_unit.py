@@ -1,4 +1,4 @@
-"""The unit in which a LAS file states its coordinates, read off its reference system.
+"""The unit of a LAS file's coordinates, from its coordinate reference system.
 
 Source: ASPRS LAS 1.4 R15 (records 2112 and 34735); OGC 01-009 and 18-010 (WKT); GeoTIFF 1.0 (key 3076).
 """
@@ -17,7 +17,7 @@ _GEOGRAPHIC_ROOTS = ("GEOGCS", "GEOGCRS", "GEODCRS", "GEODETICCRS")
 
 
 def meters_per_unit(records: Mapping[tuple[str, int], bytes]) -> float | None:
-    """Find the length of one step of the horizontal coordinates.
+    """Find the length of one unit of the horizontal coordinates.
 
     Args:
         records: Variable-length records by user and number.
@@ -46,7 +46,7 @@ def _of_geokeys(data: bytes) -> float | None:
 
 
 def _of_wkt(text: str) -> float | None:
-    """The unit that stands directly in the projected system, or in its axes."""
+    """Find the unit stated directly in the projected system, or in its axes."""
     open_words: list[str] = []
     geographic = False
     wanted = False

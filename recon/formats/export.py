@@ -1,4 +1,4 @@
-"""A cloud for other programs: which formats there are, and who writes them."""
+"""Export of clouds for other programs: the formats and their writers."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -21,10 +21,10 @@ def export_cloud(source: Path, to: str, out: Path, photographs: Path | None = No
         source: A cloud.
         to: Row of `EXPORTS`.
         out: Empty folder to fill.
-        photographs: Capture whose photographs go with it (colmap and nerfstudio), or None.
+        photographs: Capture whose photographs are exported too (colmap and nerfstudio), or None.
 
     Returns:
-        Files for people to open, from `out`.
+        Files for people to open, relative to `out`.
 
     Raises:
         InputError: Not a cloud, an unknown format, or a format for which the cloud lacks something.

@@ -11,14 +11,14 @@ from groundwork.errors import InputError
 from groundwork.files import space_errors
 from recon.cloud import COLUMNS, FORMAT, FORMAT_VERSION, OBSERVATION_COLUMNS, OPTIONAL_COLUMNS, Cloud, ColumnKind
 
-_LEVEL = 4  # of deflate: most of the saving at half the time
+_LEVEL = 4  # deflate level: most of the saving at half the time
 
 
 def write_hdf5(path: Path, cloud: Cloud) -> None:
     """Write HDF5, compressed without loss.
 
     Args:
-        path: File to write, in a folder that the caller makes whole.
+        path: File to write, in a folder that the caller writes atomically.
         cloud: What to write.
 
     Raises:
@@ -34,7 +34,7 @@ def write_hdf5(path: Path, cloud: Cloud) -> None:
         file.attrs["classes"] = canonical_json([vars(row) for row in cloud.classes])
         file.attrs["components"] = canonical_json(list(cloud.components))
         kinds = {**COLUMNS, **OPTIONAL_COLUMNS}
-        metric = cloud.alignment.get("target") != "none"  # photographs that nothing placed have no unit of length
+        metric = cloud.alignment.get("target") != "none"  # a cloud that was not placed has no unit of length
         for name in sorted(cloud.columns):
             _put(file, name, cloud.columns[name], kinds[name], metric)
         group = file.create_group("observations", track_order=False)

@@ -1,4 +1,4 @@
-"""Labels written beside everything that a scan held: one copy a format, points in their order."""
+"""Write a copy of a scan with labels added: everything that it held is kept, and the points keep their order."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,14 +25,14 @@ _KINDS = {
 
 
 def check_copy(source: Path, out: Path) -> None:
-    """Refuse a copy that cannot be made, before any work is done.
+    """Refuse a copy that cannot be written, before any work is done.
 
     Args:
         source: Scan.
         out: File to write.
 
     Raises:
-        InputError: A suffix that does not fit, the source itself, or a folder that is not there.
+        InputError: A suffix that does not fit, the source itself, or a missing folder.
     """
     allowed = (*_KINDS.get(_magic(source), SUFFIXES), *_LAS)
     if out.suffix.lower() not in allowed:
@@ -54,19 +54,19 @@ def write_labeled_copy(
 ) -> None:
     """Write a copy of a scan with `predicted_class`, `predicted_confidence` and `predicted_instance` for each point.
 
-    Order, coordinates, reference system, records and every other column stay as they are. Where the source is no LAS
-    file and the copy is one, a new file with positions and colours is written.
+    Order, coordinates, reference system, records and every other column do not change. If the copy is a LAS file and
+    the source is not, a new file with positions and colours is written.
 
     Args:
         source: The scan.
         stream: The same, opened.
-        out: File to write; its suffix says the format.
-        labels: Gives the labels of the points in their order, in the pieces of `stream.chunks(chunk)`.
+        out: File to write; its suffix determines the format.
+        labels: Yields the labels of the points in their order, in the pieces of `stream.chunks(chunk)`.
         chunk: Points at a time.
         classify: Write the class into the `classification` of LAS too.
 
     Raises:
-        InputError: The formats do not go together, or the source holds predictions already.
+        InputError: The formats do not match, or the source holds predictions already.
     """
     check_copy(source, out)
     kind = out.suffix.lower()

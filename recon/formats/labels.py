@@ -1,4 +1,4 @@
-"""What a prediction says of points, and under which names files keep it."""
+"""Predicted labels of points, and the names of their columns in files."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ class Labels:
 
     Attributes:
         classes: Class ids, 255 for none, shape (N,), uint8.
-        confidence: How sure the class is [1], shape (N,), float32.
+        confidence: Confidence of the class [1], shape (N,), float32.
         instance: Instance ids, 0 for none, shape (N,), uint32.
     """
 
@@ -33,7 +33,7 @@ class Labels:
 
 
 def refuse_labeled(path: Path, names: tuple[str, ...]) -> None:
-    """Refuse a source that holds predictions already: none is written over.
+    """Refuse a source that already holds predictions: they would be overwritten.
 
     Args:
         path: The source.

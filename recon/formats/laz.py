@@ -11,11 +11,11 @@ from recon.cloud import Cloud
 from usd_schemas.components import UNLABELED
 
 LAZ_SCALE = 0.0001  # [m] coordinates are rounded to this, unless the cloud is too large for it
-FIRST_USER_CLASS = 64  # LAS leaves the codes from here on to users
+FIRST_USER_CLASS = 64  # LAS reserves the codes from here on for users
 _UNCLASSIFIED = 1
 _CREATED = date(2000, 1, 1)
 _COUNTS = 2**31 - 1  # steps of the scale that fit beside the offset
-_CHUNK = 1_000_000  # points in memory a second time
+_CHUNK = 1_000_000  # points converted at a time
 # A scene lies nowhere on Earth: a local system whose unit is the metre, in the WKT 1 that LAS 1.4 wants.
 FRAME = (
     'LOCAL_CS["Falsework scene",LOCAL_DATUM["Falsework scene",0],UNIT["metre",1],'
@@ -34,11 +34,11 @@ EXTRA = {
 def write_laz(path: Path, cloud: Cloud, compress: bool = True) -> None:
     """Write LAS 1.4, point format 7, compressed or not.
 
-    The field `classification` holds 64 + class id, in the range that LAS leaves to users, and 1 for no class. Intensity
-    and the number of the station, from 1, fill the fields that LAS has for them.
+    The field `classification` holds 64 + class id, in the range that LAS reserves for users, and 1 for no class.
+    Intensity and the number of the station, from 1, go into the fields that LAS has for them.
 
     Args:
-        path: File to write, in a folder that the caller makes whole.
+        path: File to write, in a folder that the caller writes atomically.
         cloud: What to write.
         compress: LAZ instead of LAS.
     """
@@ -63,7 +63,7 @@ def _header(cloud: Cloud) -> Any:
     header = laspy.LasHeader(point_format=7, version="1.4")
     header.creation_date = _CREATED
     header.system_identifier = header.generating_software = "Falsework"
-    header.global_encoding.wkt = True  # the standard wants it of this point format, even without a reference system
+    header.global_encoding.wkt = True  # the standard requires it for this point format, even without a reference system
     coord = cloud.columns["coord"]
     low, high = (coord.min(axis=0), coord.max(axis=0)) if len(cloud) else (np.zeros(3), np.zeros(3))
     coarsest = float((high - low).max() + 1.0) / _COUNTS
@@ -83,7 +83,7 @@ def _header(cloud: Cloud) -> Any:
 
 
 def _records(cloud: Cloud, part: slice, header: Any) -> Any:
-    """The points of one part of the cloud, as LAS lays them out."""
+    """Convert one part of the cloud to LAS records."""
     import laspy
 
     columns = {name: values[part] for name, values in cloud.columns.items()}

@@ -20,7 +20,7 @@ _LABELS = (
     "displacement",
 )
 _TYPES = {"f8": "double", "f4": "float", "u1": "uchar", "i4": "int", "u4": "uint"}
-_CHUNK = 1_000_000  # points in memory a second time
+_CHUNK = 1_000_000  # points converted at a time
 
 
 def write_ply(path: Path, cloud: Cloud) -> None:
@@ -49,7 +49,7 @@ def write_ply(path: Path, cloud: Cloud) -> None:
 
 
 def _code(values: NDArray[Any]) -> str:
-    """Choose a type; where they fit, integers are `int`, as readers such as Open3D's skip short and unsigned ones."""
+    """Choose a type; integers are `int` where they fit, as readers such as Open3D's skip short and unsigned ones."""
     code = values.dtype.str[1:]
     if code not in ("u2", "u4"):
         return code
@@ -57,7 +57,7 @@ def _code(values: NDArray[Any]) -> str:
 
 
 def write_colored_points(path: Path, cloud: Cloud) -> None:
-    """Write positions, normals and colours alone, as programs of photogrammetry and splatting read them.
+    """Write only positions, normals and colours, as photogrammetry and splatting programs read them.
 
     Args:
         path: File to write, in a folder that the caller makes whole.

@@ -14,14 +14,14 @@ from usd_schemas.components import UNLABELED
 F64 = NDArray[np.float64]
 
 AREA, ROOM = "Area_1", "bridge_1"  # S3DIS counts rooms in areas
-_IGNORED = -1  # Pointcept's number for what no loss is computed on
+_IGNORED = -1  # Pointcept's label for points that are excluded from the loss
 
 
 def write_pointcept(out: Path, cloud: Cloud) -> list[str]:
     """Write one scene as Pointcept's `DefaultDataset` reads it.
 
-    `coord` is single precision there, so that positions count from `origin` in scene.json. Class and instance are
-    int32, -1 where there is none.
+    Pointcept's `coord` has single precision, so positions are relative to `origin` in scene.json. Class and instance
+    are int32, -1 where there is none.
 
     Args:
         out: Empty folder.
@@ -67,10 +67,11 @@ def write_pointcept(out: Path, cloud: Cloud) -> list[str]:
 
 
 def write_s3dis(out: Path, cloud: Cloud) -> list[str]:
-    """Write one room as S3DIS lays it out: all points, and one file for each instance, named by its class.
+    """Write the cloud as one room of S3DIS: all points, and one file for each instance, named by its class.
 
-    Readers of S3DIS take the class from what stands before the first underscore, so that class names lose theirs
-    (`piercap_12.txt`); classes.txt lists them. Points without an instance make one file for each class, number 0.
+    Readers of S3DIS take the class from the text before the first underscore, so underscores are removed from class
+    names (`piercap_12.txt`); classes.txt lists them. Points without an instance are in one file for each class, number
+    0.
 
     Args:
         out: Empty folder.
@@ -99,7 +100,7 @@ def write_s3dis(out: Path, cloud: Cloud) -> list[str]:
 
 
 def _plain_names(cloud: Cloud) -> dict[int, str]:
-    """Name each class that the table or a point has without an underscore, no two alike, as a file may be called."""
+    """Give each class in the table or of a point a unique name without underscores that is valid as a file name."""
     names = {row.id: slug(row.name.replace("_", "")).replace("_", "-") for row in cloud.classes}
     names |= {
         number: f"class{number}" for number in np.unique(cloud.columns["segment"]).tolist() if number not in names
@@ -109,7 +110,7 @@ def _plain_names(cloud: Cloud) -> dict[int, str]:
 
 
 def _origin(coord: F64) -> F64:
-    """A place near the points, in whole metres, from which single precision resolves them."""
+    """Choose an origin near the points, in whole metres, from which single precision resolves them."""
     return np.floor(np.median(coord, axis=0)) if len(coord) else np.zeros(3)
 
 

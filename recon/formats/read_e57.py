@@ -1,4 +1,4 @@
-"""Points of E57 files, unpacked in a child process with limits."""
+"""Read points of E57 files, unpacked in a child process with limits."""
 
 import tempfile
 from pathlib import Path
@@ -16,7 +16,7 @@ _MEMORY_LIMIT = 8.0  # [GB]
 
 
 def read_e57(path: Path, most_points: int, progress: Progress = SILENT) -> Scan:
-    """Read all scans of an E57 file, each at its place.
+    """Read all scans of an E57 file, each moved to its pose.
 
     Args:
         path: The file.

@@ -1,4 +1,4 @@
-"""LAS and LAZ from elsewhere: the header is read and checked here, field by field; only LAZ is unpacked by a library.
+"""Read LAS and LAZ files: the header is read and checked here, field by field; only LAZ is unpacked by a library.
 
 Source: ASPRS, LAS Specification 1.4 R15.
 """
@@ -25,23 +25,23 @@ F64 = NDArray[np.float64]
 
 MAGIC = b"LASF"
 _SIZES = {0: 20, 1: 28, 2: 26, 3: 34, 4: 57, 5: 63, 6: 30, 7: 36, 8: 38, 9: 59, 10: 67}  # [bytes] of a point
-_COLORS = {2: 20, 3: 28, 5: 28, 7: 30, 8: 30, 10: 30}  # where red begins
+_COLORS = {2: 20, 3: 28, 5: 28, 7: 30, 8: 30, 10: 30}  # offset of red
 _HEADERS = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}  # [bytes] by minor version
-_NEW_FORMATS = 6  # from here on the class has a byte of its own
+_NEW_FORMATS = 6  # first point format whose class has a byte of its own
 _VLR_HEAD = struct.Struct("<H16sHH32s")
 _EXTRA_TYPES = {1: "u1", 2: "i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4", 7: "<u8", 8: "<i8", 9: "<f4", 10: "<f8"}
-_EXTRA_SIZE = 192  # [bytes] describing one extra dimension
+_EXTRA_SIZE = 192  # [bytes] of the description of one extra dimension
 _LABELS, _INSTANCES = ("segment", "label", "class_id", "semantic"), ("instance", "instance_id")
 _BEYOND = (1.0, 0.01)  # [m] and share of the box that points may lie outside the bounds that the header states
-_BLOCK = 2_000_000  # points that are decoded at once
+_BLOCK = 2_000_000  # points decoded at once
 _TIME_LIMIT, _TIME_PER_MILLION = 30.0, 10.0  # [s]
 _MEMORY_LIMIT = 1.0  # [GB]
-_MOST_BYTES = 20_000_000_000  # unpacked: a small file of equal points may grow beyond any disk
+_MOST_BYTES = 20_000_000_000  # unpacked: a small file of equal points could exceed any disk
 
 
 @dataclass(frozen=True)
 class LasHeader:
-    """What is needed of a header.
+    """The fields of a header that are used.
 
     Attributes:
         offset: First byte of the points.
@@ -49,10 +49,10 @@ class LasHeader:
         size: Bytes of a point.
         count: Number of points.
         compressed: Whether it is LAZ.
-        scale: Steps of the integers [m], shape (3,), float64.
-        shift: Added to them [m], shape (3,), float64.
+        scale: Resolution of the integer coordinates [m], shape (3,), float64.
+        shift: Offset added to them [m], shape (3,), float64.
         bounds: Lower and upper corner as stated [m], shape (2, 3), float64.
-        extra: Name, place and numpy type of each extra dimension that is a single number.
+        extra: Name, offset and numpy type of each extra dimension that is a single number.
         class_names: Class lookup table.
         laszip: Record of the compressor.
         records: Every variable-length record, by user and number.
@@ -89,7 +89,7 @@ def read_las(path: Path, most_points: int, progress: Progress = SILENT) -> Scan:
 
 @contextmanager
 def open_las(path: Path, most_points: int, progress: Progress = SILENT) -> Iterator["LasRows"]:
-    """Open LAS, or unpack LAZ beside the memory, so that its points can be had some at a time.
+    """Open LAS, or unpack LAZ to a temporary file, so that the points can be read in chunks.
 
     Args:
         path: The file.
@@ -150,7 +150,7 @@ def read_header(path: Path) -> LasHeader:
         path: The file.
 
     Raises:
-        InputError: Something in it cannot be.
+        InputError: A field is invalid.
     """
     length = path.stat().st_size
     with path.open("rb") as file:
@@ -194,12 +194,12 @@ def read_header(path: Path) -> LasHeader:
 
 
 def _most_records(count: int) -> int:
-    """Bytes that so many records can take; what follows them is left alone."""
+    """Compute how many bytes the records can take; the rest is not read."""
     return min(count, 10_000) * (_VLR_HEAD.size + 0xFFFF) + (1 << 20)
 
 
 def _records(path: Path, data: bytes, count: int) -> dict[tuple[str, int], bytes]:
-    """Variable-length records by user and number."""
+    """Read the variable-length records by user and number."""
     found, at = {}, 0
     for row in range(count):
         if at + _VLR_HEAD.size > len(data):
@@ -214,7 +214,7 @@ def _records(path: Path, data: bytes, count: int) -> dict[tuple[str, int], bytes
 
 
 def _extra_dimensions(path: Path, data: bytes, base: int, width: int) -> dict[str, tuple[int, str]]:
-    """Places of the extra dimensions; they follow each other behind the fields of the point format."""
+    """Find the offsets of the extra dimensions; they follow the fields of the point format."""
     found, at = {}, base
     for start in range(0, len(data) - _EXTRA_SIZE + 1, _EXTRA_SIZE):
         kind, options = data[start + 2], data[start + 3]
@@ -223,7 +223,7 @@ def _extra_dimensions(path: Path, data: bytes, base: int, width: int) -> dict[st
             found.setdefault(name, (at, _EXTRA_TYPES[kind]))
             at += np.dtype(_EXTRA_TYPES[kind]).itemsize
         elif kind == 0:
-            at += options  # bytes that nobody describes
+            at += options  # undescribed bytes
         elif kind <= 30:
             at += np.dtype(_EXTRA_TYPES[(kind - 1) % 10 + 1]).itemsize * ((kind - 1) // 10 + 1)
         else:
@@ -236,15 +236,15 @@ def _extra_dimensions(path: Path, data: bytes, base: int, width: int) -> dict[st
 
 
 class LasRows:
-    """The points of a LAS file as bytes on the disk, decoded some at a time.
+    """The points of a LAS file as bytes on the disk, decoded in chunks.
 
     Attributes:
-        header: What the file says of them.
+        header: Header of the file.
         rows: Bytes of each point, shape (N, size), uint8.
     """
 
     def __init__(self, path: Path, header: LasHeader, rows: NDArray[np.uint8]) -> None:
-        """Take the bytes as they are.
+        """Store the undecoded bytes.
 
         Args:
             path: File, for errors.
@@ -255,7 +255,7 @@ class LasRows:
 
     @cached_property
     def _wide(self) -> bool:
-        """Whether colours fill 16 bits; some programs write 8 bits into 16."""
+        """Tell whether colours use 16 bits; some programs write 8 bits into 16."""
         at = _COLORS[self.header.format]
         return any(
             self._column(at + 2 * band, "<u2", first, min(first + _BLOCK, self.header.count)).max() > 255
@@ -272,14 +272,14 @@ class LasRows:
         return np.concatenate(parts)
 
     def decode(self, first: int, last: int) -> Scan:
-        """Turn some points into columns.
+        """Decode a range of points into columns.
 
         Args:
             first: First point.
             last: Point behind the last one.
 
         Raises:
-            InputError: A position that cannot be, or outside the bounds that the header states.
+            InputError: A position is invalid, or outside the bounds that the header states.
         """
         header = self.header
         coord = np.empty((last - first, 3))
@@ -312,8 +312,8 @@ class LasRows:
 
 
 def _check_bounds(path: Path, coord: F64, bounds: F64) -> None:
-    """Compare with what the header states: LAZ has no checksum, and damage shows as points far outside."""
-    if not bounds.any():  # some programs leave them empty
+    """Compare positions with the header's bounds: LAZ has no checksum, and damage shows as points far outside."""
+    if not bounds.any():  # some programs do not fill them in
         return
     slack = _BEYOND[0] + _BEYOND[1] * np.abs(bounds[1] - bounds[0])
     if (coord.min(axis=0) < bounds[0] - slack).any() or (coord.max(axis=0) > bounds[1] + slack).any():

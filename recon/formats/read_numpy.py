@@ -1,4 +1,4 @@
-"""Points as one NumPy array: a table of numbers, or a record with named fields; nothing in it is executed."""
+"""Read points from a NumPy array: a table of numbers, or records with named fields; pickled objects are refused."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ MAGIC = b"\x93NUM"
 
 
 def open_array(path: Path) -> np.ndarray:
-    """Map an array without reading it; its header must agree with the length of the file.
+    """Memory-map an array; its header must agree with the length of the file.
 
     Args:
         path: The file.
@@ -21,7 +21,7 @@ def open_array(path: Path) -> np.ndarray:
         Numbers [any unit], shape (N, C), or records, shape (N,).
 
     Raises:
-        InputError: Damaged, of another shape, or one that would have to be unpickled.
+        InputError: Damaged, of another shape, or pickled.
     """
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
@@ -42,7 +42,7 @@ def open_array(path: Path) -> np.ndarray:
 
 
 def read_numpy(path: Path, most_points: int) -> Scan:
-    """Read the points of an array; its columns are taken as those of a text, its fields by their names.
+    """Read the points of an array; columns are interpreted as those of a text file, fields by their names.
 
     Args:
         path: The file.

@@ -1,4 +1,4 @@
-"""PLY from elsewhere: text or binary, points in one element or spread over several of the same length.
+"""Read PLY files: text or binary, points in one element or in several of the same length.
 
 Source: G. Turk, The PLY Polygon File Format (1994).
 """
@@ -74,9 +74,7 @@ def read_ply(path: Path, most_points: int) -> Scan:
         raise InputError("has no element vertex", where=path)
     check_count(path, vertex.count, most_points)
     wanted: list[Element] = []
-    for (
-        element
-    ) in elements:  # what follows a list, or is not about the points, lies at an unknown place or is not needed
+    for element in elements:  # behind a list offsets are unknown; other elements are not needed
         if any(kind is None for _, kind in element.properties):
             break
         wanted.append(element)
@@ -161,7 +159,7 @@ def _read_binary(path: Path, order: str, elements: list[Element], start: int) ->
 
 
 def _read_text(path: Path, _: str, elements: list[Element], start: int) -> list[dict[str, NDArray[Any]]]:
-    """Numbers one after the other; a number and the blank behind it take two bytes at least."""
+    """Read numbers as text; a number and the blank behind it take at least two bytes."""
     need = sum(element.count * len(element.properties) for element in elements)
     length = path.stat().st_size - start
     if 2 * need > length + 1:
@@ -232,7 +230,7 @@ def _scan(path: Path, columns: dict[str, NDArray[Any]]) -> Scan:
 
 
 def _color(path: Path, values: NDArray[Any]) -> NDArray[np.uint8]:
-    """Colours are 8 or 16 bits, or shares of one."""
+    """Convert colours of 8 or 16 bits, or from 0 to 1."""
     if not np.isfinite(values).all() or values.min() < 0:
         raise InputError("not a colour", where=path, field="red, green, blue")
     top = values.max()

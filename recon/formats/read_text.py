@@ -1,4 +1,4 @@
-"""Points as lines of numbers: XYZ files, and the text form of S3DIS (x y z r g b and, where there is one, a label)."""
+"""Read points as lines of numbers: XYZ files, and the text form of S3DIS (x y z r g b and an optional label)."""
 
 import re
 from pathlib import Path
@@ -26,7 +26,7 @@ _NAMES = {
     "i": "intensity",
     "reflectance": "intensity",
 }
-# What nameless columns are taken for, by their number.
+# Meaning of unnamed columns, by their number.
 LAYOUTS: dict[int, tuple[str, ...]] = {
     3: ("x", "y", "z"),
     4: ("x", "y", "z", "intensity"),
@@ -37,7 +37,7 @@ LAYOUTS: dict[int, tuple[str, ...]] = {
 
 
 def read_text(path: Path, most_points: int) -> Scan:
-    """Read lines of numbers, parted by blanks, tabs, commas or semicolons.
+    """Read lines of numbers, separated by blanks, tabs, commas or semicolons.
 
     A first line of names says what the columns are; without one their number does: three are x y z, four have
     intensity, six a colour, seven a colour and a label, eight an instance too.
@@ -79,14 +79,14 @@ def read_text(path: Path, most_points: int) -> Scan:
 
 
 def first_line(path: Path, head: list[bytes]) -> tuple[int, tuple[str, ...], str | None]:
-    """Find out how a text begins.
+    """Detect the header and the separator of a text file.
 
     Args:
         path: File, for the error.
         head: Its first two lines.
 
     Returns:
-        Lines to skip; names of the columns, none where the text does not say them; what parts them, None for blanks.
+        Lines to skip; names of the columns, none if the text does not state them; the separator, None for blanks.
 
     Raises:
         InputError: No text, or a name twice.
@@ -111,11 +111,11 @@ def scan_of_columns(path: Path, columns: dict[str, NDArray[Any]]) -> Scan:
 
     Args:
         path: File, for the error.
-        columns: Columns by name, shape (N,) each: x, y, z, and of red, green, blue, nx, ny, nz, segment, instance,
-            intensity those that there are; others are left aside.
+        columns: Columns by name, shape (N,) each: x, y, z, and optionally red, green, blue, nx, ny, nz, segment,
+            instance and intensity; others are ignored.
 
     Raises:
-        InputError: No position, or a column that cannot be what its name says.
+        InputError: No position, or a column whose values are invalid for its name.
     """
     missing = [name for name in "xyz" if name not in columns]
     if missing:

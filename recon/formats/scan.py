@@ -1,4 +1,4 @@
-"""Scans from elsewhere: one reader for LAS, LAZ, PLY, E57, text, arrays and our own clouds, which trusts no file."""
+"""One reader for scans: LAS, LAZ, PLY, E57, text, arrays and our own clouds; every file is checked."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,7 +27,7 @@ __all__ = [
 
 
 def read_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = SILENT) -> Scan:
-    """Read a scan; what kind it is its first bytes say, not its name, save for text.
+    """Read a scan; its format is detected by its first bytes, not by its name, except for text.
 
     Counts, sizes, finiteness and bounds are checked before anything is allocated; LAZ and E57 are unpacked in a child
     process with limits of memory and time.
@@ -75,7 +75,7 @@ def read_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = S
 
 @contextmanager
 def open_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = SILENT) -> Iterator[ScanStream]:
-    """Open a scan so that its points can be had some at a time, and more than once.
+    """Open a scan so that its points can be read in chunks, and more than once.
 
     Args:
         path: As for `read_scan`.
@@ -83,7 +83,7 @@ def open_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = S
         progress: Listener.
 
     Yields:
-        The points; of LAS and LAZ they stay on the disk.
+        The points; those of LAS and LAZ stay on the disk.
 
     Raises:
         MissingError: There is no such file.

@@ -1,4 +1,4 @@
-"""A scan from elsewhere: points, and whatever else its file says about them, checked before use."""
+"""A scan read from a file: points and their other columns, checked before use."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +17,7 @@ FARTHEST = 1e8  # [m] from the origin; map coordinates stay below a tenth of thi
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """Points of a file from elsewhere; a column is None where the file has none.
+    """Points of a file; a column is None where the file has none.
 
     Attributes:
         coord: Positions, as a rule [m], shape (N, 3), float64.
@@ -25,9 +25,9 @@ class Scan:
         normal: Normals [1], shape (N, 3), float32.
         segment: Class ids, shape (N,), uint8.
         instance: Instance ids, shape (N,), uint32.
-        intensity: Strength of the echo, in the unit of the file [any unit], shape (N,), float32.
-        classification: What LAS calls so, unchanged, shape (N,), uint8.
-        class_names: Names that the file gives to numbers of `classification`.
+        intensity: Intensity of the return, in the unit of the file [any unit], shape (N,), float32.
+        classification: The field `classification` of LAS, unchanged, shape (N,), uint8.
+        class_names: The file's names for numbers of `classification`.
     """
 
     coord: F64
@@ -45,11 +45,11 @@ class Scan:
 
 
 def check_count(path: Path, count: int, most: int) -> None:
-    """Refuse a file that says it holds nothing, or more than fits, before anything is allocated.
+    """Refuse a file that states no points, or too many, before anything is allocated.
 
     Args:
         path: File, for the error.
-        count: Points that it claims.
+        count: Points that it states.
         most: Points that are allowed.
 
     Raises:
@@ -68,14 +68,14 @@ def check_count(path: Path, count: int, most: int) -> None:
 
 
 def check_coordinates(path: Path, coord: F64) -> None:
-    """Refuse positions that cannot be.
+    """Refuse invalid positions.
 
     Args:
         path: File, for the error.
         coord: Positions [m], shape (N, 3), float64.
 
     Raises:
-        InputError: One is not finite, or farther away than anything on a map.
+        InputError: One is not finite, or farther from the origin than any map coordinate.
     """
     bad = ~(np.abs(coord).max(axis=1) <= FARTHEST)  # NaN compares false
     if bad.any():
@@ -89,7 +89,7 @@ def check_coordinates(path: Path, coord: F64) -> None:
 
 
 def as_ids(path: Path, name: str, values: NDArray[Any], dtype: type[np.uint8 | np.uint32]) -> NDArray[Any]:
-    """Take a column of labels, whatever number type the file keeps them in.
+    """Convert a column of labels of any number type.
 
     Args:
         path: File, for the error.

@@ -1,4 +1,4 @@
-"""A scan some points at a time: LAS and LAZ stay on the disk, the other formats are held in memory."""
+"""A scan read in chunks: LAS and LAZ stay on the disk, the other formats are held in memory."""
 
 from collections.abc import Iterator
 from dataclasses import fields
@@ -15,7 +15,7 @@ class ScanStream:
 
     Attributes:
         count: Number of points.
-        unit: Length of one step of the coordinates [m]; None where the file does not say, 0 where they are angles.
+        unit: Length of one unit of the coordinates [m]; None where the file does not say, 0 where they are angles.
         las: The bytes of the points, of LAS and LAZ only.
     """
 
@@ -24,7 +24,7 @@ class ScanStream:
 
         Args:
             source: Points on the disk or in memory.
-            unit: Length of one step of the coordinates [m].
+            unit: Length of one unit of the coordinates [m].
         """
         self.las = source if isinstance(source, LasRows) else None
         self._scan = source if isinstance(source, Scan) else None
@@ -32,7 +32,7 @@ class ScanStream:
         self.count = source.header.count if isinstance(source, LasRows) else len(source)
 
     def chunks(self, size: int) -> Iterator[Scan]:
-        """Go through the points once; may be called again.
+        """Iterate over the points; may be called more than once.
 
         Args:
             size: Most points at a time.

@@ -14,7 +14,7 @@ _COLORS = ("colorRed", "colorGreen", "colorBlue")
 
 
 def unpack(request: dict[str, Any], progress: Progress) -> int:
-    """Read scan after scan, each moved to its place in the world.
+    """Read all scans, each moved to its pose in the world.
 
     Args:
         request: `{path, out, most}`: file, folder for arrays, and points above which it is refused.
@@ -45,7 +45,7 @@ def unpack(request: dict[str, Any], progress: Progress) -> int:
             progress.advance(sum(len(part["cartesianX"]) for part in parts))
     except InputError:
         raise
-    except Exception as error:  # the library raises whatever its parser does
+    except Exception as error:  # pye57 may raise any exception of its parser
         raise InputError(f"not readable as E57: {str(error)[:80]}", where=path, hint="Copy it again") from None
     coord = np.concatenate([np.column_stack([part[f"cartesian{axis}"] for axis in "XYZ"]) for part in parts])
     # inside an atomic folder

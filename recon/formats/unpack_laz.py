@@ -9,12 +9,12 @@ from groundwork.child import answer_parent
 from groundwork.errors import InputError
 from groundwork.progress import Progress
 
-_BLOCK = 100_000  # points that are unpacked at once
+_BLOCK = 100_000  # points unpacked at once
 _ADDRESSES = 8_000_000_000  # [bytes] one allocation that claims more fails at once
 
 
 def unpack(request: dict[str, Any], progress: Progress) -> int:
-    """Unpack block by block; nothing is allocated for points that are not there.
+    """Unpack block by block; memory is allocated only for points that exist.
 
     Args:
         request: `{path, out, offset, size, count, laszip}`: file, file to write, first byte of the points, bytes of a

@@ -1,4 +1,4 @@
-"""What the header of a photograph says: size, lens and place, read from JPEG and PNG without decoding a pixel.
+"""Size, lens and position from the header of a JPEG or PNG photograph, without decoding a pixel.
 
 Ours, because a library would save only a third of this: Pillow gives the entries, not the focal length in pixels, nor
 what counts as no place; and it is no part of the core. It is as robust: of 912 headers with a byte of EXIF set to 0 or
@@ -31,15 +31,15 @@ Values = tuple[float, ...] | str
 
 @dataclass(frozen=True)
 class PhotoHeader:
-    """What a photograph says about itself.
+    """What the header of a photograph says.
 
     Attributes:
         size: Width and height of the stored pixels [px].
-        focal_px: Focal length [px], or None where the file does not tell.
+        focal_px: Focal length [px], or None where the file does not say.
         place: Latitude [deg], longitude [deg], height [m], or None.
-        place_sigma: Its error along the ground as the receiver saw it [m], or None.
+        place_sigma: Its horizontal error as stated by the receiver [m], or None.
         quarter_turns: Turns by 90 degrees clockwise that make the stored picture upright, 0 to 3.
-        drone: What a drone adds to that.
+        drone: Further facts that drones write.
     """
 
     size: tuple[int, int]
@@ -51,7 +51,7 @@ class PhotoHeader:
 
 
 def read_header(path: Path) -> PhotoHeader:
-    """Read the header of a JPEG or PNG file; EXIF that is damaged or odd counts as none.
+    """Read the header of a JPEG or PNG file; damaged or invalid EXIF is treated as absent.
 
     Args:
         path: Photograph.
@@ -116,7 +116,7 @@ def _read_png(data: bytes) -> tuple[tuple[int, int], bytes, bytes]:
 
 
 def _read_tiff(data: bytes) -> tuple[dict[int, Values], dict[int, Values], dict[int, Values]]:
-    """Read the root directory, that of the exposure, and that of the place."""
+    """Read the root directory, the Exif directory and the GPS directory."""
     if not data:
         return {}, {}, {}
     order = {b"II": "<", b"MM": ">"}.get(data[:2])
@@ -171,7 +171,7 @@ def _focal(lens: Mapping[int, Values], size: tuple[int, int]) -> float | None:
     The equivalent compares diagonals. Source: CIPA DCG-001, 3.1.
     """
     length, pitch, unit = (_number(lens, tag) for tag in (0x920A, 0xA20E, 0xA210))
-    taken = _number(lens, 0xA002) or float(size[0])  # the pitch belongs to the photograph before it was shrunk
+    taken = _number(lens, 0xA002) or float(size[0])  # the pitch is that of the photograph before it was resized
     if length and pitch:
         return length * pitch / _MM_PER_UNIT.get(int(unit or 2), 25.4) * size[0] / taken
     equivalent = _number(lens, 0xA405)

@@ -1,4 +1,4 @@
-"""What drones write into the XMP packet of a photograph: how the gimbal stood, and how well the place was measured.
+"""What drones write into the XMP packet of a photograph: gimbal angles and the accuracy of the position.
 
 Source: Adobe XMP, part 1 (a property is an attribute or an element); DJI's name space `drone-dji`; the tags
 `Camera:GPSXYAccuracy` and `Camera:GPSZAccuracy` that senseFly and Parrot write.
@@ -13,16 +13,16 @@ SIGNATURE = b"http:"
 """What the JPEG segment of a packet begins with: a name space, ended by a zero byte."""
 
 _NUMBER = rb"[-+]?\d+(?:\.\d+)?(?:/\d+)?"
-_FLAT = 1e-3  # a place measured to less than a millimetre was not measured so
+_FLAT = 1e-3  # [m] a smaller stated error is not credible
 
 
 @dataclass(frozen=True)
 class DroneFacts:
-    """What a packet says.
+    """Facts from an XMP packet.
 
     Attributes:
-        sigmas: Standard deviation of the place east, north and up as the receiver saw it [m], or None.
-        up: Up in the camera's axes right, down, forward [1], as its gimbal has it, or None.
+        sigmas: Standard deviation of the position east, north and up as stated by the receiver [m], or None.
+        up: Up direction in the camera's axes right, down, forward [1], from its gimbal, or None.
     """
 
     sigmas: tuple[float, float, float] | None = None
@@ -30,7 +30,7 @@ class DroneFacts:
 
 
 def read_xmp(packet: bytes) -> DroneFacts:
-    """Read a packet; what is absent or odd counts as not said.
+    """Read a packet; invalid values are treated as absent.
 
     Args:
         packet: The XMP packet, or nothing.
@@ -41,11 +41,11 @@ def read_xmp(packet: bytes) -> DroneFacts:
 
 
 def camera_up_of(pitch: float, roll: float) -> tuple[float, float, float]:
-    """Turn the angles of a gimbal into the direction of up.
+    """Convert the angles of a gimbal to the up direction.
 
     Args:
         pitch: Of the line of sight above the horizon; straight down is -90 [deg].
-        roll: Of the picture about it, its right side down [deg].
+        roll: Of the picture about the line of sight, positive with its right side down [deg].
 
     Returns:
         Up in the camera's axes right, down, forward [1].

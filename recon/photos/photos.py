@@ -16,10 +16,10 @@ PHOTOGRAPHS = "photographs"  # the survey id of a folder without cameras.json
 FOCAL_GUESSED, FOCAL_FROM_EXIF = "guessed", "exif"
 _SUFFIXES = (".jpg", ".jpeg", ".png")
 _GUESS = 1.2  # focal length over the longer side: 55 degrees; COLMAP's own guess, too
-_SIGMA = (2.0, 2.0, 3.0)  # [m] of a receiver that does not tell: a consumer drone during one flight, and all of it
-_UPWARDS = 1.5  # a receiver is less sure of the height than of the place, by about that
+_SIGMA = (2.0, 2.0, 3.0)  # [m] if the receiver states none: within one flight, and the offset of the whole flight
+_UPWARDS = 1.5  # ratio of a receiver's vertical to its horizontal error
 _UNKNOWN = (None, None, None)
-_SAME_LENS = 0.1  # greatest relative difference of focal lengths that one calibration can stand for
+_SAME_LENS = 0.1  # greatest relative difference of focal lengths that share one calibration
 _EARTH_A, _EARTH_E2 = 6_378_137.0, 6.694_379_990_14e-3  # WGS 84
 
 
@@ -33,7 +33,7 @@ def open_photographs(folder: Path) -> Capture:
         folder: With `cameras.json`, or with JPEG or PNG files.
 
     Raises:
-        MissingError: Neither.
+        MissingError: The folder holds neither.
         InputError: Photographs of different sizes or lenses, two of one name, or one that is cut off in its header.
     """
     with reading(folder):
@@ -63,7 +63,7 @@ def _open_photographs(folder: Path) -> Capture:
     sigma = _usual([told for told in sigmas if told is not None])
     if origin is not None:
         facts["gps_sigmas"] = {path.stem: told or sigma for path, told in zip(paths, sigmas, strict=True)}
-        facts["gps_bias"] = sigma  # what they share is as large as what they do not, and nothing in them tells it
+        facts["gps_bias"] = sigma  # the common error is as large, and cannot be estimated from the positions
         facts["origin"] = {"latitude": origin[0], "longitude": origin[1], "height": origin[2]}
     images = tuple(
         CaptureImage(name=path.stem, file=path.relative_to(folder).as_posix(), gps=place)
@@ -79,7 +79,7 @@ def local_position(place: tuple[float, float, float], origin: tuple[float, float
 
     Args:
         place: Latitude [deg], longitude [deg], height above the ellipsoid [m].
-        origin: Latitude [deg], longitude [deg], height above the ellipsoid [m] of the local zero.
+        origin: Latitude [deg], longitude [deg], height above the ellipsoid [m] of the local origin.
 
     Returns:
         East, north, up [m].
@@ -165,7 +165,7 @@ def _local_places(
 
 
 def _sigma(header: PhotoHeader) -> tuple[float, float, float] | None:
-    """Take the error that the receiver wrote down: by direction, else along the ground."""
+    """Take the error that the receiver stated: per axis, else horizontal."""
     along = header.place_sigma
     return header.drone.sigmas or (None if along is None else (along, along, _UPWARDS * along))
 

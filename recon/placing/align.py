@@ -1,4 +1,4 @@
-"""The similarity that carries a reconstruction into the world, and the verdict on every camera."""
+"""The similarity from a reconstruction's frame to the world, and a status for every camera."""
 
 from dataclasses import dataclass
 
@@ -16,22 +16,23 @@ Mask = NDArray[np.bool_]
 OK, UNREGISTERED, CENTER_OUTLIER, ROTATION_OUTLIER = "ok", "unregistered", "centre_outlier", "rotation_outlier"
 REGISTERED = (OK, CENTER_OUTLIER, ROTATION_OUTLIER)
 _MIN_CAMERAS = 3
-_STRAIGHT = 1e-3  # second over first singular value below which centres fix no rotation
+_STRAIGHT = 1e-3  # ratio of second to first singular value below which centres do not determine the rotation
 _ROUNDS = 10
 
 
 @dataclass(frozen=True)
 class Target:
-    """Where the cameras really were.
+    """The known or measured camera poses that a model is aligned to.
 
     Attributes:
         kind: `truth`, `gps` or `none`.
         centers: Camera centres [m], shape (N, 3), float64, one row per image of the capture; NaN where unknown.
         rotations: Camera-to-world rotations [1], shape (N, 3, 3), float64, or None when only positions are known.
         center_limit: Distance above which a centre is an outlier [m].
-        sigmas: Stated standard deviation of each centre along x, y, z [m], shape (N, 3), float64, or None for none.
-        bias: The same of the error that all centres share [m], shape (3,), float64.
-        gimbal: Up in each camera's axes as its gimbal has it [1], shape (N, 3), float64, NaN where unknown; or None.
+        sigmas: Stated standard deviation of each centre along x, y, z [m], shape (N, 3), float64, or None.
+        bias: Standard deviation of the error that all centres share [m], shape (3,), float64.
+        gimbal: Up direction in each camera's axes from its gimbal [1], shape (N, 3), float64, NaN where unknown; or
+            None.
         quarter_turns: Turns by 90 degrees clockwise that make each picture upright, shape (N,), int64; None for none.
     """
 
@@ -45,7 +46,7 @@ class Target:
     quarter_turns: NDArray[np.int64] | None = None
 
     def level(self, poses: F64, rows: NDArray[np.int64]) -> F64:
-        """Take the rotations of cameras as if each had been held as its picture is looked at.
+        """Rotate cameras about their line of sight so that each picture is upright.
 
         Args:
             poses: camera_to_world [model units], shape (I, 4, 4), float64.
@@ -60,7 +61,7 @@ class Target:
 
 @dataclass(frozen=True)
 class Alignment:
-    """The similarity and what it left over.
+    """The similarity and its residuals.
 
     Attributes:
         similarity: From the model into the world.
@@ -70,8 +71,8 @@ class Alignment:
         rotation_errors: Angle between aligned and target rotation [deg], shape (N,), float64; NaN when unknown.
         singular_values: Of the centred target centres of valid cameras [m], shape (3,), float64, descending.
         agreeing: Whether each measured position agrees with the others, shape (N,), bool; None with truth.
-        errors: Limits of its errors; None with truth, and where nothing was measured.
-        unfixed: Why measured positions do not say where the model belongs; empty where they do, or there are none.
+        errors: Limits of the alignment's errors; None with truth, and where nothing was measured.
+        unfixed: Why the measured positions do not determine the model's frame; empty where they do, or there are none.
     """
 
     similarity: Similarity
@@ -86,12 +87,12 @@ class Alignment:
 
 
 def center_limit(centers: F64, survey_kind: object, settings: AlignmentSettings) -> float:
-    """Settle the distance above which a camera centre is an outlier.
+    """Choose the distance above which a camera centre is an outlier.
 
     Args:
         centers: Target camera centres [m], shape (N, 3), float64.
         survey_kind: The survey's kind; `local` has its own limit.
-        settings: May fix the limit.
+        settings: May state the limit.
 
     Returns:
         Limit [m].
@@ -106,28 +107,28 @@ def center_limit(centers: F64, survey_kind: object, settings: AlignmentSettings)
 def align(
     poses: F64, rows: NDArray[np.int64], target: Target, settings: AlignmentSettings, rng: np.random.Generator
 ) -> Alignment:
-    """Find the similarity on the cameras that agree with it, and judge every camera.
+    """Fit the similarity to the inlier cameras, and give every camera a status.
 
-    RANSAC over the centres finds the cameras that agree. By default the rotation is then the mean rotation between
-    the cameras' own frames: on a nearly straight flight the centres alone leave the roll about the path open.
+    RANSAC over the centres finds the inliers. By default the rotation is then the mean of the cameras' own rotations:
+    on a nearly straight flight the centres alone do not determine the roll about the path.
     Source: the paper aligns by RANSAC over centres (method `paper`).
 
     Args:
         poses: camera_to_world of the registered images [model units], shape (I, 4, 4), float64.
         rows: Their rows in the capture, shape (I,), int64.
-        target: Where they were.
+        target: The true or measured poses.
         settings: Method and limits.
-        rng: Draws RANSAC's samples.
+        rng: Source of RANSAC's samples.
 
     Returns:
         The alignment.
 
     Raises:
-        RejectedSceneError: `alignment_failed`, or `straight_path` where centres alone cannot fix the rotation.
+        RejectedSceneError: `alignment_failed`, or `straight_path` where centres alone do not determine the rotation.
     """
     known = np.asarray(np.isfinite(target.centers[rows]).all(axis=1))
     source, goal = poses[:, :3, 3], np.nan_to_num(target.centers[rows])
-    turned = None  # from the model into the world, as each camera by itself would have it
+    turned = None  # rotation from the model into the world according to each camera alone
     if target.rotations is not None:
         turned = target.rotations[rows] @ poses[:, :3, :3].transpose(0, 2, 1)
     by_rotations = settings.method != "paper" and turned is not None
@@ -159,15 +160,15 @@ def align(
 
 
 def stand_upright(poses: F64, rows: NDArray[np.int64], target: Target) -> Alignment:
-    """Leave a model in its own units, and only stand it upright, its cameras round the origin.
+    """Keep a model in its own units, but turn it upright and centre its cameras on the origin.
 
     Args:
         poses: camera_to_world of the registered images [model units], shape (I, 4, 4), float64.
         rows: Their rows in the capture, shape (I,), int64.
-        target: For the number of images, and how each was held.
+        target: For the number of images, and the gimbal and orientation of each.
 
     Returns:
-        An alignment of scale 1 that finds no fault with any registered camera.
+        An alignment of scale 1 in which every registered camera is valid.
     """
     gimbal = None if target.gimbal is None else target.gimbal[rows]
     rotation = level_rotation(target.level(poses, rows), gimbal)
@@ -184,7 +185,7 @@ def check_share(status: tuple[str, ...], settings: AlignmentSettings) -> None:
 
     Args:
         status: Reason code of every image of the capture.
-        settings: Names the greatest share allowed.
+        settings: States the greatest share allowed.
 
     Raises:
         RejectedSceneError: `too_few_cameras`.
@@ -199,21 +200,21 @@ def check_share(status: tuple[str, ...], settings: AlignmentSettings) -> None:
 
 
 def find_inliers(source: F64, goal: F64, known: Mask, limit: float, iterations: int, rng: np.random.Generator) -> Mask:
-    """Find the points that one similarity explains, by RANSAC over triples.
+    """Find the inliers of one similarity, by RANSAC over triples.
 
     Args:
         source: Points [model units], shape (N, 3), float64.
         goal: Matching points [m], shape (N, 3), float64.
-        known: Points that may take part, shape (N,), bool.
+        known: Points that are used, shape (N,), bool.
         limit: Largest distance of an inlier [m].
         iterations: Triples tried.
-        rng: Draws them.
+        rng: Source of randomness.
 
     Returns:
         Inliers, shape (N,), bool.
 
     Raises:
-        RejectedSceneError: `alignment_failed`: no similarity explains three points.
+        RejectedSceneError: `alignment_failed`: no similarity has three inliers.
     """
     candidates = np.flatnonzero(known)
     if len(candidates) >= _MIN_CAMERAS:
@@ -231,14 +232,14 @@ def find_inliers(source: F64, goal: F64, known: Mask, limit: float, iterations: 
 
 
 def _central_rotation(rotations: F64, inliers: Mask) -> F64:
-    """Take the rotation whose median distance to the others is smallest: up to half of them may be wrong."""
+    """Choose the rotation whose median distance to the others is smallest: up to half of them may be wrong."""
     chosen = rotations[inliers]
     closeness = np.einsum("aij,bij->ab", chosen, chosen)  # trace of A^T B: grows as the angle shrinks
     return chosen[np.argmax(np.median(closeness, axis=1))]
 
 
 def _misfit(similarity: Similarity, source: F64, goal: F64, turned: F64 | None) -> tuple[F64, F64]:
-    """Measure what a similarity leaves over: distances of centres [m] and angles [deg], both of shape (I,)."""
+    """Compute the residuals of a similarity: distances of centres [m] and angles [deg], both of shape (I,)."""
     far = np.linalg.norm(similarity.move(source) - goal, axis=1).astype(np.float64)
     return far, angles(turned, similarity.rotation) if turned is not None else np.full(len(source), np.nan)
 

@@ -1,4 +1,4 @@
-"""The alignment to ground control: marked points are triangulated, and laid onto where they were surveyed."""
+"""Alignment to ground control: marked points are triangulated and fitted to their surveyed positions."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -25,17 +25,17 @@ I64 = NDArray[np.int64]
 
 POINTS, BARS = "control points", "scale bars"
 _LEAST_POINTS, _LEAST_MARKS = 3, 2
-_SURE = 2.0  # standard deviations that hold 95 in 100
-_DECIMALS = -2  # the origin of a plane system is a whole number of hundreds of metres
+_SURE = 2.0  # standard deviations of a 95 % interval
+_DECIMALS = -2  # [m] the origin in a plane system is rounded to this
 
 
 @dataclass(frozen=True)
 class ControlFit:
-    """What came of ground control.
+    """Result of an alignment to ground control.
 
     Attributes:
         alignment: The alignment.
-        kind: `control points`, or `scale bars` alone, with what GPS or gravity say of the rest.
+        kind: `control points`, or `scale bars` alone, where GPS or gravity determine the rest.
         facts: JSON: residuals of every point and bar, and the origin.
     """
 
@@ -52,15 +52,15 @@ def align_to_control(
     control: GroundControl,
     rng: np.random.Generator,
 ) -> ControlFit:
-    """Place a model by surveyed points, or, where there are fewer than three, scale it by bars.
+    """Align a model to surveyed points or, if there are fewer than three, scale it by bars.
 
     Args:
         model: Reconstruction.
         rows: Row in the capture of each image of the model, shape (I,), int64.
-        target: What GPS and gimbals say.
+        target: The measurements of GPS and gimbals.
         capture: Photographs.
         control: Points, marks and bars.
-        rng: Draws triples of points to start from.
+        rng: Source of the initial triples of points.
 
     Returns:
         The alignment and its residuals.
@@ -106,7 +106,7 @@ def align_to_control(
 def _fixed_frame(
     source: F64, goal: F64, sigma: F64, levels: GravityCues, file: Path, rng: np.random.Generator
 ) -> tuple[Fit, PlaceErrors]:
-    """Lay points of the model onto surveyed ones; refuse points that leave scale, tilt or heading open."""
+    """Fit points of the model to surveyed ones; refuse points that do not determine scale, tilt and heading."""
     fit = fit_to_fixes(source, goal, sigma, levels, rng, flown=False)
     errors = None if fit is None else expected_errors(fit, np.zeros(3))
     if fit is None or errors is None or errors.unfixed():
@@ -132,7 +132,7 @@ def _point_facts(point: ControlPoint, place: tuple[F64, int, float], off: F64, a
 
 
 def triangulate(centers: F64, directions: F64) -> F64:
-    """Find the point that is nearest to some rays, each counting by the inverse of its distance: as pixels do.
+    """Find the point nearest to some rays, each weighted by the inverse of its distance, as pixel errors do.
 
     Args:
         centers: Starts of the rays [model units], shape (N, 3), float64.
@@ -155,7 +155,7 @@ def triangulate(centers: F64, directions: F64) -> F64:
 
 
 def _triangulated(model: SparseModel, capture: Capture, control: GroundControl) -> dict[str, tuple[F64, int, float]]:
-    """Give each point's place in the model, the number of its photographs, and how far it misses its marks [px]."""
+    """Return each point's position in the model, the number of its photographs, and its reprojection error [px]."""
     camera, distortion = lens_of(model, capture.size)
     row_of = {PurePath(name).stem: row for row, name in enumerate(model.names)}
     focal, middle = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
@@ -181,7 +181,7 @@ def _triangulated(model: SparseModel, capture: Capture, control: GroundControl) 
         place = triangulate(poses[:, :3, 3], world)
         local = np.einsum("nji,nj->ni", poses[:, :3, :3], place - poses[:, :3, 3])
         if not (local[:, 2] > 0.0).all():
-            continue  # rays that part: a mark is wrong, and the point is not to be seen
+            continue  # the rays diverge: a mark is wrong
         back = distortion.distort(local[:, :2] / local[:, 2:]) * focal + middle
         found[point.name] = place, len(marks), float(np.sqrt(((back - uv) ** 2).sum(axis=1).mean()))
     return found
@@ -195,7 +195,7 @@ def _scaled(
     control: GroundControl,
     rng: np.random.Generator,
 ) -> Alignment:
-    """Scale by bars what GPS, or gravity alone, has placed; cameras keep their middle."""
+    """Scale by bars a model that GPS, or gravity alone, has placed; the centroid of its cameras stays."""
     bars = [bar for bar in control.bars if bar.ends[0] in places and bar.ends[1] in places]
     found = np.array([np.linalg.norm(places[bar.ends[0]][0] - places[bar.ends[1]][0]) for bar in bars])
     lengths, sigmas = np.array([bar.length for bar in bars]), np.array([bar.sigma for bar in bars])
@@ -221,7 +221,7 @@ def _scaled(
 
 
 def _origin(capture: Capture, control: GroundControl, coordinates: F64) -> tuple[float, float, float]:
-    """Settle where the cloud counts from: as its GPS does, else the first point; of a plane system, near all points."""
+    """Choose the origin of the cloud: that of its GPS, else the first point; in a plane system, near all points."""
     if control.system.zone is None:
         east, north = np.round(coordinates[:, :2].mean(axis=0), _DECIMALS)
         return float(east), float(north), 0.0

@@ -1,4 +1,4 @@
-"""The alignment to positions that a receiver measured: every camera stays, and what may be off is stated."""
+"""Alignment to positions that a receiver measured: every camera stays valid, and the possible errors are stated."""
 
 from dataclasses import replace
 
@@ -16,19 +16,19 @@ METHOD = "fixes+gravity"
 
 
 def align_to_fixes(poses: F64, rows: NDArray[np.int64], target: Target, rng: np.random.Generator) -> Alignment:
-    """Place a model by the measured positions of its cameras and by gravity; no registered camera is at fault.
+    """Align a model to the measured positions of its cameras and to gravity; every registered camera stays valid.
 
-    How far a camera is from where a receiver says it was tells something about the receiver: such a fix is left out of
-    the fit, its camera is not.
+    The distance of a camera to its GPS fix is an error of the receiver: an outlier fix is left out of the fit, its
+    camera is kept.
 
     Args:
         poses: camera_to_world of the registered images [model units], shape (I, 4, 4), float64.
         rows: Their rows in the capture, shape (I,), int64.
-        target: The fixes, with `sigmas`.
-        rng: Draws triples of cameras to start from.
+        target: The GPS fixes, with `sigmas`.
+        rng: Source of the initial triples of cameras.
 
     Returns:
-        The alignment; where the fixes do not fix the frame, one that only stands upright and says so in `unfixed`.
+        The alignment; if the fixes do not determine the frame, one that is only upright and says so in `unfixed`.
     """
     known = np.isfinite(target.centers[rows]).all(axis=1) & (target.sigmas is not None)
     upright = stand_upright(poses, rows, target)

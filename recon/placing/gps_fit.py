@@ -1,7 +1,7 @@
-"""The similarity that fits a model to measured positions of its cameras, and what it leaves open.
+"""Fit of a similarity to the measured positions of a model's cameras, with its covariances.
 
-Positions are measured to metres, the model is right to millimetres: so the scale is that of least squares from model to
-positions, found together with the rotation. A ratio of spreads would count the noise of the positions as size.
+Positions are measured to metres, the model is accurate to millimetres. So the scale is estimated by least squares from
+model to positions, together with the rotation. A ratio of spreads would count the noise of the positions as size.
 Source: least squares with a priori information and variance components; Förstner and Wrobel, Photogrammetric Computer
 Vision (2016), 4.2 and 4.7; the start is the least median of squares, Rousseeuw (1984).
 """
@@ -22,30 +22,30 @@ PARAMETERS = 7  # logarithm of the scale, rotation vector [rad], place of the mi
 _TRIPLE = 3
 _TRIPLES = 300
 _LEVEL = 2.366  # median of the square of a normal vector of three
-_FAR = 21.1  # beyond: one good fix in ten thousand
+_FAR = 21.1  # one good fix in ten thousand lies beyond
 _ROUNDS, _STEPS = 15, 30
 _NEAR, _SETTLED = 1e-4, 1e-10
-_PRIOR_FREEDOM = 2.0  # by which two components of variance hold together where there are few fixes
-_LONG = 12  # fixes from which on their serial_correlation along the way can be told
-_SURE, _UNLIKE = 4.0, 15.0  # a rotation so many degrees off is refuted by a likelihood that is e^2 smaller
-_USUAL = 0.3  # serial_correlation of fixes too few to tell
-_ALIKE = 0.95  # most that a fix may be taken to repeat the one before
+_PRIOR_FREEDOM = 2.0  # prior weight that keeps the two variance components alike where there are few fixes
+_LONG = 12  # least number of fixes from which their serial correlation is estimated
+_SURE, _UNLIKE = 4.0, 15.0  # another rotation is rejected if its likelihood is smaller by e^2
+_USUAL = 0.3  # serial correlation assumed for fewer fixes
+_ALIKE = 0.95  # largest serial correlation assumed
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A similarity, and the information that it rests on.
+    """A similarity and its accuracy.
 
     Attributes:
         similarity: From the model into the world.
-        agreeing: Fixes that it rests on, shape (N,), bool.
-        sigmas: Standard deviation of a fix along the ground and in height, as the residuals have it; as a multiple of
-            what was stated [1], shape (2,), float64.
-        middle: Middle of the agreeing cameras in the world [m], shape (3,), float64.
-        covariances: Of logarithm of the scale, rotation vector [rad] and place of the middle [m], from the errors along
-            the ground, those in height, and those of gravity, shape (3, 7, 7), float64.
+        agreeing: Fixes that were used, shape (N,), bool.
+        sigmas: Standard deviation of a fix, horizontal and vertical, estimated from the residuals as a multiple of the
+            stated one [1], shape (2,), float64.
+        middle: Centroid of the agreeing cameras in the world [m], shape (3,), float64.
+        covariances: Of logarithm of the scale, rotation vector [rad] and position of the centroid [m], from horizontal
+            errors, vertical errors, and those of gravity, shape (3, 7, 7), float64.
         freedom: Degrees of freedom of these three [1], shape (3,), float64.
-        twofold: Whether a quite different rotation fits as well.
+        twofold: Whether a very different rotation fits equally well.
     """
 
     similarity: Similarity
@@ -59,7 +59,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class _Fixes:
-    """Camera centres, their measured positions, and the stated deviations, as in `fit_to_fixes`."""
+    """Camera centres, their measured positions and the stated deviations, as in `fit_to_fixes`."""
 
     source: F64
     goal: F64
@@ -73,19 +73,19 @@ class _Fixes:
 def fit_to_fixes(
     source: F64, goal: F64, sigma: F64, levels: GravityCues, rng: np.random.Generator, *, flown: bool = True
 ) -> Fit | None:
-    """Fit a similarity to positions that were measured, some of them wrongly, and to what gravity says.
+    """Fit a similarity to measured positions with outliers, and to the direction of gravity.
 
     Args:
         source: Camera centres [model units], shape (N, 3), float64, in the order in which they were flown.
         goal: Their measured positions [m], shape (N, 3), float64.
-        sigma: Stated standard deviation of each along x, y, z [m], shape (N, 3), float64: along the ground and in
-            height each may be wrong by a factor, which the residuals tell.
-        levels: What the photographs say about up.
-        rng: Draws triples to start from.
+        sigma: Stated standard deviation of each along x, y, z [m], shape (N, 3), float64; a factor for horizontal and
+            one for vertical are estimated from the residuals.
+        levels: Cues of the photographs for the up direction.
+        rng: Source of the initial triples.
         flown: Whether they were measured one after the other, so that errors may repeat.
 
     Returns:
-        The fit; None for fewer than three fixes, or cameras that all stand in one place.
+        The fit; None for fewer than three fixes, or if all cameras are in one place.
     """
     if len(source) < _TRIPLE or not min(np.ptp(source, axis=0).max(), np.ptp(goal, axis=0).max()) > 0.0:
         return None
@@ -108,7 +108,7 @@ def fit_to_fixes(
 
 
 def _starts(source: F64, goal: F64, sigma: F64, rng: np.random.Generator) -> list[Similarity]:
-    """Propose similarities: of all fixes, of the triple that half of them agree with best, and upside down of each."""
+    """Propose initial similarities: from all fixes, from the best triple by least median, and both upside down."""
     count = len(source)
     keys = rng.random((_TRIPLES, count))
     triples = np.argpartition(keys, _TRIPLE - 1, axis=1)[:, :_TRIPLE] if count > _TRIPLE else np.arange(3)[None]
@@ -123,7 +123,7 @@ def _starts(source: F64, goal: F64, sigma: F64, rng: np.random.Generator) -> lis
         starts.append(Similarity(float(scale[best]), rotation[best], shift[best]))
     starts = [start for start in starts if np.isfinite(start.scale) and start.scale > 0.0]
     rolled = []
-    for start in starts:  # of a straight flight the fixes leave open how it lies round its path
+    for start in starts:  # on a straight flight the fixes do not determine the roll about the path
         along = np.linalg.svd(goal - goal.mean(axis=0), full_matrices=False)[2][0]
         for turn in (90.0, 180.0, 270.0):
             roll = _turn(np.radians(turn) * along)
@@ -133,7 +133,7 @@ def _starts(source: F64, goal: F64, sigma: F64, rng: np.random.Generator) -> lis
 
 
 def _settle(source: F64, goal: F64, sigma: F64, levels: GravityCues, start: Similarity) -> Similarity:
-    """Improve a start by weighted least squares in which a fix counts less the farther off it is."""
+    """Refine a start by iteratively reweighted least squares: the larger its residual, the less a fix counts."""
     similarity = start
     for _ in range(_STEPS):
         squares = _squares(similarity, source, goal, sigma)
@@ -149,7 +149,7 @@ def _settle(source: F64, goal: F64, sigma: F64, levels: GravityCues, start: Simi
 def _step(
     similarity: Similarity, source: F64, goal: F64, weights: F64, levels: GravityCues
 ) -> tuple[Similarity, float]:
-    """Take one step of Gauss and Newton; gives the new similarity and how far it moved, as a share."""
+    """Take one Gauss-Newton step; returns the new similarity and the relative size of the step."""
     center = _middle(source, weights)
     jacobian = _jacobian(similarity, source - center)
     residual = goal - similarity.move(source)
@@ -162,7 +162,7 @@ def _step(
     right[1:4] += turning.T @ (pull * (levels.heights - levels.directions @ ups))
     size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     delta = np.linalg.lstsq(normal / np.outer(size, size), right / size, rcond=1e-13)[0] / size
-    delta[:4] = np.clip(delta[:4], -0.5, 0.5)  # far from the end a step may be wild
+    delta[:4] = np.clip(delta[:4], -0.5, 0.5)  # far from the optimum a step may be too large
     scale = similarity.scale * float(np.exp(delta[0]))
     rotation = _turn(delta[1:4]) @ similarity.rotation
     middle = similarity.move(center[None])[0] + delta[4:]
@@ -173,7 +173,7 @@ def _step(
 
 
 def _adjust(start: Similarity, fixes: _Fixes, levels: GravityCues, agreeing: Mask, flown: bool) -> Fit:
-    """Fit to the agreeing fixes, and estimate how well the fixes were measured along the ground and in height."""
+    """Fit to the agreeing fixes, and estimate their horizontal and vertical accuracy."""
     fixes = fixes.of(agreeing)
     source, goal, stated = fixes.source, fixes.goal, fixes.sigma
     similarity, factors, serial_correlation = start, np.ones(2), 0.0
@@ -209,7 +209,7 @@ def _adjust(start: Similarity, fixes: _Fixes, levels: GravityCues, agreeing: Mas
 def _components(
     similarity: Similarity, fixes: _Fixes, factors: F64, levels: GravityCues, serial_correlation: float
 ) -> tuple[F64, F64]:
-    """Estimate the two factors of the stated errors anew; gives them and their degrees of freedom."""
+    """Estimate the two factors of the stated errors; returns them and their degrees of freedom."""
     residual = (fixes.goal - similarity.move(fixes.source)) / fixes.sigma
     weights = 1.0 / (fixes.sigma * factors[[0, 0, 1]]) ** 2
     jacobian = _jacobian(similarity, fixes.source - _middle(fixes.source, weights)) * np.sqrt(weights)[:, :, None]
@@ -223,7 +223,7 @@ def _components(
 
 
 def _left_over(jacobian: F64, inverse: F64, serial_correlation: float) -> float:
-    """Count what a fit leaves of the variance of some axes: trace of (I - H) S (I - H), S their correlation."""
+    """Compute the redundancy of some axes: trace of (I - H) S (I - H), S their correlation."""
     used = 0.0
     for axis in range(jacobian.shape[1]):
         part = jacobian[:, axis]
@@ -234,7 +234,7 @@ def _left_over(jacobian: F64, inverse: F64, serial_correlation: float) -> float:
 def _covariances(
     similarity: Similarity, source: F64, weights: F64, levels: GravityCues, serial_correlation: float
 ) -> F64:
-    """Carry the errors of fixes along the ground, in height, and of gravity over to the parameters."""
+    """Propagate the horizontal and vertical errors of fixes, and those of gravity, to the parameters."""
     jacobian = _jacobian(similarity, source - _middle(source, weights)) * np.sqrt(weights)[:, :, None]
     inverse = np.linalg.pinv(_information(jacobian, similarity, levels), hermitian=True)
     parts = [
@@ -256,9 +256,9 @@ def _information(whitened: F64, similarity: Similarity, levels: GravityCues) -> 
 
 
 def _serial_correlation(whitened: F64) -> float:
-    """Estimate how far the error of a fix repeats that of the one before it.
+    """Estimate the correlation of the error of a fix with that of the one before it.
 
-    A fit takes away what varies slowly, and with it some of the correlation; what is added is tuned by simulation
+    The fit removes slow variations, and with them some of the correlation; the correction is tuned by simulation
     (`benchmarks.recon.gps_scale`).
     """
     if len(whitened) < _LONG:
@@ -283,7 +283,7 @@ def _squares(similarity: Similarity, source: F64, goal: F64, sigma: F64) -> F64:
 
 
 def _level(squares: F64) -> float:
-    """Tell by what factor the stated errors are too small, from the better half; never trust less than a tenth."""
+    """Estimate the factor by which the stated errors are too small, from the better half; at least a tenth."""
     count = len(squares)
     half = min((count + _TRIPLE + 2) // 2, count) - 1
     free = max(1.0 - PARAMETERS / (3.0 * count), 0.2)
@@ -301,7 +301,7 @@ def _middle(source: F64, weights: F64) -> F64:
 
 
 def _jacobian(similarity: Similarity, centered: F64) -> F64:
-    """Derive the moved points by the parameters, shape (N, 3, 7)."""
+    """Compute the derivatives of the moved points by the parameters, shape (N, 3, 7)."""
     arm = similarity.scale * centered @ similarity.rotation.T
     found = np.zeros((len(centered), 3, PARAMETERS))
     found[:, :, 0] = arm
@@ -313,7 +313,7 @@ def _jacobian(similarity: Similarity, centered: F64) -> F64:
 
 
 def _leaning(similarity: Similarity, levels: GravityCues) -> F64:
-    """Derive the heights of the directions by the rotation vector, shape (K, 3)."""
+    """Compute the derivatives of the heights of the directions by the rotation vector, shape (K, 3)."""
     turned = levels.directions @ similarity.rotation.T
     return np.column_stack([turned[:, 1], -turned[:, 0], np.zeros(len(turned))])
 

@@ -1,4 +1,4 @@
-"""Where up is, as photographs tell: rows that were held level, and gimbals that wrote down how they stood."""
+"""The up direction, estimated from photographs: image rows are assumed level, and gimbals state their angles."""
 
 from dataclasses import dataclass
 
@@ -7,23 +7,23 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
-_STEADY = np.sin(np.radians(1.0))  # what all photographs of a gimbal may share: it is trimmed to about a degree
-_LEAST, _GREATEST = np.sin(np.radians([0.5, 6.0]))  # a single photograph: of a good gimbal, of a steady hand
+_STEADY = np.sin(np.radians(1.0))  # error shared by all photographs of a gimbal: it is trimmed to about a degree
+_LEAST, _GREATEST = np.sin(np.radians([0.5, 6.0]))  # error of a single photograph: with a good gimbal, held in hand
 _HELD = 1.4826  # median absolute deviation to standard deviation
-_USUAL, _USUAL_SIGMA = np.radians(30.0), 0.6  # a camera is pitched down by that, more or less by about 40 degrees
+_USUAL, _USUAL_SIGMA = np.radians(30.0), 0.6  # usual pitch of a camera; its standard deviation is about 40 degrees
 _KINDS, _USUALLY = 3, 2
 _CAUCHY = 2.385  # of 95 % efficiency
 
 
 @dataclass(frozen=True)
 class GravityCues:
-    """K directions of a model, and how far each rises above the horizon.
+    """K directions of a model with the height of each above the horizon.
 
     Attributes:
         directions: In the model's frame, of length 1 or less [1], shape (K, 3), float64.
-        heights: Component along up that each should have [1], shape (K,), float64.
-        sigmas: Standard deviation of that, were each alone [1], shape (K,), float64.
-        kinds: What is told: 0 rows, 1 columns and lines of sight, 2 the usual pitch, shape (K,), int64; those of one
+        heights: Expected component of each along up [1], shape (K,), float64.
+        sigmas: Standard deviation of each by itself [1], shape (K,), float64.
+        kinds: Kind of cue: 0 rows, 1 columns and lines of sight, 2 the usual pitch, shape (K,), int64; those of one
             kind share an error.
         shared: The error that all directions of a kind share [1], shape (3,), float64.
     """
@@ -35,7 +35,7 @@ class GravityCues:
     shared: F64
 
     def weights(self, ups: F64) -> F64:
-        """Weigh each direction, less the farther off it is, and all of a kind no more than their shared error allows.
+        """Weight each direction: less the larger its residual, all of a kind no more than their shared error allows.
 
         Args:
             ups: Up in the model's frame [1], shape (3,), float64.
@@ -49,7 +49,7 @@ class GravityCues:
         return alone * self._credit()[self.kinds]
 
     def cost(self, ups: F64) -> float:
-        """Sum up how far all directions are off, a single one never by much.
+        """Sum the robust costs of the residuals of all directions.
 
         Args:
             ups: Up in the model's frame [1], shape (3,), float64.
@@ -62,24 +62,24 @@ class GravityCues:
         return float(self._credit()[self.kinds] @ robust)
 
     def _credit(self) -> F64:
-        """Tell how much less a direction counts for the error that it shares with the others of its kind."""
+        """Return the factor that accounts for the error that a direction shares with the others of its kind."""
         total = np.bincount(self.kinds, 1.0 / self.sigmas**2, _KINDS)
         return np.asarray(1.0 / (1.0 + total * self.shared**2))
 
 
 def gravity_cues(rotations: F64, gimbal: F64 | None) -> GravityCues:
-    """Tell what photographs say about up.
+    """Collect the cues of photographs for the up direction.
 
-    Their rows were level, unless a gimbal says otherwise; their pitch is known from the gimbal alone. That a camera
-    looks ahead and down rather than up is said once, weakly, for all of them: it tells up from down and no more.
+    Rows are assumed level unless a gimbal states otherwise; the pitch is known only from a gimbal. One weak cue says
+    that all cameras together look ahead and down rather than up: it only tells up from down.
 
     Args:
-        rotations: Camera-to-world rotations in the model's frame, of photographs as they are looked at [1], shape
-            (N, 3, 3), float64.
-        gimbal: Up in each camera's axes, as its gimbal has it [1], shape (N, 3), float64, NaN where unknown; or None.
+        rotations: Camera-to-world rotations in the model's frame, of upright photographs [1], shape (N, 3, 3), float64.
+        gimbal: Up direction in each camera's axes from its gimbal [1], shape (N, 3), float64, NaN where unknown; or
+            None.
 
     Returns:
-        The directions; those of the rows first.
+        The cues; those of the rows first.
     """
     rows, forward = rotations[:, :, 0], rotations[:, :, 2]
     told = np.zeros(len(rows), bool) if gimbal is None else np.isfinite(gimbal).all(axis=1)
@@ -94,6 +94,6 @@ def gravity_cues(rotations: F64, gimbal: F64 | None) -> GravityCues:
 
 
 def _roll_scatter(rows: F64) -> float:
-    """Estimate how far rows stray from the plane that they should lie in: the one square to their least direction."""
+    """Estimate the deviation of rows from the plane perpendicular to their least principal direction."""
     normal = np.linalg.svd(rows, full_matrices=False)[2][2]
     return float(_HELD * np.median(np.abs(rows @ normal))) * np.sqrt(len(rows) / max(len(rows) - 2, 1))

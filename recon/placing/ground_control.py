@@ -1,10 +1,10 @@
-"""Ground control: surveyed points and bars of known length, and where photographs show them, as files state them.
+"""Read files of ground control: surveyed points, scale bars, and their marks in photographs.
 
-Two forms are read. `gcp_list.txt` of OpenDroneMap has the system of coordinates in its first line, then one line for
-each mark: easting, northing, height, column, row, image, and the point's name if it likes. The other is what Metashape
-writes as text: tables with a line of heads each, of points (`#Label,X/Easting,Y/Northing,Z/Altitude,Accuracy_(m)`), of
-marks (`#Camera,Label,x_px,y_px`) and of scale bars (`#Label,Distance_(m),Accuracy_(m)`, the label being two names with
-`_` between them); a table of marks may hold the coordinates, too.
+Two formats are read. `gcp_list.txt` of OpenDroneMap has the coordinate system in its first line, then one line for each
+mark: easting, northing, height, column, row, image, and optionally the point's name. The other is Metashape's text
+export: tables with a header line each, of points (`#Label,X/Easting,Y/Northing,Z/Altitude,Accuracy_(m)`), of marks
+(`#Camera,Label,x_px,y_px`) and of scale bars (`#Label,Distance_(m),Accuracy_(m)`, the label being two names with `_`
+between them); a table of marks may hold the coordinates, too.
 """
 
 import math
@@ -19,7 +19,7 @@ from recon.placing.map_projection import MapSystem, read_system
 
 Triple = tuple[float, float, float]
 
-_SIGMA = 0.03  # [m] of a point that was surveyed by satellite, where the file does not tell
+_SIGMA = 0.03  # [m] error of a point surveyed by satellite, where the file states none
 _BAR_SIGMA = 0.001  # [m]
 _LONGEST = 5_000_000  # [bytes] a file of marks is far shorter
 _HEADS: Mapping[str, tuple[str, ...]] = {
@@ -38,7 +38,7 @@ _HEADS: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Mark:
-    """Where a photograph shows a point.
+    """The pixel of a point in a photograph.
 
     Attributes:
         image: Name of the photograph, or its file.
@@ -51,11 +51,11 @@ class Mark:
 
 @dataclass
 class ControlPoint:
-    """A point on the ground.
+    """A ground control point.
 
     Attributes:
         name: Its name.
-        position: Coordinates as the file has them; None of a point that was not surveyed.
+        position: Coordinates as in the file; None of a point that was not surveyed.
         sigma: Standard deviation east, north and up [m].
         marks: Photographs that show it.
     """
@@ -68,7 +68,7 @@ class ControlPoint:
 
 @dataclass(frozen=True)
 class ScaleBar:
-    """Two points whose distance was measured.
+    """A measured distance between two points.
 
     Attributes:
         ends: Names of the points.
@@ -83,7 +83,7 @@ class ScaleBar:
 
 @dataclass(frozen=True)
 class GroundControl:
-    """What a file states: the system of its coordinates, points in the order of the file, and scale bars."""
+    """The content of a file: coordinate system, points in the order of the file, and scale bars."""
 
     file: Path
     system: MapSystem
@@ -92,14 +92,14 @@ class GroundControl:
 
 
 def read_ground_control(path: Path) -> GroundControl:
-    """Read a file of ground control points, in the form of OpenDroneMap or of Metashape.
+    """Read a file of ground control points, in the format of OpenDroneMap or of Metashape.
 
     Args:
         path: The file.
 
     Raises:
         MissingError: There is no such file.
-        InputError: It is in neither form, or one of its lines is wrong; names the line.
+        InputError: It is in neither format, or one of its lines is wrong; names the line.
     """
     if path.is_file() and path.stat().st_size > _LONGEST:
         raise InputError("too long for a file of ground control points", where=path, hint="Name the text file")
@@ -116,7 +116,7 @@ def read_ground_control(path: Path) -> GroundControl:
 
 
 def _read_list(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
-    """Read the form of OpenDroneMap."""
+    """Read the format of OpenDroneMap."""
     system = read_system(lines[0][1])
     if system is None:
         raise InputError(
@@ -147,7 +147,7 @@ def _read_list(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
 
 
 def _read_tables(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
-    """Read the form of Metashape."""
+    """Read the format of Metashape."""
     points: dict[str, ControlPoint] = {}
     bars: list[tuple[int, str, dict[str, float]]] = []
     heads: dict[str, int] = {}
@@ -185,7 +185,7 @@ def _read_tables(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
 
 
 def _heads(line: str) -> dict[str, int]:
-    """Read a line of heads: column of each kind of cell; nothing where the line is none."""
+    """Read a header line: column of each kind of cell; empty if the line is not a header."""
     cells = [cell.strip() for cell in _cells(line.lstrip("#"))]
     plain = [cell.lower().replace(" ", "_") for cell in cells]
     found = {key: plain.index(name) for key, names in _HEADS.items() for name in names if name in plain}

@@ -1,4 +1,4 @@
-"""Coordinates of surveyed points, as files name their system, in metres east, north and up."""
+"""Conversion of surveyed coordinates to metres east, north and up of an origin."""
 
 import re
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ _EAST, _SOUTH = 500_000.0, 10_000_000.0  # [m] false easting, and false northing
 
 @dataclass(frozen=True)
 class MapSystem:
-    """A system of coordinates.
+    """A coordinate system.
 
     Attributes:
-        name: As the file has it.
+        name: As in the file.
         zone: UTM zone on WGS 84, negative south of the equator; 0 for longitude and latitude [deg]; None for any other
             plane system in metres, whose own axes are then east, north and up.
     """
@@ -28,7 +28,7 @@ class MapSystem:
     zone: int | None
 
     def geographic(self, points: F64) -> F64:
-        """Turn coordinates into latitude, longitude and height; not those of a plane system.
+        """Convert coordinates to latitude, longitude and height; not defined for a plane system.
 
         Args:
             points: Coordinates as the file has them, [deg] or [m], shape (N, 3), float64.
@@ -41,7 +41,7 @@ class MapSystem:
         return np.column_stack([*_from_utm(points[:, 0], points[:, 1], self.zone), points[:, 2]])
 
     def local(self, points: F64, origin: tuple[float, float, float]) -> F64:
-        """Turn coordinates into metres east, north and up of an origin.
+        """Convert coordinates to metres east, north and up of an origin.
 
         Args:
             points: Coordinates as the file has them, [deg] or [m], shape (N, 3), float64.
@@ -85,7 +85,7 @@ def read_system(text: str) -> MapSystem | None:
 
 
 def _from_utm(easting: F64, northing: F64, zone: int) -> tuple[F64, F64]:
-    """Turn UTM coordinates into latitude and longitude [deg], to well below a millimetre.
+    """Convert UTM coordinates to latitude and longitude [deg], to well below a millimetre.
 
     Source: the series of Krüger (1912) in the third flattening, as in Karney, Transverse Mercator with an accuracy of a
     few nanometers (2011), to the third order.

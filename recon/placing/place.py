@@ -1,4 +1,4 @@
-"""Where a model belongs: its target (truth, GPS, or nothing), the alignment to it, and every camera's reason code."""
+"""Placing a model in the world: its target (truth, GPS, or nothing), the alignment to it, and every camera's status."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -20,17 +20,17 @@ from render.capture import TRUTH, Capture, Truth
 
 F64 = NDArray[np.float64]
 
-_LEAST_SIGMA = 1e-3  # [m] no receiver is better, and no weight infinite
+_LEAST_SIGMA = 1e-3  # [m] smallest deviation assumed: bounds the weight of a fix
 
 
 @dataclass(frozen=True, eq=False)
 class Registered:
-    """The images of a capture whose cameras a model holds.
+    """The registered images of a capture.
 
     Attributes:
         poses: camera_to_world of each [model units], shape (I, 4, 4), float64.
         rows: Their rows in the capture, shape (I,), int64.
-        reasons: Why an image is not in the model, by file, where more is known than that.
+        reasons: Why images are not in the model, by file, where it is known.
     """
 
     poses: F64
@@ -45,19 +45,19 @@ def place(
     settings: AlignmentSettings,
     rng: np.random.Generator,
 ) -> tuple[Alignment, Target]:
-    """Carry a model to where it belongs, as far as that is known, and judge every camera.
+    """Align a model to the world as far as its place is known, and give every camera a status.
 
-    Photographs whose GPS is absent, or does not fix the frame, leave the model in its own units, standing upright.
+    If GPS is absent, or does not determine the frame, the model keeps its own units and is only turned upright.
 
     Args:
-        registered: What the model holds.
+        registered: The images of the model.
         capture: Photographs.
-        truth: Its truth, if there is any.
+        truth: Its truth, or None.
         settings: Method and limits.
-        rng: Draws RANSAC's samples.
+        rng: Source of RANSAC's samples.
 
     Returns:
-        The alignment and what it aligned to.
+        The alignment and its target.
 
     Raises:
         RejectedSceneError: With truth only: `alignment_failed`, `straight_path` or `too_few_cameras`.
@@ -70,7 +70,7 @@ def place(
         found = align_to_fixes(poses, rows, target, rng) if target.kind == "gps" else stand_upright(poses, rows, target)
         target = replace(target, kind="none") if found.unfixed else target
     found = replace(found, status=_with_reasons(found.status, registered.reasons, capture))
-    if truth is not None:  # a data set needs its share of cameras; photographs of a user give what they can
+    if truth is not None:  # a data set requires a share of valid cameras; a user's photographs are used as they are
         check_share(found.status, settings)
     return found, target
 
@@ -82,17 +82,17 @@ def place_on_control(
     control: GroundControl,
     rng: np.random.Generator,
 ) -> tuple[Alignment, Target, dict[str, Any]]:
-    """Carry a model to where ground control puts it; every registered camera stays.
+    """Align a model to ground control; every registered camera stays valid.
 
     Args:
         model: Reconstruction.
         registered: Its images.
         capture: Photographs without truth.
         control: Control points and scale bars.
-        rng: Draws triples of points to start from.
+        rng: Source of the initial triples of points.
 
     Returns:
-        The alignment, what it aligned to, and JSON facts: residuals of every point and bar.
+        The alignment, its target, and JSON facts: residuals of every point and bar.
 
     Raises:
         InputError: The control points do not suffice, or a mark is wrong.
@@ -137,7 +137,7 @@ def _with_reasons(status: tuple[str, ...], reasons: Mapping[str, str], capture: 
 
 
 def similarity_facts(similarity: Similarity) -> dict[str, Any]:
-    """State a similarity as JSON.
+    """Describe a similarity as JSON.
 
     Args:
         similarity: From the model into the world.
@@ -152,13 +152,13 @@ def similarity_facts(similarity: Similarity) -> dict[str, Any]:
 def alignment_facts(
     alignment: Alignment, target: Target, capture: Capture, control: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """State an alignment as JSON: the similarity, what it was found on, and how far that can be relied upon.
+    """Describe an alignment as JSON: the similarity, its target, and limits of its errors.
 
     Args:
         alignment: The alignment.
         target: What it aligned to.
         capture: Photographs.
-        control: Residuals of control points and scale bars, and the origin, if there are any.
+        control: Residuals of control points and scale bars, and the origin, or None.
     """
     control = {} if control is None else control
     facts = {
@@ -184,7 +184,7 @@ def alignment_facts(
 
 
 def note(alignment: Alignment, target: Target, control: Mapping[str, Any]) -> str:
-    """Say in words what the metres of a model rest on, and how far they may be off.
+    """Describe in words what determines the scale of a model, and its possible error.
 
     Args:
         alignment: The alignment.
@@ -211,7 +211,7 @@ def note(alignment: Alignment, target: Target, control: Mapping[str, Any]) -> st
 
 
 def camera_rows(capture: Capture, alignment: Alignment) -> tuple[dict[str, Any], ...]:
-    """State the verdict on every image as JSON.
+    """Describe the status of every image as JSON.
 
     Args:
         capture: Photographs.
@@ -258,7 +258,7 @@ def _target(capture: Capture, truth: Truth | None, settings: AlignmentSettings) 
 
 
 def _by_name(capture: Capture, fact: str) -> F64 | None:
-    """Take what the capture says of each photograph, in their order; NaN for null."""
+    """Collect a fact of each photograph from the capture, in their order; NaN for null."""
     told = capture.facts.get(fact)
     if not isinstance(told, dict):
         return None

@@ -1,4 +1,4 @@
-"""How far a model's scale, tilt, heading and place may be off: the errors to expect, and limits that hold 95 in 100."""
+"""Errors to expect of a model's scale, tilt, heading and position, as 95 % limits."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,19 +12,19 @@ from recon.placing.gps_fit import Fit
 F64 = NDArray[np.float64]
 
 SHARE = 0.95
-_SCALE_LIMIT, _TILT_LIMIT, _HEADING_LIMIT = 25.0, 20.0, 30.0  # [%] [deg] [deg]: beyond, the positions fix no frame
+_SCALE_LIMIT, _TILT_LIMIT, _HEADING_LIMIT = 25.0, 20.0, 30.0  # [%] [deg] [deg]: beyond, the frame is not fixed
 
 
 @dataclass(frozen=True)
 class PlaceErrors:
-    """Limits that the errors of a placed model keep to in 95 of 100 cases; NaN where nothing is known.
+    """95 % limits of the errors of a placed model; NaN where nothing is known.
 
     Attributes:
         scale: Error of the scale [%].
         tilt: Angle between the model's up and the world's [deg].
         heading: Angle about up [deg].
-        place: Distance of the middle of the cameras from where it was [m].
-        twofold: Whether a quite different rotation fits as well: then none of the limits holds.
+        place: Distance of the centroid of the cameras from its true position [m].
+        twofold: Whether a very different rotation fits equally well: then none of the limits is valid.
     """
 
     scale: float
@@ -34,7 +34,7 @@ class PlaceErrors:
     twofold: bool = False
 
     def unfixed(self) -> str:
-        """Say in words what is too unsure for the model to be placed; empty where nothing is."""
+        """Describe in words what is too uncertain for the model to be placed; empty where nothing is."""
         wide = [
             f"{name} ±{value:.0f}{unit}"
             for name, value, limit, unit in (
@@ -49,7 +49,7 @@ class PlaceErrors:
         return ", ".join(wide)
 
     def in_words(self) -> str:
-        """Say the four limits in one clause."""
+        """Describe the four limits in one clause."""
         known = [
             f"{name} ±{_short(value)}{unit}"
             for name, value, unit in (
@@ -63,7 +63,7 @@ class PlaceErrors:
         return f"{', '.join(known)} (95 %)"
 
     def facts(self) -> dict[str, Any]:
-        """State the limits as JSON; None where nothing is known."""
+        """Return the limits as JSON; None where nothing is known."""
         values = {
             "scale_percent": self.scale,
             "tilt_deg": self.tilt,
@@ -74,7 +74,7 @@ class PlaceErrors:
 
 
 def expected_errors(fit: Fit, bias: F64) -> PlaceErrors:
-    """State the limits of a fit's errors, from its residuals, its geometry and what all its fixes share.
+    """Compute the limits of a fit's errors from its residuals, its geometry and the shared error of its fixes.
 
     Args:
         fit: The fit.
@@ -94,9 +94,9 @@ def expected_errors(fit: Fit, bias: F64) -> PlaceErrors:
 
 
 def _limit(parts: F64, freedom: F64) -> float:
-    """Find the length that a normal vector keeps below, whose covariance is the sum of parts that are only estimated.
+    """Find the 95 % limit of the length of a normal vector whose covariance is a sum of estimated parts.
 
-    Its square is taken as a multiple of F with as many degrees of freedom as match its mean and variance.
+    Its square is approximated by a multiple of F with the degrees of freedom that match its mean and variance.
     Source: Satterthwaite (1946), for the sum and for the square of the vector alike.
     """
     total = parts.sum(axis=0)

@@ -1,4 +1,4 @@
-"""Similarities between point sets, and the rotations that cameras and gravity tell."""
+"""Similarities between point sets, and rotations from cameras and gravity."""
 
 from dataclasses import dataclass
 
@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
-_BEHIND = 0.05  # weight of what is behind a camera as up, beside its top
-_LEVELNESS = 0.001  # how little the rows of level photographs may rise for their tops to say where up is
+_BEHIND = 0.05  # weight of the backward direction of a camera as up, relative to that of its top
+_LEVELNESS = 0.001  # least rise of the tops of level photographs above their rows' plane to indicate up
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Similarity:
     translation: F64
 
     def move(self, points: F64) -> F64:
-        """Carry points into the world.
+        """Transform points to the world.
 
         Args:
             points: Local positions [model units], shape (N, 3), float64.
@@ -37,7 +37,7 @@ class Similarity:
         return self.scale * points @ self.rotation.T + self.translation
 
     def move_poses(self, poses: F64) -> F64:
-        """Carry camera poses into the world; their rotations stay rotations.
+        """Transform camera poses to the world; their rotations stay free of scale.
 
         Args:
             poses: Local camera_to_world [model units], shape (N, 4, 4), float64.
@@ -91,10 +91,10 @@ def angles(rotations: F64, reference: F64) -> F64:
 
 
 def camera_up(rotations: F64) -> F64:
-    """Tell where up is from photographs that were held level: their rows are horizontal, their tops point up.
+    """Estimate the up direction from level photographs: their rows are horizontal, their tops point up.
 
-    Of the directions that all rows are square to, it is the one nearest to the mean of the tops. Cameras that
-    look straight down have their tops anywhere; what is behind them counts, too, and decides where the tops cancel.
+    Of the directions perpendicular to all rows, it is the one nearest to the mean of the tops. The tops of cameras that
+    look straight down may point anywhere; their backward direction counts too, and decides where the tops cancel.
 
     Args:
         rotations: Camera-to-world rotations in any frame [1], shape (N, 3, 3), float64.
@@ -109,7 +109,7 @@ def camera_up(rotations: F64) -> F64:
 
 
 def turn_upright(rotations: F64, quarter_turns: NDArray[np.int64]) -> F64:
-    """Turn camera axes about the line of sight, as a photograph is turned to stand upright.
+    """Rotate camera axes about the line of sight so that the photograph is upright.
 
     Args:
         rotations: Camera-to-world rotations of the stored pictures [1], shape (N, 3, 3), float64.
@@ -126,12 +126,12 @@ def turn_upright(rotations: F64, quarter_turns: NDArray[np.int64]) -> F64:
 
 
 def level_rotation(rotations: F64, gimbal: F64 | None = None) -> F64:
-    """Find a turn that makes level photographs stand upright; the direction of +x is any.
+    """Find a rotation that makes level photographs upright; the direction of +x is arbitrary.
 
     Args:
         rotations: Camera-to-world rotations in any frame [1], shape (N, 3, 3), float64.
-        gimbal: Up in each camera's axes as its gimbal has it [1], shape (N, 3), float64, NaN where unknown; or None.
-            Where half of the cameras know it, nothing else is asked.
+        gimbal: Up direction in each camera's axes from its gimbal [1], shape (N, 3), float64, NaN where unknown; or
+            None. If half of the cameras have it, nothing else is used.
 
     Returns:
         Rotation from that frame into one with +z up [1], shape (3, 3), float64.
@@ -145,7 +145,7 @@ def level_rotation(rotations: F64, gimbal: F64 | None = None) -> F64:
 
 
 def _frame(along: F64, up: F64) -> F64:
-    """Build axes along, sideways, and up as far as it is square to the first; columns of a rotation, shape (3, 3)."""
+    """Build orthonormal axes along, sideways and up, as columns of a rotation, shape (3, 3)."""
     sideways = np.cross(up, along)
     sideways /= np.linalg.norm(sideways)
     ahead = along / np.linalg.norm(along)

@@ -1,4 +1,4 @@
-"""Points that a model holds twice: a keypoint with several orientations begins several tracks with the same views."""
+"""Merging of duplicate points: a keypoint with several orientations starts several tracks with the same views."""
 
 from dataclasses import replace
 
@@ -11,18 +11,18 @@ from recon.sfm.colmap_model import SparseModel
 
 I64 = NDArray[np.int64]
 
-_SAME = 1e-9  # of the model's extent: nearer than this, the last bits alone differ
+_SAME = 1e-9  # share of the model's extent below which only rounding differs
 
 
 def merge_duplicates(model: SparseModel) -> tuple[SparseModel, I64]:
-    """Make one point of all that lie in the same place, or were seen by the same cameras at the same keypoints.
+    """Merge all points at the same position, and all seen by the same cameras at the same keypoints.
 
     Args:
         model: Reconstruction.
 
     Returns:
-        The model with the first of each set of equal points, in the same order; it keeps the views of all, each once.
-        Size of the set that each point stands for, shape (N,), int64.
+        The model with the first of each set of equal points, in the same order, with the views of all, each once;
+        number of points merged into each, shape (N,), int64.
     """
     count = len(model.points)
     if not count:
@@ -53,14 +53,14 @@ def merge_duplicates(model: SparseModel) -> tuple[SparseModel, I64]:
 
 
 def _by_place(model: SparseModel) -> I64:
-    """Number the points alike that lie in the same place, shape (P,)."""
+    """Give points at the same position the same number, shape (P,)."""
     extent = max(float(np.ptp(np.quantile(model.points, [0.05, 0.95], axis=0), axis=0).max()), 1e-300)
     cells = np.round(model.points / (_SAME * extent))
     return np.unique(cells + 0.0, axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
 
 
 def _by_views(model: SparseModel) -> I64:
-    """Number the points alike that the same keypoints made, shape (P,): by the sum of numbers that stand for these."""
+    """Give points of the same keypoints the same number, shape (P,): by the sum of hashes of the keypoints."""
     count = len(model.points)
     keys = np.column_stack([model.obs_image, np.ascontiguousarray(model.obs_uv).view(np.int64)])
     keypoint = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)

@@ -1,4 +1,4 @@
-"""What becomes of a point that was made: it stays, or why it does not."""
+"""Fate of a reconstructed point: kept, or the reason why it is removed."""
 
 FATES = ("kept", "views", "reprojection", "deviation")
 """By number: it stays, or too few valid cameras saw it, it meets its keypoints badly, or it may be too far off."""

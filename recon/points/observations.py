@@ -1,4 +1,4 @@
-"""Which image saw which point where: observations in CSR order, and reductions of their values to points."""
+"""Observations of points in images, in CSR order, and reductions of their values to points."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -18,7 +18,7 @@ I64 = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Observations:
-    """Observations sorted by point; every point has one at least.
+    """Observations sorted by point; every point has at least one.
 
     Attributes:
         start: First observation of each point and the end, shape (N + 1,), int64.
@@ -41,7 +41,7 @@ class Observations:
         return np.repeat(np.arange(len(self.start) - 1), self.counts)
 
     def of(self, points: NDArray[np.bool_]) -> "Observations":
-        """Take the observations of some points alone.
+        """Select the observations of some points.
 
         Args:
             points: Which, shape (N,), bool.
@@ -51,7 +51,7 @@ class Observations:
         return Observations(start, self.image[chosen], self.uv[chosen])
 
     def once(self) -> "Observations":
-        """Take of each point and image the first observation alone: a track may hold two keypoints of one image."""
+        """Keep the first observation of each point and image: a track may hold two keypoints of one image."""
         points = self.point
         order = np.lexsort((self.image, points))
         image, point = self.image[order], points[order]
@@ -64,18 +64,18 @@ class Observations:
 
     @cached_property
     def by_image(self) -> list[tuple[int, I64]]:
-        """Images in ascending order, each with the rows of its observations, ascending, shape (n,), int64."""
-        short = self.image.astype(np.uint16 if self.image.max(initial=0) < 2**16 else np.int64)  # sorted by radix
+        """List the images in ascending order, each with the rows of its observations, ascending, shape (n,), int64."""
+        short = self.image.astype(np.uint16 if self.image.max(initial=0) < 2**16 else np.int64)  # radix sort
         order = np.argsort(short, kind="stable")
         groups = np.split(order, np.flatnonzero(np.diff(short[order])) + 1)
         return [(int(self.image[rows[0]]), rows) for rows in groups if len(rows)]
 
     def for_each_image(self, work: Callable[[int, I64], None], threads: int) -> None:
-        """Do something with the observations of each image, several images at a time.
+        """Call a function for the observations of each image, several images in parallel.
 
         Args:
-            work: Takes an image and the rows of its observations, and changes values of these rows alone.
-            threads: How many at a time.
+            work: Takes an image and the rows of its observations, and changes values of these rows only.
+            threads: Number of threads.
 
         Raises:
             Exception: What `work` raised for the first image in order.
@@ -93,7 +93,7 @@ class Observations:
 def select_points(
     model: SparseModel, rows: I64, valid: NDArray[np.bool_], max_error: float, min_views: int
 ) -> tuple[NDArray[np.bool_], Observations]:
-    """Keep the points that enough valid cameras saw well.
+    """Select the points that enough valid cameras saw with a small reprojection error.
 
     Args:
         model: Reconstruction.
@@ -103,7 +103,7 @@ def select_points(
         min_views: Valid observations that a point needs.
 
     Returns:
-        Which points of the model stay, shape (P,), bool, and the valid observations of those.
+        Which points of the model are kept, shape (P,), bool, and the valid observations of those.
     """
     image = rows[model.obs_image]
     counted = valid[image]
@@ -117,7 +117,7 @@ def select_points(
 def select_dense(
     points: DensePoints, rows: I64, valid: NDArray[np.bool_], min_views: int
 ) -> tuple[NDArray[np.bool_], Observations]:
-    """Keep the dense points that enough valid cameras made.
+    """Select the dense points that enough valid cameras contributed to.
 
     Args:
         points: Dense points.
@@ -126,7 +126,7 @@ def select_dense(
         min_views: Valid views that a point needs.
 
     Returns:
-        Which points stay, shape (N,), bool, and the valid observations of those.
+        Which points are kept, shape (N,), bool, and the valid observations of those.
     """
     image = rows[points.image]
     point = np.repeat(np.arange(len(points.counts)), points.counts)
@@ -139,11 +139,11 @@ def select_dense(
 
 
 def median_per_point(values: F64, observations: Observations) -> F64:
-    """Take the median of each point's values; of an even number, the mean of the middle two.
+    """Compute the median of each point's values; of an even number, the mean of the middle two.
 
     Args:
         values: One value per observation [any unit], shape (M,), float64; may be +inf.
-        observations: Their points.
+        observations: The observations, which name their points.
 
     Returns:
         Medians [any unit], shape (N,), float64.

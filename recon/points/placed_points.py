@@ -1,4 +1,4 @@
-"""Reconstructed points in the world, sparse or dense: what is known of them without any truth."""
+"""Reconstructed points in the world, sparse or dense, with what is known of them without truth."""
 
 from dataclasses import dataclass
 
@@ -22,17 +22,17 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class PlacedPoints:
-    """N points that valid cameras saw, those that do not stay included.
+    """N points that valid cameras saw, including those that are removed later.
 
     Attributes:
-        judged: Which points of those that were made these are, shape (P,), bool.
-        fate: What becomes of each, a number of `FATES`, shape (N,), uint8.
+        judged: Which of the reconstructed points these are, shape (P,), bool.
+        fate: Fate of each, a number of `FATES`, shape (N,), uint8.
         coord: World positions [m], shape (N, 3), float64.
         normal: Unit normals [1], shape (N, 3), float32.
         color: sRGB colours, shape (N, 3), uint8.
         reprojection_error: Mean distance between keypoints and reprojected point [px], shape (N,), float32; NaN where
-            no keypoint was found, as of dense points.
-        seen: Who saw them, and where.
+            there is no keypoint, as for dense points.
+        seen: Their observations.
     """
 
     judged: Mask
@@ -47,18 +47,18 @@ class PlacedPoints:
 def place_sparse(
     model: SparseModel, rows: I64, valid: Mask, similarity: Similarity, settings: ReconSettings, *, metric: bool
 ) -> PlacedPoints:
-    """Carry the points of structure from motion into the world.
+    """Transform the points of structure from motion to the world.
 
     Args:
         model: Reconstruction.
         rows: Row in the capture of each image of the model, shape (I,), int64.
         valid: Whether a camera of the capture is valid, shape (K,), bool.
         similarity: From the model into the world.
-        settings: `max_reprojection_error`, `min_views`, `sure_views` and `max_deviation` say which points stay.
-        metric: Whether the world is in metres; else `max_deviation` tells nothing, and is not asked.
+        settings: `max_reprojection_error`, `min_views`, `sure_views` and `max_deviation` decide which points are kept.
+        metric: Whether the world is in metres; else `max_deviation` has no meaning and is not used.
 
     Returns:
-        What any valid camera saw; normals point to the mean of the cameras.
+        The points that any valid camera saw; normals point to the mean of the cameras.
 
     Raises:
         RejectedSceneError: `no_points`.
@@ -92,7 +92,7 @@ def place_sparse(
 
 
 def place_dense(points: DensePoints, rows: I64, valid: Mask, similarity: Similarity, min_views: int) -> PlacedPoints:
-    """Carry dense points into the world.
+    """Transform dense points to the world.
 
     Args:
         points: Points in the model's units.
@@ -102,7 +102,7 @@ def place_dense(points: DensePoints, rows: I64, valid: Mask, similarity: Similar
         min_views: Valid views that a point needs.
 
     Returns:
-        What any valid camera saw.
+        The points that any valid camera saw.
 
     Raises:
         RejectedSceneError: `no_points`.

@@ -1,4 +1,4 @@
-"""How sure the place of a point is, told from its rays alone: no truth is needed."""
+"""Precision of a point's position, estimated from its rays, without truth."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,18 +7,18 @@ from recon.points.observations import Observations
 
 F64 = NDArray[np.float64]
 
-_CHUNK = 200_000  # observations, of some 400 bytes each
-_PRIOR_COUNT = 100  # numbers that say one pixel before any point has: a handful of points proves no better keypoints
-_COMMON = 6  # numbers that all points together are worth beside a point's own: a point of two views has but one
-_SQUARE = 4.0 / np.pi  # mean square of distances over the square of their mean, where both axes deviate alike
-_SEVERAL = 3  # views from which on a point's residuals check its place; two rays always nearly meet
+_CHUNK = 200_000  # observations at a time, of some 400 bytes each
+_PRIOR_COUNT = 100  # weight of the prior of one pixel: a few points do not prove better keypoints
+_COMMON = 6  # weight of the common variance beside a point's own residuals: a point of two views has only one
+_SQUARE = 4.0 / np.pi  # mean square of distances over the square of their mean, if both axes have the same deviation
+_SEVERAL = 3  # least number of views whose residuals check a position; two rays nearly always meet
 
 
 def keypoint_noise(errors: F64, views: NDArray[np.int64]) -> F64:
-    """Tell how far the keypoints of each point deviate: from what all points leave over, and what it leaves itself.
+    """Estimate the standard deviation of each point's keypoints from the residuals of all points and its own.
 
-    A point of n views leaves 2n - 3 numbers of its 2n. Those of all points give the common variance, and a point's own
-    move it as far as they are many: who matches worse than others is less sure than others.
+    A point of n views has 2n coordinates and 2n - 3 degrees of freedom. The residuals of all points give the common
+    variance, and a point's own change it the more the more there are: a point with larger residuals is less precise.
 
     Source: Gelman et al., Bayesian Data Analysis, 3rd edition, section 2.6 (scaled inverse chi-squared prior).
 
@@ -36,11 +36,11 @@ def keypoint_noise(errors: F64, views: NDArray[np.int64]) -> F64:
 
 
 def deviations(points: F64, centers: F64, focal: float, seen: Observations) -> F64:
-    """Tell how far the keypoints' noise spreads each point along its worst direction, mostly that of its rays.
+    """Propagate the keypoints' noise to each point's worst direction, mostly that of its rays.
 
-    A keypoint that is off by one pixel moves its ray by d / f at the distance d; rays hold a point across
-    themselves, never along. The information of all rays is the sum of (f / d)^2 (I - u u^T), and the least of its
-    eigenvalues is that of the worst direction. Poses are taken as known.
+    A keypoint error of one pixel moves its ray by d / f at the distance d; a ray constrains a point across itself, not
+    along. The information matrix of all rays is the sum of (f / d)^2 (I - u u^T); its smallest eigenvalue is that of
+    the worst direction. Poses are assumed exact.
 
     Source: Hartley and Zisserman, Multiple View Geometry, 2nd edition, section 5.2.3 (backward propagation of
     covariance).
@@ -49,10 +49,10 @@ def deviations(points: F64, centers: F64, focal: float, seen: Observations) -> F
         points: World positions [m], shape (N, 3), float64.
         centers: Camera centres by row of the capture [m], shape (K, 3), float64.
         focal: Focal length [px].
-        seen: Who saw the points.
+        seen: Observations of the points.
 
     Returns:
-        Standard deviation for keypoints that deviate by one pixel [m], shape (N,), float64; inf on parallel rays.
+        Standard deviation if keypoints deviate by one pixel [m], shape (N,), float64; inf for parallel rays.
     """
     found = np.empty(len(points))
     first = 0

@@ -1,4 +1,4 @@
-"""A laser scanner in an aircraft: parallel strips over a place, and the lines of pulses that are sent down on each."""
+"""A laser scanner in an aircraft: parallel strips over an area, and the scan lines of each."""
 
 from collections.abc import Iterator
 
@@ -12,16 +12,16 @@ F64 = NDArray[np.float64]
 
 
 def strips_over(box: F64, level: float, settings: AirborneSettings, rng: np.random.Generator) -> F64:
-    """Lay level strips side by side, flown there and back, so that their swaths cover a box.
+    """Plan level parallel strips, flown in alternating directions, whose swaths cover a box.
 
     Args:
-        box: Lower and upper corner of what is to be seen [m], shape (2, 3), float64.
-        level: Height that `altitude` counts from: there the swaths overlap as asked, lower down more [m].
+        box: Lower and upper corner of the area to cover [m], shape (2, 3), float64.
+        level: Reference height of `altitude`: there the swaths overlap as set, below it more [m].
         settings: Altitude, angles, overlap and heading.
         rng: Source of the heading where none is given.
 
     Returns:
-        First and last place of the aircraft on each strip [m], shape (S, 2, 3), float64.
+        First and last position of the aircraft on each strip [m], shape (S, 2, 3), float64.
     """
     drawn = rng.uniform(0.0, np.pi)
     heading = drawn if settings.heading is None else np.deg2rad(settings.heading)
@@ -41,7 +41,7 @@ def strips_over(box: F64, level: float, settings: AirborneSettings, rng: np.rand
 
 
 def swath_width(settings: AirborneSettings) -> float:
-    """Width of what one strip sees, `altitude` below the aircraft [m].
+    """Compute the width of one swath, `altitude` below the aircraft [m].
 
     Args:
         settings: Altitude and field of view.
@@ -53,19 +53,20 @@ def pulses_on(strips: F64, settings: AirborneSettings) -> int:
     """Count the pulses of some strips.
 
     Args:
-        strips: First and last place on each [m], shape (S, 2, 3), float64.
+        strips: First and last position on each [m], shape (S, 2, 3), float64.
         settings: Speed and rates.
     """
     return sum(_lines(strip, settings) for strip in strips) * settings.pulses_per_line
 
 
 def airborne_rays(strips: F64, settings: AirborneSettings, rng: np.random.Generator) -> Iterator[Rays]:
-    """Scan while flying: a turning polygon sends one line of pulses after the other across the way, all from one side.
+    """Scan while flying: a rotating polygon mirror sends scan lines across the path, all from the same side.
 
-    Neighbouring pulses of a line differ by one angle; each has its own place on the way, so that lines lean a little.
+    Neighbouring pulses of a line differ by one angular step; each has its own position on the path, so lines are
+    slightly oblique.
 
     Args:
-        strips: First and last place of the aircraft on each strip [m], shape (S, 2, 3), float64.
+        strips: First and last position of the aircraft on each strip [m], shape (S, 2, 3), float64.
         settings: Speed, rates, angles and errors.
         rng: Source of the error of the measured path.
 

@@ -1,4 +1,4 @@
-"""Which points of a surface the cameras of a stage see."""
+"""Visibility of surface points in the cameras of a stage."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,18 +12,18 @@ from usd_schemas.raycast import RayScene
 
 F64 = NDArray[np.float64]
 
-TOUCH = 0.001  # [m] a ray that ends this far before a point has reached it
-_TOUCH_SHARE = 2e-5  # and this share of the way: the ray caster counts in single precision
-_MARGIN = 1.5  # times the image: where a lens may draw what lies outside a camera without distortion
+TOUCH = 0.001  # [m] a ray that ends less than this before a point has reached it
+_TOUCH_SHARE = 2e-5  # plus this share of the distance: the ray caster uses single precision
+_MARGIN = 1.5  # times the image size: a lens with distortion may show points outside the image of a pinhole
 
 
 def count_views(points: F64, scene: FlatScene, survey: str, rays: RayScene, progress: Progress) -> NDArray[np.uint16]:
-    """Count the images that each point can be seen in: inside the frame, and nothing before it.
+    """Count the images in which each point is visible: inside the frame, and not occluded.
 
     Args:
         points: Positions on the surface [m], shape (N, 3), float64.
         scene: Stage with surveys.
-        survey: Count in this one only; empty for all.
+        survey: Count in this survey only; empty for all.
         rays: The whole surface.
         progress: Listener.
 
@@ -55,7 +55,7 @@ def count_views(points: F64, scene: FlatScene, survey: str, rays: RayScene, prog
 
 
 def in_frame(points: F64, camera: Pinhole, distortion: Distortion, pose: F64) -> NDArray[np.bool_]:
-    """Tell which points fall into an image, whatever stands before them.
+    """Tell which points fall into an image, ignoring occlusion.
 
     Args:
         points: World positions [m], shape (N, 3), float64.
@@ -71,7 +71,7 @@ def in_frame(points: F64, camera: Pinhole, distortion: Distortion, pose: F64) ->
     middle = np.array([camera.cx, camera.cy])
     with np.errstate(divide="ignore", invalid="ignore"):
         xy = local[:, :2] / local[:, 2:]
-    # Far outside the image the lens' polynomial may fold back into it.
+    # Far outside the image the distortion polynomial may map points back into it.
     near = (local[:, 2] > 0) & (np.abs(xy * focal) <= _MARGIN * np.maximum(middle, size - middle)).all(axis=1)
     inside = np.zeros(len(points), bool)
     pixels = distortion.distort(xy[near]) * focal + middle
@@ -80,7 +80,7 @@ def in_frame(points: F64, camera: Pinhole, distortion: Distortion, pose: F64) ->
 
 
 def _reached(points: F64, eye: F64, rays: RayScene) -> NDArray[np.bool_]:
-    """Tell which points a ray from the eye reaches."""
+    """Tell which points a ray from the camera reaches."""
     ways = points - eye
     lengths = np.linalg.norm(ways, axis=1)
     found, _, _ = rays.cast(np.broadcast_to(eye, points.shape), ways)

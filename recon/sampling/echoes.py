@@ -1,4 +1,4 @@
-"""What comes back of a laser's rays: ranges with their noise, the strength of the echoes, and what is lost."""
+"""Returns of laser pulses: ranges with noise, intensities, and losses."""
 
 from dataclasses import dataclass
 
@@ -16,17 +16,17 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
-EDGE = 0.02  # [m] what lies less off the plane of the beam's middle is one surface
+EDGE = 0.02  # [m] points closer than this to the plane hit by the beam's middle are one surface
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _TEN_PERCENT = 0.1
-_HOLES = 6  # cut-out leaves that a ray may pass
+_HOLES = 6  # cut-out leaves that a ray may pass through
 _STEP = 0.002  # [m] beyond a hole, from where the ray goes on
-_LAYERS = 12  # leaves that a pulse of several returns may meet
+_LAYERS = 12  # leaves that a pulse of several returns may hit
 
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """Where rays meet a surface; of a ray that meets none, `row` is -1 and the rest means nothing.
+    """Where rays hit a surface; for a ray that hits none, `rows` is -1 and the rest is undefined.
 
     Attributes:
         rows: Triangle, shape (N,), int64.
@@ -39,7 +39,7 @@ class Hits:
     colors: F32
 
     def take(self, rows: Bool) -> "Hits":
-        """Keep some of them.
+        """Select some hits.
 
         Args:
             rows: Which ones, shape (N,), bool.
@@ -49,7 +49,7 @@ class Hits:
 
 @dataclass(frozen=True, eq=False)
 class Echoes:
-    """What gave a point: of one ray nothing, once, or several times behind each other.
+    """Returns that make points: none, one, or several behind each other for each ray.
 
     Attributes:
         shots: Row of its ray, shape (M,), int64.
@@ -57,9 +57,9 @@ class Echoes:
         distances: True range of the beam's middle [m], shape (M,), float64.
         measured: Range as measured [m], shape (M,), float64.
         colors: Linear base colours [1], shape (M, 3), float32.
-        intensities: Reflectance times cosine of the incidence, and times the share of the pulse that met it [1],
+        intensities: Reflectance times cosine of the incidence, times the share of the pulse that hit it [1],
             shape (M,), float64.
-        mixed: Whether two surfaces melted into the range, shape (M,), bool.
+        mixed: Whether the range is a mixture of two surfaces, shape (M,), bool.
     """
 
     shots: I64
@@ -72,7 +72,7 @@ class Echoes:
 
 
 class Target:
-    """A scene as a laser meets it."""
+    """A scene prepared for laser scanning."""
 
     def __init__(self, surface: SceneSurface, look: SurfaceLook, rays: RayScene, water: Bool, plants: Bool) -> None:
         """Keep the scene.
@@ -87,7 +87,7 @@ class Target:
         self._surface, self._look, self._rays, self._water, self._plants = surface, look, rays, water, plants
 
     def hit(self, origins: F64, directions: F64, colored: bool = True, behind: F64 | None = None) -> Hits:
-        """Find the first surface that is not cut out, with the range in double precision.
+        """Find the first surface whose texture is not transparent there, with the range in double precision.
 
         Args:
             origins: Starts [m], shape (N, 3), float64.
@@ -123,9 +123,9 @@ class Target:
         return Hits(rows, distances, colors)
 
     def echoes(self, rays: Rays, settings: ScannerSettings, rng: np.random.Generator) -> Echoes:
-        """Measure along rays.
+        """Simulate the measurement along rays.
 
-        A pulse of several returns goes on behind trees and shrubs with what their leaves have not caught of it.
+        A pulse with several returns continues behind trees and shrubs with the share that passes their leaves.
 
         Args:
             rays: Shots.
@@ -153,7 +153,7 @@ class Target:
         return Echoes(*(np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])))
 
     def _caught(self, rows: I64, settings: ScannerSettings, rng: np.random.Generator) -> F64:
-        """Draw what share of a pulse each surface stops: leaves nothing or some of it, everything else all."""
+        """Draw the share of a pulse that each surface stops: leaves none or some of it, everything else all."""
         caught = np.ones(len(rows))
         if settings.returns > 1:
             leaves = np.flatnonzero(self._plants[rows])
@@ -164,7 +164,7 @@ class Target:
     def _measured(
         self, rays: Rays, shots: I64, hits: Hits, power: F64, settings: ScannerSettings, rng: np.random.Generator
     ) -> Echoes:
-        """Measure what was met: too far, too flat, too dark or by chance there is no echo."""
+        """Measure the hits: there is no return if too far, too oblique, too dark, or at random."""
         rows, distances, directions = hits.rows, hits.distances, rays.directions[shots]
         cosines = np.abs(np.einsum("ni,ni->n", directions, self._surface.normals[rows]))
         intensities = hits.colors @ _LUMINANCE * cosines * power
@@ -182,7 +182,7 @@ class Target:
     def _mixed(
         self, rays: Rays, shots: I64, rows: I64, distances: F64, settings: ScannerSettings, rng: np.random.Generator
     ) -> tuple[F64, Bool]:
-        """Let a second ray of the same beam melt into the range where it meets another surface close behind or before.
+        """Mix the range with that of a second ray of the same beam that hits another surface close behind or before.
 
         The share of that surface in the beam is drawn; it lies anywhere between nothing and all.
         """
@@ -223,7 +223,7 @@ def barycentric(points: F64, corners: F64) -> F64:
 
 
 def _bent(directions: F64, angles: F64, turns: F64) -> F64:
-    """Bend unit directions by an angle [rad] towards a side [rad] round them."""
+    """Tilt unit directions by an angle [rad] towards an azimuth [rad] about them."""
     steep = np.abs(directions[:, 2:]) > 0.9
     side = np.cross(directions, np.where(steep, [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]))
     side /= np.linalg.norm(side, axis=1, keepdims=True)

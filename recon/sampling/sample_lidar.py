@@ -1,4 +1,4 @@
-"""The conductor of laser scanning: rays from a tripod, vehicle or aircraft against a stage, as a labelled cloud."""
+"""Conductor of laser scanning: cast rays from a tripod, vehicle or aircraft at a stage, and write a labelled cloud."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -33,12 +33,12 @@ Columns = dict[str, NDArray[Any]]
 SOURCE = {"terrestrial": LIDAR_TERRESTRIAL, "mobile": LIDAR_MOBILE, "airborne": LIDAR_AIRBORNE}
 MOST_RAYS = 2_000_000_000
 MOST_POINTS = 20_000_000
-WATER, PLANTS = ("water",), ("tree", "shrub")  # component kinds: most is mirrored away; leaves let a pulse through
-_LOOSE = 4_000_000  # points that may lie in cubes beside each other before they are thinned
+WATER, PLANTS = ("water",), ("tree", "shrub")  # component kinds: water is a mirror; leaves let a pulse through
+_LOOSE = 4_000_000  # points collected before they are thinned
 
 
 def sample_lidar(scene: FlatScene, folder: Path, settings: AnyScanner, progress: Progress) -> Cloud:
-    """Scan a stage and write what comes back as a cloud.
+    """Scan a stage and write the returns as a cloud.
 
     Args:
         scene: A composed stage.
@@ -47,7 +47,7 @@ def sample_lidar(scene: FlatScene, folder: Path, settings: AnyScanner, progress:
         progress: Listener.
 
     Raises:
-        InputError: No place for the scanner, an unknown path, too many rays, or nothing that was measured.
+        InputError: No place for the scanner, an unknown path, too many rays, or no return.
     """
     progress.stage("places", 0)
     surface = lay_out(scene)
@@ -96,7 +96,7 @@ def _pattern(
     settings: AnyScanner,
     rng: np.random.Generator,
 ) -> tuple[Iterator[Rays], int, dict[str, Any]]:
-    """Place the scanner: its shots, how many they are, and facts for the statistics."""
+    """Place the scanner: its rays, their number, and facts for the statistics."""
     if isinstance(settings, TerrestrialSettings):
         stations = np.array(settings.positions, np.float64).reshape(-1, 3)
         if not len(stations):
@@ -123,13 +123,13 @@ def _pattern(
 
 
 def _dense(settings: AnyScanner) -> dict[str, Any]:
-    """Name the setting that decides how dense a scan is."""
+    """Name the setting that determines the density of a scan."""
     field = "pulses_per_line" if isinstance(settings, AirborneSettings) else "angular_step"
     return {"field": field, "value": getattr(settings, field)}
 
 
 def _survey_way(scene: FlatScene, survey: str) -> F64:
-    """Take the camera centres of a survey, without stops."""
+    """Return the camera centres of a survey as a path, without repeated positions."""
     for product in scene.products:
         if product.name == survey and scene.cameras[product.camera].path:
             centers = scene.cameras[product.camera].poses[:, :3, 3]
@@ -150,8 +150,8 @@ def _scan_all(
     settings: AnyScanner,
     progress: Progress,
 ) -> list[Columns]:
-    """Measure chunk after chunk; where one point of each cube stays, others go before they are too many."""
-    ranks = np.random.default_rng([settings.seed, 1])  # of its own: thinning changes no point that stays
+    """Measure in chunks; if the cloud is thinned to one point per cube, thin it in between to bound the memory."""
+    ranks = np.random.default_rng([settings.seed, 1])  # a stream of its own: thinning changes no point that is kept
     parts: list[Columns] = []
     done = loose = 0
     for chunk in shots:
@@ -173,7 +173,7 @@ def _scan_all(
 
 
 def _thinned(parts: list[Columns], size: float) -> list[Columns]:
-    """Put the chunks together and leave one point in each cube."""
+    """Concatenate the chunks and keep one point in each cube."""
     columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in list(parts[0])}
     rows = one_in_each_cube(columns["points"], size, columns["rank"])
     return [{name: columns.pop(name)[rows] for name in list(columns)}]
@@ -181,7 +181,7 @@ def _thinned(parts: list[Columns], size: float) -> list[Columns]:
 
 @dataclass(frozen=True)
 class _Scanned:
-    """What is measured: what rays meet, the surface, the box that is wanted, and the triangles of it (None: all)."""
+    """What is scanned: the target, the surface, the wanted box, and the wanted triangles (None: all)."""
 
     target: Target
     surface: SceneSurface
@@ -190,7 +190,7 @@ class _Scanned:
 
 
 def _scan(chunk: Rays, scanned: _Scanned, settings: AnyScanner, rng: np.random.Generator) -> Columns:
-    """Measure along the rays that can meet what is wanted; columns of what was measured of it."""
+    """Measure along the rays that can hit the wanted part; return its columns."""
     box, only, surface = scanned.box, scanned.only, scanned.surface
     aimed = meets_box(chunk, box)
     chunk = Rays(chunk.origins[aimed], chunk.directions[aimed], chunk.errors[aimed], chunk.station[aimed])
@@ -220,7 +220,7 @@ def _scan(chunk: Rays, scanned: _Scanned, settings: AnyScanner, rng: np.random.G
 
 
 def meets_box(rays: Rays, box: F64) -> Bool:
-    """Tell which rays pass through a box; the others need not be cast.
+    """Tell which rays intersect a box; the others need not be cast.
 
     Args:
         rays: Shots.
@@ -239,7 +239,7 @@ def meets_box(rays: Rays, box: F64) -> Bool:
 
 
 def _joined(parts: list[Columns], stations: bool) -> Samples:
-    """Put the chunks behind each other, one column after the other, so that nothing lies there twice for long."""
+    """Concatenate the chunks column by column, freeing each, to save memory."""
     columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in list(parts[0])}
     further = {name: columns[name] for name in ("intensity", "range", *(("station",) if stations else ()))}
     return Samples(

@@ -1,4 +1,4 @@
-"""The conductor of mesh sampling: points spread over a stage's surface, uniformly by area."""
+"""Conductor of mesh sampling: points on a stage's surface, uniform by area."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,8 +24,8 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 MOST_POINTS = 20_000_000
-_BATCH = 1_000_000  # points that are drawn and judged at once
-_PATIENCE = 50  # times as many points are drawn as are wanted before we give up
+_BATCH = 1_000_000  # points drawn and tested at once
+_PATIENCE = 50  # give up after drawing this many times the wanted number of points
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,12 +55,12 @@ def sample_mesh(scene: FlatScene, folder: Path, settings: MeshSettings, progress
         progress: Listener.
 
     Raises:
-        InputError: No surface, no camera where views are asked for, or nothing that enough cameras see.
+        InputError: No surface, no camera although views are required, or no point that enough cameras see.
     """
     progress.stage("sample", 0)
     surface = lay_out(scene)
     look = SurfaceLook(scene, surface)
-    # Loading the ray caster takes longer than all the rest: only where it is needed.
+    # Loading the ray caster takes longer than all the rest: done only if needed.
     used = settings.min_views or settings.noise or settings.normal_noise
     rays = RayScene(surface.corners, surface.instances) if used else None
     pieces, area = _pieces(scene, surface, settings)
@@ -138,7 +138,7 @@ def _pieces(scene: FlatScene, surface: SceneSurface, settings: MeshSettings) -> 
 
 
 def _enough(wanted: int, exact: bool, draw: Callable[[int], Drawn]) -> tuple[Drawn, int]:
-    """Draw until enough points are kept; by density as many as belong there, for what is rejected shall be missing.
+    """Draw until enough points are kept; with a density, rejected points are not replaced.
 
     Returns the points and how many were drawn for them.
     """

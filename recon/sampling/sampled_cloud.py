@@ -1,4 +1,4 @@
-"""A cloud of points whose place on the true surface is known: the columns that every sampler fills the same way."""
+"""A cloud of points whose true position on the surface is known: the columns that all samplers fill alike."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,16 +17,16 @@ from usd_schemas.raycast import RayScene
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-_CHUNK = 1_000_000  # points whose nearest surface is sought at once
+_CHUNK = 1_000_000  # points per nearest-surface query
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Points as they were measured, and where they truly lie.
+    """Measured points and their true positions.
 
     Attributes:
         points: Measured positions [m], shape (N, 3), float64.
-        true_points: Places on the surface that they come from [m], shape (N, 3), float64.
+        true_points: Positions on the surface that they come from [m], shape (N, 3), float64.
         rows: Triangle that each comes from, shape (N,), int64.
         normals: Unit normals of those triangles [1], shape (N, 3), float64.
         colors: sRGB base colours, shape (N, 3), uint8.
@@ -47,11 +47,11 @@ class Samples:
     further: Mapping[str, NDArray[Any]]
 
     def thinned(self, size: float, ranks: F64) -> "Samples":
-        """Leave one point in each cube.
+        """Keep one point in each cube.
 
         Args:
             size: Edge of the cubes [m].
-            ranks: A number for each point, drawn at random: the lowest of a cube stays [1], shape (N,), float64.
+            ranks: A random number for each point: the lowest in a cube is kept [1], shape (N,), float64.
         """
         rows = one_in_each_cube(self.points, size, ranks)
         columns = {name: values[rows] for name, values in vars(self).items() if name != "further"}
@@ -112,7 +112,7 @@ def annotate_samples(
 
 
 def _measured_columns(samples: Samples) -> dict[str, NDArray[Any]]:
-    """Fill the columns that the measurement alone knows; what only photographs have stays empty."""
+    """Fill the columns of the measurement; those of photographs stay empty."""
     count = len(samples.points)
     nothing = np.full(count, np.nan, np.float32)
     error = samples.uncertainty.astype(np.float32)
@@ -133,7 +133,7 @@ def _measured_columns(samples: Samples) -> dict[str, NDArray[Any]]:
 
 
 def _nearest(samples: Samples, displacement: F64, rays: RayScene | None) -> tuple[F64, I64]:
-    """Distance to the nearest surface and its triangle; a point that was not moved lies on its own."""
+    """Find the distance to the nearest surface and its triangle; an unmoved point lies on its own."""
     distance, rows = np.zeros(len(displacement)), samples.rows.copy()
     if rays is None:
         return distance, rows
@@ -141,7 +141,7 @@ def _nearest(samples: Samples, displacement: F64, rays: RayScene | None) -> tupl
     for first in range(0, len(moved), _CHUNK):
         at = moved[first : first + _CHUNK]
         distance[at], rows[at] = rays.distance(samples.points[at])
-    return np.minimum(distance, displacement), rows  # no farther than its own place, whatever the rounding
+    return np.minimum(distance, displacement), rows  # at most its own displacement, despite rounding
 
 
 def _components(instance: NDArray[np.uint32], scene: FlatScene, components: tuple[str, ...]) -> NDArray[np.uint16]:

@@ -1,4 +1,4 @@
-"""Where the rays of laser scanners start and point: a tripod's sphere, and a turning fan carried along a path."""
+"""Rays of laser scanners: a tripod's sphere, and a rotating fan carried along a path."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,15 +10,15 @@ from recon.sampling.sampler_settings import MobileSettings, TerrestrialSettings
 
 F64 = NDArray[np.float64]
 
-CHUNK = 250_000  # rays at a time: bounds the memory, whatever the scan
+CHUNK = 250_000  # rays at a time: bounds the memory
 
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """Shots of a scanner.
+    """Rays of a scanner.
 
     Attributes:
-        origins: Where the mirror is [m], shape (N, 3), float64.
+        origins: Positions of the mirror [m], shape (N, 3), float64.
         directions: Unit vectors [1], shape (N, 3), float64.
         errors: Measured minus true position of the mirror [m], shape (N, 3), float64.
         station: Number of the station [1], shape (N,), uint16.
@@ -31,12 +31,12 @@ class Rays:
 
 
 def tripod_rays(positions: F64, settings: TerrestrialSettings, rng: np.random.Generator) -> Iterator[Rays]:
-    """Scan from each station: column by column round the vertical, each column from the lowest ray to the highest.
+    """Scan from each station: column by column about the vertical, each column from the lowest ray to the highest.
 
     Args:
-        positions: Where the mirror stands [m], shape (S, 3), float64.
+        positions: Positions of the mirror [m], shape (S, 3), float64.
         settings: Angles.
-        rng: Source of the direction that each tripod happens to face.
+        rng: Source of each tripod's initial direction.
 
     Yields:
         At most `CHUNK` rays at a time.
@@ -58,7 +58,7 @@ def tripod_rays(positions: F64, settings: TerrestrialSettings, rng: np.random.Ge
 
 
 def mobile_rays(path: F64, settings: MobileSettings, rng: np.random.Generator) -> Iterator[Rays]:
-    """Scan while moving: every shot has its own place on the path.
+    """Scan while moving: every ray has its own position on the path.
 
     Args:
         path: Corners of the path [m], shape (P, 3), float64, no two in a row equal.
@@ -93,7 +93,7 @@ def mobile_rays(path: F64, settings: MobileSettings, rng: np.random.Generator) -
 
 
 def _frames(way: F64, along: F64, path: F64, tilt: float) -> F64:
-    """Axes of the scanner: two in its plane of rotation and the axis itself, in rows, shape (N, 3, 3), float64."""
+    """Compute the scanner's axes: two in its plane of rotation and the axis, in rows, shape (N, 3, 3), float64."""
     piece = np.clip(np.searchsorted(along, way, side="right") - 1, 0, len(path) - 2)
     forward = (path[1:] - path[:-1])[piece] * [1.0, 1.0, 0.0]
     length = np.linalg.norm(forward, axis=1, keepdims=True)
@@ -105,11 +105,11 @@ def _frames(way: F64, along: F64, path: F64, tilt: float) -> F64:
 
 
 def smooth_noise(at: F64, knots: F64) -> F64:
-    """Blend independent errors smoothly, so that their variance is the same everywhere.
+    """Interpolate independent errors smoothly, with the same variance everywhere.
 
     Args:
-        at: Place on the way, in distances of the knots [1], shape (N,), float64.
-        knots: An error at each whole place [m], shape (K, 3), float64, K greater than the last place and one more.
+        at: Position on the path, in units of the knot spacing [1], shape (N,), float64.
+        knots: An error at each whole position [m], shape (K, 3), float64, K greater than the last position plus one.
 
     Returns:
         Errors [m], shape (N, 3), float64.

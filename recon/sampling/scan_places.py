@@ -1,4 +1,4 @@
-"""Default places of a scanner: stations that see most, or a way along the deck."""
+"""Default places of a scanner: the stations that see most, or a path along the deck."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,21 +16,21 @@ I64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
 DECK = ("deck", "slab", "sleeper", "track")  # classes that carry traffic
-_FIRM = ("ground", "road", "rail_bed", "embankment", "riverbank", "")  # what a tripod stands on; empty: nobody knows
+_FIRM = ("ground", "road", "rail_bed", "embankment", "riverbank", "")  # kinds for a tripod; empty: unknown kind
 _AROUND = 15.0  # [m] beside the bridge
-_SPOTS = 400  # places that are looked at on one level
+_SPOTS = 400  # candidate places on one level
 _LEVELS = 6  # surfaces above each other
-_SLOPE = 0.85  # upward part of the normal of a place to stand
-_FREE = 0.6  # [m] round the mirror
+_SLOPE = 0.85  # least upward component of the normal where a tripod stands
+_FREE = 0.6  # [m] free radius about the mirror
 _TARGETS = 1500  # points on the bridge
-_GRAZING = 75.0  # [deg] a target that is met at a greater angle does not count
+_GRAZING = 75.0  # [deg] targets seen at a greater angle of incidence do not count
 _WORTH = 0.005  # share of the bridge that one more station must add
-_LOOKS = 26  # directions that tell whether a place lies inside a body
-_INSIDE = 0.3  # share of them that may meet the back of a face
+_LOOKS = 26  # directions that test whether a place lies inside a body
+_INSIDE = 0.3  # share of them that may hit the back of a face
 _SLICE = 1.0  # [m] along the deck
-_FULL = 0.5  # share of the points of a mean slice that one needs
-_ROUND = 5  # slices that the way is smoothed over
-_FLAT = 0.9  # upward part of the normal of a carriageway
+_FULL = 0.5  # least share of the points of a mean slice
+_ROUND = 5  # slices over which the path is smoothed
+_FLAT = 0.9  # least upward component of the normal of a carriageway
 
 
 def place_stations(
@@ -41,21 +41,21 @@ def place_stations(
     settings: TerrestrialSettings,
     rng: np.random.Generator,
 ) -> F64:
-    """Choose stations on firm ground and on the deck, one after the other, each where it sees most that is new.
+    """Choose stations on firm ground and on the deck one by one, each where it sees most of what no other has seen.
 
     Args:
         scene: The stage.
         surface: Its surface.
         bridge: Which triangles are the bridge, shape (T,), bool.
         rays: The surface for ray casting.
-        settings: How many, and what a station can see.
-        rng: Source of the points of the bridge that are to be seen.
+        settings: Number and range of the stations.
+        rng: Source of the target points on the bridge.
 
     Returns:
-        Where the mirror stands [m], shape (S, 3), float64.
+        Positions of the mirror [m], shape (S, 3), float64.
 
     Raises:
-        InputError: There is no place to stand, or none from which the bridge is seen.
+        InputError: There is no place for a tripod, or none from which the bridge is visible.
     """
     spots = _spots(scene, surface, bridge, rays, settings.height)
     rows, places = draw_uniform(_TARGETS, surface, whole(bridge & (surface.areas > 0)), rng)
@@ -77,7 +77,7 @@ def place_stations(
 
 
 def deck_way(scene: FlatScene, surface: SceneSurface, height: float, run_up: float) -> F64:
-    """Find the way of a vehicle along the middle of the deck.
+    """Find the path of a vehicle along the middle of the deck.
 
     The tops of deck and track are cut into slices across the longest direction of them.
 
@@ -85,10 +85,10 @@ def deck_way(scene: FlatScene, surface: SceneSurface, height: float, run_up: flo
         scene: The stage.
         surface: Its surface.
         height: Height of the scanner above the deck [m].
-        run_up: How far the way goes on straight at both ends [m].
+        run_up: Length of the straight extension at both ends [m].
 
     Returns:
-        Corners of the way [m], shape (P, 3), float64.
+        Corners of the path [m], shape (P, 3), float64.
 
     Raises:
         InputError: The stage has no deck.
@@ -97,7 +97,7 @@ def deck_way(scene: FlatScene, surface: SceneSurface, height: float, run_up: flo
     top = carrying & (surface.normals[:, 2] > _FLAT) & (surface.areas > 0)
     if not top.any():
         raise InputError("has no deck to drive on", field="path", value="deck", hint="Name a survey of the stage")
-    rng = np.random.default_rng(0)  # where the samples lie moves the way by centimetres
+    rng = np.random.default_rng(0)  # the choice of samples moves the path by centimetres
     rows, places = draw_uniform(20_000, surface, whole(top), rng)
     points = np.einsum("nk,nki->ni", places, surface.corners[rows])
     middle = points[:, :2].mean(axis=0)
@@ -110,7 +110,7 @@ def deck_way(scene: FlatScene, surface: SceneSurface, height: float, run_up: flo
     found = []
     for row in range(slices):
         own = number == row
-        if own.sum() >= _FULL * len(points) / slices:  # the corner of a skew end says little about the middle
+        if own.sum() >= _FULL * len(points) / slices:  # at the corner of a skew end the middle is uncertain
             side = 0.5 * (across[own].min() + across[own].max())
             found.append([along.min() + (row + 0.5) * width, side, np.percentile(points[own, 2], 75)])
     if len(found) < 2:
@@ -127,7 +127,7 @@ def deck_way(scene: FlatScene, surface: SceneSurface, height: float, run_up: flo
 
 
 def _smoothed(way: F64) -> F64:
-    """Run a mean along a way; its ends stay."""
+    """Smooth a path by a moving average; its ends are fixed."""
     width = min(_ROUND, len(way) - (1 - len(way) % 2))
     half = width // 2
     before, after = 2 * way[:1] - way[half:0:-1], 2 * way[-1:] - way[-2 : -2 - half : -1]
@@ -136,7 +136,7 @@ def _smoothed(way: F64) -> F64:
 
 
 def _spots(scene: FlatScene, surface: SceneSurface, bridge: Bool, rays: RayScene, height: float) -> F64:
-    """Look for places where a tripod can stand, on every level round the bridge."""
+    """Find places for a tripod on every level around the bridge."""
     flat = surface.corners[bridge].reshape(-1, 3)
     low, high = flat.min(axis=0) - _AROUND, flat.max(axis=0) + _AROUND
     size = high - low
@@ -162,13 +162,13 @@ def _spots(scene: FlatScene, surface: SceneSurface, bridge: Bool, rays: RayScene
 
 
 def _above_floor(spots: F64, rays: RayScene, height: float) -> Bool:
-    """Keep the mirrors between which and their floor there is nothing, such as another layer of the deck."""
+    """Keep the mirror positions with nothing between them and their floor, such as another layer of the deck."""
     distances, _, _ = rays.cast(spots, np.broadcast_to([0.0, 0.0, -1.0], spots.shape))
     return np.abs(distances - height) < 0.01
 
 
 def _free(spots: F64, surface: SceneSurface, rays: RayScene) -> Bool:
-    """Keep the mirrors that nothing is close to and that do not stand inside a body."""
+    """Keep the mirror positions that are not close to anything and not inside a body."""
     distances, _ = rays.distance(spots)
     turn = np.arange(_LOOKS) * np.pi * (3.0 - np.sqrt(5.0))  # the golden angle spreads directions evenly
     heights = 1.0 - (2.0 * np.arange(_LOOKS) + 1.0) / _LOOKS

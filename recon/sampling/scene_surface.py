@@ -1,4 +1,4 @@
-"""The surface of a whole stage as triangles that know their mesh, what they belong to, and how much of them counts."""
+"""The surface of a whole stage as triangles with their mesh, instance, class and wanted part."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ U32 = NDArray[np.uint32]
 
 @dataclass(frozen=True, eq=False)
 class SceneSurface:
-    """Triangles of a scene in the world; one without an area has no normal and is never sampled.
+    """Triangles of a scene in the world; a triangle without area has no normal and is never sampled.
 
     Attributes:
         corners: Corner positions [m], shape (T, 3, 3), float64.
@@ -50,7 +50,7 @@ class Fragments:
     barycentric: F64
 
     def areas(self, surface: SceneSurface) -> F64:
-        """Measure the pieces [m²], shape (F,), float64.
+        """Compute the areas of the pieces [m²], shape (F,), float64.
 
         Args:
             surface: The surface that they are pieces of.
@@ -59,7 +59,7 @@ class Fragments:
 
 
 def lay_out(scene: FlatScene) -> SceneSurface:
-    """Expand a scene, mirrored and repeated parts included.
+    """Expand a scene into world triangles, including mirrored and repeated parts.
 
     Args:
         scene: A composed stage.
@@ -81,8 +81,8 @@ def lay_out(scene: FlatScene) -> SceneSurface:
 def bridge_triangles(scene: FlatScene, surface: SceneSurface) -> NDArray[np.bool_]:
     """Tell which triangles are the bridge.
 
-    On a stage of ours that is what stands below its bridge; elsewhere, what has a class other than background; and
-    where nothing has one, everything.
+    On a stage of ours these are the triangles below the bridge prim; on others those of a class other than background;
+    if there is no such class, all.
 
     Args:
         scene: A composed stage.
@@ -115,7 +115,7 @@ def made_of(scene: FlatScene, surface: SceneSurface, kinds: tuple[str, ...]) -> 
 
 
 def bounds_of(surface: SceneSurface, chosen: NDArray[np.bool_], reach: float) -> F64:
-    """Widen the box round some triangles.
+    """Compute the box around some triangles, widened by a distance.
 
     Args:
         surface: A surface.
@@ -130,7 +130,7 @@ def bounds_of(surface: SceneSurface, chosen: NDArray[np.bool_], reach: float) ->
 
 
 def whole(chosen: NDArray[np.bool_]) -> Fragments:
-    """Take triangles as they are.
+    """Make fragments of whole triangles.
 
     Args:
         chosen: Triangles to take, shape (T,), bool.
@@ -142,8 +142,8 @@ def whole(chosen: NDArray[np.bool_]) -> Fragments:
 def clip(surface: SceneSurface, box: F64) -> Fragments:
     """Cut the part of a surface that lies in a box.
 
-    A plane leaves of a triangle all, nothing, one triangle or two. The corners are kept as barycentric coordinates, so
-    that however often a piece is cut, its points lie in the plane of its triangle.
+    Cut by a plane, a triangle becomes itself, nothing, one triangle or two. Corners are stored as barycentric
+    coordinates, so that points of a piece stay in the plane of its triangle after any number of cuts.
 
     Args:
         surface: A surface.
@@ -158,7 +158,7 @@ def clip(surface: SceneSurface, box: F64) -> Fragments:
 
 
 def _cut(pieces: Fragments, surface: SceneSurface, axis: int, side: float, border: float) -> Fragments:
-    """Keep what lies where side * (position - border) is not negative."""
+    """Keep the part where side * (position - border) is not negative."""
     height = side * ((pieces.barycentric @ surface.corners[pieces.rows, :, axis, None])[..., 0] - border)
     inside = height >= 0.0
     count = inside.sum(axis=1)

@@ -1,4 +1,4 @@
-"""The colour of a surface at single points: vertex colour, constant or texel, with fine and macro detail, unlit."""
+"""The unlit colour of a surface at points: vertex colour, constant or texel, with fine and macro detail."""
 
 from pathlib import Path
 from typing import Any
@@ -18,16 +18,16 @@ I64 = NDArray[np.int64]
 U8 = NDArray[np.uint8]
 
 LARGEST = 1024  # [px] a larger texture is reduced to this side: some texels a centimetre are enough for a point
-_BRIGHTEST = 0.95  # as in the renderer: no surface gives back more
+_BRIGHTEST = 0.95  # as in the renderer: largest reflectance
 _OCTAVES = 3  # as in the renderer
-_CHUNK = 500_000  # points that are looked up at once
+_CHUNK = 500_000  # points looked up at once
 
 
 class SurfaceLook:
-    """Looks up colours; a texture is read once, when it is first needed."""
+    """Looks up colours; a texture is read once, when first needed."""
 
     def __init__(self, scene: FlatScene, surface: SceneSurface) -> None:
-        """Keep what is needed of a scene.
+        """Prepare the lookup for a scene.
 
         Args:
             scene: A composed stage.
@@ -38,7 +38,7 @@ class SurfaceLook:
         self._material_of = scene.draws.material.astype(np.int64)[surface.draws]
         self._vertices = surface.vertices
         self._texels: dict[str, U8 | None] = {}
-        self.unread: tuple[str, ...] = ()  # textures that are not readable
+        self.unread: tuple[str, ...] = ()  # unreadable textures
         self.has_holes = any(
             material.opacity_threshold > 0 and material.base_texture is not None for material in scene.materials
         )
@@ -48,7 +48,7 @@ class SurfaceLook:
 
         Args:
             rows: Triangles, shape (N,), int64.
-            barycentric: Places in them [1], shape (N, 3), float64.
+            barycentric: Positions in them [1], shape (N, 3), float64.
 
         Returns:
             Linear colours [1], shape (N, 3), float32, and whether there is a surface at all where a texture cuts
@@ -96,7 +96,7 @@ class SurfaceLook:
         return np.clip(color, 0.0, _BRIGHTEST).astype(np.float32), solid
 
     def _read(self, texture: Texture | None) -> U8 | None:
-        """Texels with red first, shape (H, W, 3 or 4), uint8; None where there is no texture, or none to be read."""
+        """Read texels in RGB order, shape (H, W, 3 or 4), uint8; None if there is no texture or it is unreadable."""
         if texture is None or not texture.file:
             return None
         if texture.file not in self._texels:
@@ -107,7 +107,7 @@ class SurfaceLook:
 
 
 def encode_srgb(linear: F32) -> U8:
-    """Code linear colours.
+    """Encode linear colours as sRGB.
 
     Args:
         linear: Linear colours [1], shape (N, 3), float32.
@@ -123,7 +123,7 @@ def _decode(file: str) -> U8 | None:
     try:
         check_regular(Path(file))
         pixels = cv2.imread(file, cv2.IMREAD_UNCHANGED)
-    except (cv2.error, InputError):  # larger than OpenCV reads, or no file at all
+    except (cv2.error, InputError):  # larger than OpenCV reads, or missing
         return None
     if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
         return None
@@ -141,14 +141,14 @@ def _decode(file: str) -> U8 | None:
 
 
 def _place(texture: Texture, st: F64) -> F64:
-    """Scale, then turn, then move (s, t), as UsdTransform2d does."""
+    """Scale, then rotate, then translate (s, t), as UsdTransform2d does."""
     angle = np.deg2rad(texture.rotation)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     return (st * texture.scale) @ turn.T + texture.translation
 
 
 def _nearest(texels: U8, place: F64) -> U8:
-    """Take the texel at each place of a tiled image, v upwards."""
+    """Return the nearest texel at each position of a tiled image, v upwards."""
     height, width = texels.shape[:2]
     column = np.floor((place[:, 0] % 1.0) * width).astype(np.int64)
     row = np.floor(((1.0 - place[:, 1]) % 1.0) * height).astype(np.int64)

@@ -61,7 +61,7 @@ def read_model(folder: Path) -> SparseModel:
         folder: A binary COLMAP model with one camera.
 
     Raises:
-        InputError: Missing, cut off, of an unknown camera model, or with numbers that cannot be.
+        InputError: Missing, cut off, of an unknown camera model, or with invalid numbers.
     """
     try:
         camera_model, camera_params = _read_camera(read_regular(folder / "cameras.bin"))
@@ -95,7 +95,7 @@ def read_model(folder: Path) -> SparseModel:
 def _check_numbers(
     params: tuple[float, ...], poses: F64, points: NDArray[np.void], keypoints: NDArray[np.void]
 ) -> None:
-    """Refuse numbers that are none, and keypoints of points that are not there."""
+    """Refuse numbers that are not finite, and keypoints that name a missing point."""
     for name, values in (
         ("camera", np.array(params)),
         ("pose", poses),
@@ -150,14 +150,14 @@ def _read_images(data: bytes) -> tuple[list[str], list[F64], list[NDArray[np.voi
 
 
 def _no_more(count: int, data: bytes, least: int) -> int:
-    """Believe a count only as far as the file is long enough for it."""
+    """Refuse a count that exceeds what the file's length allows."""
     if count * least > len(data):
         raise ValueError(f"{count} rows in {len(data)} bytes")
     return count
 
 
 def _read_points(data: bytes) -> NDArray[np.void]:
-    """Read the fixed part of every point; a track's length must be hopped over to find the next point."""
+    """Read the fixed part of every point; the track behind it is skipped to find the next point."""
     (count,), at = struct.unpack_from("<Q", data), 8
     starts = np.empty(_no_more(count, data, _POINT3D.itemsize), np.int64)
     length_at = _POINT3D.fields["length"][1] if _POINT3D.fields else 0
@@ -172,13 +172,13 @@ def _read_points(data: bytes) -> NDArray[np.void]:
 
 
 def check_whole(model: Path) -> None:
-    """Read a model back: COLMAP writes it through streams that say nothing when the disk is full.
+    """Read a model back to check it: COLMAP's writers report no error when the disk is full.
 
     Args:
         model: Folder that COLMAP wrote.
 
     Raises:
-        OutOfSpaceError: It is torn.
+        OutOfSpaceError: It is incomplete.
     """
     try:
         read_model(model)

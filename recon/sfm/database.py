@@ -1,4 +1,4 @@
-"""COLMAP's SQLite databases: what happens to their rows outside of COLMAP."""
+"""COLMAP's SQLite databases: counting, copying and merging their rows without COLMAP."""
 
 import json
 import sqlite3
@@ -25,7 +25,7 @@ def count_rows(database: Path, table: str) -> int:
         table: Name of the table.
 
     Returns:
-        Number of rows; 0 while there is no database, no such table, or no quiet moment.
+        Number of rows; 0 while there is no database, no such table, or the database is locked.
     """
     if not database.is_file():
         return 0
@@ -37,7 +37,7 @@ def count_rows(database: Path, table: str) -> int:
 
 
 def empty_journal(database: Path) -> None:
-    """Bring everything into the database's one file, which the next step copies, and take the journal away.
+    """Write the journal into the database file, which the next step copies, and delete the journal.
 
     Args:
         database: A database that is no longer written to.
@@ -64,7 +64,7 @@ def copy_images(whole: Path, part: Path, images: Iterable[int]) -> None:
 
     Args:
         whole: Database that is no longer written to.
-        part: Database with COLMAP's tables, all empty, which a kill may leave unusable.
+        part: Database with COLMAP's tables, all empty; unusable if the process is killed meanwhile.
         images: Ids of the images.
     """
     wanted = (json.dumps(sorted(set(images))),)
@@ -80,11 +80,11 @@ def copy_images(whole: Path, part: Path, images: Iterable[int]) -> None:
 
 
 def merge_pairs(part: Path, whole: Path) -> None:
-    """Copy what was found out about pairs of images, all of it or, in case of a kill, nothing.
+    """Copy matches and geometries of image pairs in one transaction: all of them or, if the process is killed, none.
 
     Args:
-        part: Database that has it.
-        whole: Database that receives it; what it has of the same pairs is replaced.
+        part: Database to copy from.
+        whole: Database to copy into; rows of the same pairs are replaced.
     """
     with _attached(whole, part.absolute().as_uri()) as connection:
         for table in _OF_PAIRS:
@@ -92,16 +92,17 @@ def merge_pairs(part: Path, whole: Path) -> None:
 
 
 def paired(database: Path) -> set[int]:
-    """List the pairs that are through matching and verification, those that show nothing in common included.
+    """List the pairs that have been matched and verified, including those without a common point.
 
     Args:
-        database: Database of matches, or what a power cut made of it.
+        database: Database of matches; it may have been damaged by a power cut.
 
     Returns:
-        COLMAP's ids of the pairs; none where there is no database, or not a sound one.
+        COLMAP's ids of the pairs; none if the database is missing or damaged.
 
     Raises:
-        DatabaseError: It cannot be read just now: the disk is full, or another process holds it. It may be sound.
+        DatabaseError: It cannot be read at present: the disk is full, or another process has locked it. It may be
+            intact.
     """
     if not database.is_file():
         return set()

@@ -12,7 +12,7 @@ from recon.settings import LONGEST_SIDE, SparseSettings
 from recon.sfm.database import DATABASE
 from render.capture import Capture, load_image
 
-_LEAST_SIGMA = 0.01  # [m] a prior of no deviation at all would be infinitely stiff
+_LEAST_SIGMA = 0.01  # [m] a deviation of 0 would give the prior infinite weight
 
 
 def extract(capture: Capture, folder: Path, settings: SparseSettings, progress: Progress) -> dict[str, Any]:
@@ -22,7 +22,7 @@ def extract(capture: Capture, folder: Path, settings: SparseSettings, progress: 
 
     Args:
         capture: Photographs.
-        folder: Receives the database; may hold that of an interrupted run.
+        folder: Receives the database; may hold one of an interrupted run.
         settings: Features.
         progress: Listener.
 
@@ -58,7 +58,7 @@ def extract(capture: Capture, folder: Path, settings: SparseSettings, progress: 
 
 
 def _reader(capture: Capture) -> pycolmap.ImageReaderOptions:
-    """State the calibration, or, where the focal length is a guess, let COLMAP treat it as one."""
+    """Set the calibration; where the focal length is a guess, tell COLMAP so."""
     prior = capture.prior
     if capture.facts.get("focal") == FOCAL_GUESSED:
         return pycolmap.ImageReaderOptions(camera_model=prior.model)
@@ -68,7 +68,7 @@ def _reader(capture: Capture) -> pycolmap.ImageReaderOptions:
 
 
 def _write_gps(capture: Capture, database: pycolmap.Database, rows: dict[str, pycolmap.Image]) -> None:
-    """Replace whatever positions the files' EXIF gave by those of the capture, in its local frame."""
+    """Replace the positions read from EXIF by those of the capture, in its local frame."""
     database.clear_pose_priors()
     sigma = np.maximum(np.array(capture.gps_sigma), _LEAST_SIGMA)
     for image in sorted(capture.images, key=lambda image: image.file):

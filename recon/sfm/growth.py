@@ -1,7 +1,8 @@
-"""The largest model grows on by images that few matches tie to it, and is kept only where it held.
+"""Register further images to the largest model with fewer inliers; keep the result only if its scale held.
 
-A flight that turns between two images may have 40 matches there, of which too few become points that COLMAP would
-register the next image by. Growth asks for fewer. What so few points tie may lose its scale: then the model folds.
+Where a flight turns between two images, the pair may have 40 matches, and fewer of them become points than COLMAP
+requires to register an image. Growth requires fewer. Images that so few points connect may lose their common scale: the
+model then folds. And so few points do not distinguish two towers that look alike: without GPS, nothing is registered.
 """
 
 from pathlib import Path
@@ -11,19 +12,20 @@ import pycolmap
 from numpy.typing import NDArray
 
 from recon.sfm.colmap_model import check_whole
-from recon.sfm.runaways import runaways
+from recon.sfm.misplaced import Fixes, misplaced_images
+from recon.sfm.runaways import leave_out, runaways
 
 F64 = NDArray[np.float64]
 
 FEW_INLIERS = 15
 """Points that register an image; COLMAP asks for 30."""
 FEW_TIES = 10
-"""Points that must still tie it to the others when all is adjusted. Over the gaps of a flight round a cable-stayed
+"""Points that must still connect it to the others after the adjustment. Over the gaps of a flight round a cable-stayed
 bridge 15 to 30 were left where growth was sound, fewer than 5 where it folded."""
 MOST_MOVED = 0.003
 """How far a camera of the model may move among the others of it, as a share of the diagonal of their places [1]. It was
-0.0002 on that flight where growth was sound, 0.001 and 0.002 in two models that folded, before what hung loose left."""
-_ROUNDS = 3  # of growth: what hung loose may find hold on images that the round before added
+0.0002 on that flight where growth was sound, 0.001 and 0.002 in two models that folded, before the removal."""
+_ROUNDS = 3  # of growth: an image that was removed may connect to images that a later round adds
 _FITS, _TWENTY = 10, 20
 _LEAST = 3  # cameras that a similarity needs
 
@@ -34,27 +36,31 @@ def grow(
     images: Path,
     scratch: Path,
     options: pycolmap.IncrementalPipelineOptions,
+    fixes: Fixes,
 ) -> tuple[pycolmap.Reconstruction, dict[str, float]]:
-    """Let a model grow on with fewer inliers; images that hang loose leave it, and it stays where it was bent.
+    """Register more images with fewer inliers; remove those that GPS does not confirm and loosely connected ones.
 
-    Points of two views fix no scale across a gap: with them, one model folded to a ten-millionth of its size.
+    A round that bent the model is discarded. Two-view points do not fix the scale across a gap: with them, one model
+    shrank to a ten-millionth of its size.
 
     Args:
         model: The model; not changed.
         database: Matches that it was made of.
         images: Folder of the photographs.
-        scratch: Existing folder for files on the way.
-        options: As the model was made with; changed in place.
+        scratch: Existing folder for temporary files.
+        options: Those that the model was made with; changed in place.
+        fixes: GPS position by name of image [m].
 
     Returns:
-        The grown model, or the very one that was given; and what became of it: `added`: images that it gained;
-        `loose`: images that left it again in the last round; `moved`: see `shift` [1], of the last round, 0 where
-        nothing was gained. A round is not taken where that is more than `MOST_MOVED`.
+        The grown model, or `model` itself if nothing was gained; and figures: `added`: images gained; `misplaced` and
+        `loose`: images removed again in the last round, because of their GPS position or too few points; `moved`:
+        result of `shift` in the last round [1], 0 where nothing was gained. A round is discarded if `moved`
+        exceeds `MOST_MOVED`.
     """
     options.multiple_models = False
     options.mapper.abs_pose_min_num_inliers = FEW_INLIERS
     options.triangulation.ignore_two_view_tracks = True
-    grown, loose, moved = model, 0, 0.0
+    grown, misplaced, loose, moved = model, 0, 0, 0.0
     for number in range(_ROUNDS):
         before, after = (scratch / f"{name}{number}" for name in ("before", "after"))
         for path in (before, after):
@@ -63,37 +69,38 @@ def grow(
         check_whole(before)
         found = pycolmap.incremental_mapping(database, images, after, options, input_path=before)
         larger = next((other for other in found.values() if other.num_reg_images() > grown.num_reg_images()), None)
-        loose = 0 if larger is None else _drop_loose(larger, set(grown.reg_image_ids()))
+        known = set(grown.reg_image_ids())
+        misplaced = 0 if larger is None else _drop(larger, misplaced_images(larger, known, fixes))
+        loose = 0 if larger is None else _drop(larger, loose_images(larger, known))
         if larger is None or larger.num_reg_images() <= grown.num_reg_images():
             break
         moved = shift(grown, larger)
         if moved > MOST_MOVED:
             break
         grown = larger
-        if not loose:
+        if not misplaced + loose:
             break
-    return grown, {"added": grown.num_reg_images() - model.num_reg_images(), "loose": loose, "moved": moved}
+    added = grown.num_reg_images() - model.num_reg_images()
+    return grown, {"added": added, "misplaced": misplaced, "loose": loose, "moved": moved}
 
 
-def _drop_loose(grown: pycolmap.Reconstruction, known: set[int]) -> int:
-    loose = loose_images(grown, known)
-    for image in loose:
-        grown.deregister_frame(grown.image(image).frame_id)
-    return len(loose)
+def _drop(grown: pycolmap.Reconstruction, images: list[int]) -> int:
+    leave_out(grown, images)
+    return len(images)
 
 
 def loose_images(grown: pycolmap.Reconstruction, known: set[int]) -> list[int]:
-    """Find the images that hang on others by fewer than `FEW_TIES` points of known place.
+    """Find the images that fewer than `FEW_TIES` points of known scale connect to the others.
 
-    From the known images on, an image is known where it sees that many points that two known ones saw: such points
-    alone carry the scale across a gap.
+    Starting from the known images, an image becomes known if it sees at least `FEW_TIES` points that two known images
+    see: only such points transfer the scale across a gap.
 
     Args:
         grown: A model.
-        known: Numbers of its images that are known from the start.
+        known: Ids of its images that are known from the start.
 
     Returns:
-        Numbers of the registered images that are never reached, sorted.
+        Ids of the registered images that never become known, sorted.
     """
     sights = [
         (n, element.image_id) for n, point in enumerate(grown.points3D.values()) for element in point.track.elements
@@ -111,17 +118,17 @@ def loose_images(grown: pycolmap.Reconstruction, known: set[int]) -> list[int]:
 
 
 def shift(model: pycolmap.Reconstruction, grown: pycolmap.Reconstruction) -> float:
-    """Measure how far the cameras of a model moved among each other while it grew.
+    """Measure how far the cameras of a model moved relative to each other while it grew.
 
     Args:
         model: The model before.
-        grown: The model after, in any units; a camera that left it is not asked.
+        grown: The model after, in any units; cameras that it no longer holds are ignored.
 
     Returns:
-        The largest distance that the best similarity leaves between the places of a camera, as a share of the diagonal
-        of the box of all places before [1]; 1 where all have become one place, 0 where fewer than three cameras are
-        left, which cannot be bent. Cameras that had run away before are not asked, nor the twentieth that moved most:
-        where a model ended, its last camera stood 11 m off, and growth put it right.
+        The largest distance of a camera to its former place after the best similarity, as a share of the diagonal of
+        the bounding box of all former places [1]; 1 where all cameras coincide, 0 where fewer than three are left.
+        Runaway cameras are ignored, and so are the 5 % that moved most: at the end of one model the last camera was 11
+        m off, and growth corrected it.
     """
     away = set(runaways(model))  # they would make every other distance small
     numbers = sorted((set(model.reg_image_ids()) & set(grown.reg_image_ids())) - away)

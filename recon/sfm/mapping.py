@@ -1,6 +1,6 @@
 """Camera poses and points from verified matches, by COLMAP's incremental or global mapper; runs in a child.
 
-The mapper works with tie points; when its cameras stand, all other matches become points too.
+The mapper works with tie points; once its cameras are known, all other matches are triangulated too.
 """
 
 import shutil
@@ -25,10 +25,10 @@ _MODELS = "models"
 _LOSS_SCALE = 0.5  # [px] error from which on a match counts less and less
 _ROUNDS = 10  # of the last adjustment, which begins where the mapper's ended
 _TIES = "ties.db"
-# What the first two images may be where COLMAP's own demands find none: views of a walk straight ahead, which meet at
+# Looser limits for the initial pair where COLMAP's own limits find none: views of a walk straight ahead, which meet at
 # small angles. 28 of 29 photographs of such a walk along a street have a model then.
 _STRAIGHT_AHEAD = {"init_max_forward_motion": 1.0, "init_min_tri_angle": 8.0}  # [1], [deg]; COLMAP: 0.95 and 16
-_POINT_ROUNDS = 5  # of the adjustment of points whose cameras stand: each is a problem of three unknowns
+_POINT_ROUNDS = 5  # of the adjustment of points whose cameras are fixed: each is a problem of three unknowns
 
 
 def map_images(
@@ -39,16 +39,16 @@ def map_images(
     Args:
         capture: Photographs.
         matches: Folder of the database of matches.
-        folder: Receives the model; what an interrupted run left is cleared away.
+        folder: Receives the model; files of an interrupted run are removed.
         settings: Mapper.
         seed: Seed of every draw.
         progress: Listener.
 
     Returns:
-        `mapper`; `tie_points`: whether the mapper worked with these instead of all matches; `models`: number of images
+        `mapper`; `tie_points`: whether the mapper used tie points instead of all matches; `models`: number of images
         and points of each, largest first (of those that are not kept, of tie points alone); `elsewhere`: files of the
-        images that are in another model than the largest; where images were missing, `growth`: see `grow`;
-        where cameras ran away, `runaways`: files of their images.
+        images that are in a smaller model; where images were missing, `growth`: see `grow`; `runaways`: files of the
+        images whose cameras were removed as runaways.
     """
     models, final, ties = folder / _MODELS, folder / MODEL, folder / _TIES
     for path in (models, final):
@@ -93,7 +93,7 @@ def map_images(
 
 
 def _leave_runaways_out(model: pycolmap.Reconstruction, settings: SparseSettings, progress: Progress) -> set[str]:
-    """Leave out the cameras that ran away, adjust the others without them until none does, and name them."""
+    """Remove runaway cameras and adjust the rest, until there are no more; name the removed ones."""
     names: set[str] = set()
     while away := runaways(model):
         names |= {model.image(number).name for number in away}
@@ -105,7 +105,7 @@ def _leave_runaways_out(model: pycolmap.Reconstruction, settings: SparseSettings
 
 
 def choose_mapper(capture: Capture, settings: SparseSettings) -> str:
-    """Settle what `auto` means for a capture.
+    """Choose the mapper that `auto` stands for.
 
     The global mapper fails where the focal length is far off, and does not use GPS positions.
 
@@ -123,10 +123,10 @@ def choose_mapper(capture: Capture, settings: SparseSettings) -> str:
 
 
 def adjust_robustly(model: pycolmap.Reconstruction, threads: int) -> None:
-    """Adjust cameras and points once more, with a loss by which wrong matches hardly count.
+    """Run bundle adjustment once more, with a robust loss.
 
-    COLMAP's incremental mapper minimises squares: the few matches that are off by pixels pull at every camera.
-    This halves the distance between the demo's cameras and the truth.
+    COLMAP's incremental mapper minimises squared errors, so that a few matches that are off by pixels shift every
+    camera. The robust loss halves the distance between the demo's cameras and the truth.
     Source: Triggs et al., Bundle Adjustment: A Modern Synthesis (2000), on robust cost functions; Cauchy's.
 
     Args:
@@ -206,16 +206,19 @@ def _grow_largest(
     options: pycolmap.IncrementalPipelineOptions,
     progress: Progress,
 ) -> dict[str, float]:
-    """Where images are missing, put the grown model in the place of the largest one; tell what became of it."""
+    """Where images are missing, replace the largest model by the grown one; return the figures of `grow`."""
     total = len(capture.images)
-    if not ranked or ranked[0].num_reg_images() == total or not ranked[0].num_points3D():
+    fixes = {image.file: image.gps for image in capture.images if image.gps is not None}
+    if not ranked or ranked[0].num_reg_images() == total or not ranked[0].num_points3D() or not fixes:
         return {}
     progress.stage("mapping, by fewer matches", 0)
     before = ranked[0].num_reg_images()
-    ranked[0], facts = grow(ranked[0], database, capture.folder, scratch, options)
+    ranked[0], facts = grow(ranked[0], database, capture.folder, scratch, options, fixes)
     after = ranked[0].num_reg_images()
     if facts["added"]:
         progress.note(f"growth by fewer matches: {before} of {total} images became {after}")
+    if facts["misplaced"]:
+        progress.note(f"growth by fewer matches: {facts['misplaced']:.0f} images removed that GPS does not confirm")
     if facts["moved"] > MOST_MOVED:
         progress.note(f"growth by fewer matches bent the model of {after} images (by {facts['moved']:.1%}): not taken")
     return facts
@@ -229,7 +232,7 @@ def _triangulate_all(
     settings: SparseSettings,
     seed: int,
 ) -> pycolmap.Reconstruction:
-    """Make points of all matches, with the cameras as they stand."""
+    """Triangulate all matches, with the cameras fixed."""
     options = _incremental_options(settings, seed)
     options.ba_global_max_refinements = 1
     options.ba_global_max_num_iterations = _POINT_ROUNDS

@@ -23,12 +23,12 @@ SHARE = "match_share"
 
 _CHILD = "recon.sfm.sparse_child"
 _NAMES = "pairs.txt"  # in the folder of a share that is at work
-# Pairs of a share. COLMAP makes an index of each image that a share names, for as much time as it takes to match one
+# Pairs of a share. COLMAP builds an index of each image that a share names, which takes as long as matching one
 # and a half pairs, and a child's start costs a second: so shares are few, large, and as many for each process.
 _SHARE, _LEAST_SHARE = 512, 64
 _LOOK = 0.5  # [s] how often the shares are asked how far they are
 _LEAP = 32  # [images] the first one; each further one is twice as far
-_LEAPER = 4  # every fourth image leaps: as exact as if all did, and most of what is that far off matches nothing
+_LEAPER = 4  # every fourth image is paired with distant ones: as exact as if all were, at a quarter of the time
 _SAME_PLACE = 2  # decimals [m] to which two fixes are the same
 _NO_LIMIT = 1e9  # [m] spatial pairing drops pairs that are farther apart than this
 
@@ -39,13 +39,14 @@ def match(
     """Match image pairs and verify them geometrically, in a copy of the database of features.
 
     COLMAP's linear algebra is not thread-safe: with two threads each of 28 runs on 53 images matched 2
-    to 12 of the 547 pairs otherwise, some to nothing (COLMAP 4.2.1). So the pairs are dealt out in shares to as many
-    processes as there are to be threads, one thread each, and a share is safe as soon as it is done.
+    to 12 of the 547 pairs otherwise, some to nothing (COLMAP 4.2.1). So the pairs are split into shares, each matched
+    by a process of one thread, as many at a time as `threads` says; a share is saved as soon as it is done.
 
     Args:
         capture: Photographs.
         features: Folder of the database of features.
-        folder: Receives the database of matches; what an interrupted run has matched is in it, or in its shares.
+        folder: Receives the database of matches; pairs that an interrupted run matched are already in it, or in its
+            shares.
         settings: Pairing, and the number of processes.
         seed: Seed of the verification.
         progress: Listener.
@@ -95,16 +96,16 @@ def match_share(pairs: Iterable[tuple[int, int]], features: Path, folder: Path, 
 
 
 def _take_over(features: Path, path: Path) -> set[int]:
-    """Go on with the database of matches that an interrupted run left, or copy that of the features; give its pairs.
+    """Continue the database of matches of an interrupted run, or copy that of the features; return its pairs.
 
-    What shares had found when they were killed comes home, too: a pair is through when its geometry is written, and is
-    the same whatever its share was.
+    Results of shares that were killed are merged too: a pair is finished when its geometry is written, and its result
+    does not depend on its share.
     """
     done = paired(path)
     if not done:
         for left in path.parent.glob(f"{path.name}*"):
             left.unlink()
-        shutil.copyfile(features, path)  # not atomic: nothing is paired in half of it
+        shutil.copyfile(features, path)  # not atomic: a copy that was cut off holds no pairs
     for share in sorted(path.parent.glob("share*")):
         found = paired(share / DATABASE)
         if found:
@@ -125,7 +126,7 @@ class _Work:
 
 
 def _match_shares(left: list[tuple[int, int]], finished: int, work: _Work, progress: Progress) -> list[BaseException]:
-    """Deal the pairs that are left out to children, and bring home what each found, whatever happens to the others."""
+    """Distribute the remaining pairs to child processes, and merge what each found, even if others fail."""
     folder, settings = work.folder, work.settings
     whole, seen, failures = folder / DATABASE, 0, list[BaseException]()
     rounds = max(1, math.ceil(len(left) / (_SHARE * settings.threads)))
@@ -144,7 +145,7 @@ def _match_shares(left: list[tuple[int, int]], finished: int, work: _Work, progr
                     failure = future.exception()
                     if failure is not None:
                         failures.append(failure)
-                        waiting = {other for other in waiting if not other.cancel()}  # those that run still come home
+                        waiting = {other for other in waiting if not other.cancel()}  # running shares are merged too
                         continue
                     share = future.result()
                     merge_pairs(share / DATABASE, whole)
@@ -157,7 +158,7 @@ def _match_shares(left: list[tuple[int, int]], finished: int, work: _Work, progr
 
 
 def _run_share(pairs: list[tuple[int, int]], share: Path, work: _Work) -> Path:
-    """Match a share in a child, on one thread; its parent's parent watches the time."""
+    """Match a share in a child process, on one thread; the parent of this process enforces the time limit."""
     share.mkdir()
     images = len({image for pair in pairs for image in pair})
     run_child(
@@ -171,7 +172,7 @@ def _run_share(pairs: list[tuple[int, int]], share: Path, work: _Work) -> Path:
 
 
 def _begun(folder: Path) -> int:
-    """Count the pairs of the shares at work; one that is still being filled is left alone, COLMAP does not wait."""
+    """Count the pairs of running shares; a database that is being filled is not opened: COLMAP does not wait."""
     return sum(count_rows(names.parent / DATABASE, "two_view_geometries") for names in folder.glob(f"share*/{_NAMES}"))
 
 
@@ -194,7 +195,7 @@ def _name_pairs(database: Path, kind: str, settings: SparseSettings) -> list[tup
 
 
 def _is_connected(pairs: Iterable[tuple[int, int]], count: int) -> bool:
-    """Tell whether pairs lead from each of some images to every other."""
+    """Tell whether the images form one connected component of the graph of pairs."""
     partners: dict[int, list[int]] = {}
     for one, other in pairs:
         partners.setdefault(one, []).append(other)
@@ -209,7 +210,7 @@ def _is_connected(pairs: Iterable[tuple[int, int]], count: int) -> bool:
 
 
 def _leaps(images: list[int]) -> Iterator[tuple[int, int]]:
-    """Pair every fourth image with some far along the way: by its nearest images alone, a long flight bends."""
+    """Pair every fourth image with some far along the path: with neighbouring pairs only, a long model bends."""
     leap = _LEAP
     while leap < len(images):
         yield from zip(images[::_LEAPER], images[leap::_LEAPER], strict=False)
@@ -217,7 +218,7 @@ def _leaps(images: list[int]) -> Iterator[tuple[int, int]]:
 
 
 def _ways(kind: str, settings: SparseSettings) -> list[tuple[Any, Any]]:
-    """Give COLMAP's generators of pairs and their options."""
+    """Return COLMAP's pair generators and their options."""
     if kind == "spatial":
         spatial = pycolmap.SpatialPairingOptions(
             ignore_z=False, max_num_neighbors=settings.neighbours, max_distance=_NO_LIMIT, num_threads=1
@@ -233,7 +234,7 @@ def _ways(kind: str, settings: SparseSettings) -> list[tuple[Any, Any]]:
 
 
 def choose_pairing(capture: Capture, settings: SparseSettings) -> str:
-    """Settle what `auto` means for a capture.
+    """Choose the pairing that `auto` stands for.
 
     Args:
         capture: Photographs.
@@ -247,7 +248,7 @@ def choose_pairing(capture: Capture, settings: SparseSettings) -> str:
     places = [image.gps for image in capture.images]
     if all(place is not None for place in places):
         _, alike = np.unique(np.round(np.array(places, float), _SAME_PLACE), axis=0, return_counts=True)
-        if alike.max() <= settings.neighbours:  # one fix for many photographs says of none which are near
+        if alike.max() <= settings.neighbours:  # a GPS fix shared by many does not tell which are near
             return "spatial"
     return "exhaustive" if len(capture.images) <= settings.exhaustive_below else "sequential"
 

@@ -1,4 +1,4 @@
-"""Cameras that an adjustment sent away: far from all others, where no point can tell their place."""
+"""Runaway cameras: those that bundle adjustment moved so far from all others that no point determines their place."""
 
 import numpy as np
 import pycolmap
@@ -11,13 +11,13 @@ _SHARE = 0.75
 
 
 def runaways(model: pycolmap.Reconstruction) -> list[int]:
-    """Find the cameras that ran away.
+    """Find the runaway cameras.
 
     Args:
         model: A model.
 
     Returns:
-        Numbers of their images, ascending.
+        Ids of their images, ascending.
     """
     numbers = sorted(model.reg_image_ids())
     if not numbers:
@@ -26,16 +26,16 @@ def runaways(model: pycolmap.Reconstruction) -> list[int]:
     points = np.array([point.xyz for point in model.points3D.values()]).reshape(-1, 3)
     away, reach = (np.linalg.norm(places - np.median(centers, axis=0), axis=1) for places in (centers, points))
     sizes = [float(np.quantile(distances, _SHARE, method="lower")) for distances in (away, reach) if len(distances)]
-    limit = FAR * max(sizes)  # of cameras that turn on one spot the points alone tell the size
+    limit = FAR * max(sizes)  # if all cameras stand in one spot, only the points give the size of the scene
     return [number for number, distance in zip(numbers, away, strict=True) if not distance <= limit]
 
 
 def leave_out(model: pycolmap.Reconstruction, images: list[int]) -> None:
-    """Take images out of a model, and the points that nothing else holds.
+    """Remove images from a model, and the points that too few others see.
 
     Args:
         model: The model; changed in place.
-        images: Numbers of registered images.
+        images: Ids of registered images.
     """
     for number in images:
         model.deregister_frame(model.image(number).frame_id)

@@ -1,4 +1,4 @@
-"""Structure from motion as seen from outside: three steps in child processes, their progress, the verdict on each."""
+"""Structure from motion: runs its three steps in child processes, reports progress, and checks each result."""
 
 import threading
 from collections.abc import Iterator, Mapping
@@ -22,11 +22,11 @@ from render.capture import Capture
 NO_TEXTURE, NO_OVERLAP, NOT_IN_LARGEST = "no_texture", "no_overlap", "not_in_largest_model"
 _CHILD = "recon.sfm.sparse_child"
 _SECTION = "recon.sparse"
-_MODEL = "model"  # as the child names it; importing it would load COLMAP here
-_VERSION = 6  # raised whenever the same settings would give another model
-_MAPPING_VERSION = 3  # the same, of the mapper alone
+_MODEL = "model"  # the name that the child uses; importing it from there would load COLMAP
+_VERSION = 6  # raise it whenever the same settings would give another model
+_MAPPING_VERSION = 4  # the same, of the mapper alone
 _SLACK = 120.0  # [s] beside the time per image
-_LOOK = 0.5  # [s] how often the database is asked how far it is
+_LOOK = 0.5  # [s] how often progress is read from the database
 _FEW_KEYPOINTS = 50
 _MIN_IMAGES = 3
 _BYTES_PER_KEYPOINT = 200  # descriptor, place, matches
@@ -57,17 +57,17 @@ def run_sparse(capture: Capture, work: Path, settings: ReconSettings, progress: 
 
     Args:
         capture: Photographs.
-        work: Existing work folder; steps that are finished there are taken over.
+        work: Existing work folder; steps that are finished there are reused.
         settings: What to do.
         progress: Listener.
 
     Returns:
-        The largest model, its figures, and why each image that is not in it is not.
+        The largest model, its figures, and a reason for each image that is not in it.
 
     Raises:
         InputError: An image is damaged.
         OutOfSpaceError: The disk is full, or would be.
-        ChildError: A step ran into a limit or died.
+        ChildError: A step exceeded a limit or crashed.
         RejectedSceneError: `too_few_images`, `no_texture`, `no_overlap` or `no_model`.
     """
     count = len(capture.images)
@@ -107,7 +107,7 @@ def run_sparse(capture: Capture, work: Path, settings: ReconSettings, progress: 
 def absent_reasons(
     capture: Capture, keypoints: list[int], overlapping: list[bool], elsewhere: list[str]
 ) -> dict[str, str]:
-    """Tell why images are not in the largest model, where more is known than that the mapper refused them.
+    """Give reasons for images that are not in the largest model, where more is known than the mapper's rejection.
 
     Args:
         capture: Photographs.
@@ -246,9 +246,10 @@ def _searched_megapixels(size: tuple[int, int]) -> float:
 
 @contextmanager
 def _row_count(database: Path, table: str, progress: Progress) -> Iterator[None]:
-    """Report the rows of a table while a child fills it; COLMAP's extraction has no callback.
+    """Report progress as the number of rows of a table while a child fills it; COLMAP's extraction has no callback.
 
-    A reader keeps SQLite from emptying its journal while the child closes the database: this is done afterwards.
+    While we read, the child cannot empty SQLite's journal when it closes the database: `empty_journal` does it
+    afterwards.
     """
     finished = threading.Event()
 

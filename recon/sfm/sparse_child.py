@@ -16,7 +16,7 @@ from recon.sfm.extraction import extract
 from recon.sfm.mapping import map_images, transform
 from recon.sfm.matching import SHARE, match, match_share
 
-_FATAL = 3  # the level of glog that stays quiet about everything else
+_FATAL = 3  # glog's level for fatal errors only
 
 
 def serve(request: dict[str, Any], progress: Progress) -> object:

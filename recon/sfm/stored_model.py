@@ -1,6 +1,6 @@
-"""A model that structure from motion made, in a folder of its own, so that several clouds can be made from it.
+"""A structure-from-motion model in a folder of its own, so that several clouds can be made from it.
 
-The hand-over is `model.json` and the COLMAP model beside it, in the model's own units; nothing of the truth is in it.
+The folder holds `model.json` and the COLMAP model beside it, in the model's own units, and no truth.
 """
 
 import shutil
@@ -21,7 +21,7 @@ _FILE, _COLMAP = "model.json", "sparse"
 
 
 def write_stored_model(folder: Path, sparse: Sparse, capture: Capture) -> None:
-    """Write a model for clouds to come.
+    """Write a model for later reconstructions.
 
     Args:
         folder: Existing folder; gains `model.json` and `sparse/`.
@@ -46,7 +46,7 @@ def write_stored_model(folder: Path, sparse: Sparse, capture: Capture) -> None:
 
 
 def read_stored_model(place: Path, capture: Capture) -> Sparse:
-    """Read a model, and check that it is whole and of these photographs.
+    """Read a model, and check that it is complete and was made from these photographs.
 
     Args:
         place: Folder of a model, or of a cloud that holds one.

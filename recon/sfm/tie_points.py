@@ -1,7 +1,7 @@
-"""The matches that a mapper works with: enough to hold every camera and every pair, a fraction of all there are.
+"""Tie points: the subset of matches that a mapper uses, enough to constrain every camera and every pair.
 
-A mapper's time and memory go with its matches, the accuracy of its cameras hardly: beyond some thousand well spread
-tie points an image, more of them change nothing but the bill. Those left out become points afterwards.
+A mapper's time and memory grow with the number of matches; the accuracy of its cameras hardly does beyond about a
+thousand well-spread tie points per image. The matches left out are triangulated afterwards.
 Source: tie point limits of photogrammetry packages; Cui et al., "Tracks selection for robust, efficient and scalable
 large-scale structure from motion" (2017).
 """
@@ -20,10 +20,10 @@ from scipy.sparse.csgraph import connected_components
 I64 = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-_CELLS = 8  # along each side of an image; every cell keeps its share of tie points
-_LONG = 3  # views from which on a track is as good as any longer one: the longest are of what is far away
-_SPREAD_SHARE = 0.5  # of an image's tie points go evenly over its cells [1]
-_PAIR_TIES = 100  # that a pair keeps, whatever the limit: COLMAP starts only from pairs of as many
+_CELLS = 8  # cells along each side of an image; each cell keeps its share of tie points
+_LONG = 3  # views above which a longer track is no better: the longest tracks show distant objects
+_SPREAD_SHARE = 0.5  # share of an image's tie points that is distributed evenly over its cells [1]
+_PAIR_TIES = 100  # matches that a pair always keeps: COLMAP initialises only from pairs with at least as many
 
 
 @dataclass(frozen=True)
@@ -46,16 +46,17 @@ class Matches:
 
 
 def choose_tie_points(matches: Matches, limit: int, rng: np.random.Generator) -> Bools:
-    """Choose tracks that hold every cell of every image and every pair; a track's matches stay or go together.
+    """Choose tracks that cover every cell of every image and every pair; a track is kept or dropped as a whole.
 
-    Tracks of three views and more go before those of two; among equals the lot decides, so that what stays looks like
-    what was there. A track that joins two keypoints of one image is wrong somewhere and goes last: it helps where
-    nothing else does.
+    Tracks of three or more views take precedence over tracks of two; among equals the choice is random, so that the
+    subset has the distribution of the whole. A track that joins two keypoints of one image contains a wrong match and
+    is used last, where there is no other.
 
     Args:
         matches: Verified matches.
-        limit: Tie points of an image, about: half as many come of its cells, and a hundred of each of its pairs.
-        rng: Draws lots.
+        limit: Approximate number of tie points per image: half of them from its cells, and a hundred from each of its
+            pairs.
+        rng: Source of randomness.
 
     Returns:
         Whether each match stays, shape (M,), bool.
@@ -79,16 +80,16 @@ def choose_tie_points(matches: Matches, limit: int, rng: np.random.Generator) ->
 
 
 def write_tie_points(database: Path, out: Path, limit: int, seed: int) -> bool:
-    """Write a database of tie points alone, without descriptors, where there are more than enough of them.
+    """Write a database of tie points only, without descriptors, if there are more matches than needed.
 
     Args:
         database: Database of verified matches.
         out: Database to create.
-        limit: Tie points of an image, about.
-        seed: Of the lots.
+        limit: Approximate number of tie points per image.
+        seed: Seed of the random choice.
 
     Returns:
-        Whether it was written; if not, the mapper may work with all matches.
+        Whether it was written; if not, the mapper can use all matches.
     """
     with pycolmap.Database.open(database) as source:
         images = sorted(source.read_all_images(), key=lambda image: image.image_id)
@@ -113,7 +114,7 @@ def write_tie_points(database: Path, out: Path, limit: int, seed: int) -> bool:
 
 
 def _best(group: I64, place: I64, count: int) -> Bools:
-    """Tell which members are among the first `count` of their group, by place."""
+    """Tell which members are among the first `count` of their group in the order of `place`."""
     order = np.lexsort((place, group))
     ordered = group[order]
     begins = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]])[: len(ordered)])

@@ -1,9 +1,9 @@
-"""Coarser copies of a crown of leaf cards: fewer cards, each larger, so that the crown keeps its shape and cover.
+"""Levels of detail of tree crowns made of leaf cards: fewer, larger cards, so that shape and cover are kept.
 
 Edges of separate cards cannot collapse into each other without spanning the gap between them.
 
-Source: Cook et al., Stochastic simplification of aggregate detail, SIGGRAPH 2007; here the cards that stay are those
-which lie farthest apart, so that no place of the crown is left bare.
+Source: Cook et al., Stochastic simplification of aggregate detail, SIGGRAPH 2007; here the cards that are farthest
+apart are kept, so that no part of the crown becomes empty.
 """
 
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ _UNLIKE = 1e-3  # greatest difference of normals, texture coordinates and colour
 
 
 def cards_of(soup: Soup) -> I64:
-    """Tell to which card each triangle belongs.
+    """Find the card of each triangle.
 
     A card is a piece of one or two triangles that touches no other; sheets that lie on each other are one card.
 
@@ -36,7 +36,7 @@ def cards_of(soup: Soup) -> I64:
         soup: Triangles.
 
     Returns:
-        The number of its card for each triangle, shape (T,), int64; empty where the soup holds anything but cards.
+        The number of its card for each triangle, shape (T,), int64; empty if the soup contains anything but cards.
     """
     if not len(soup):
         return np.zeros(0, np.int64)
@@ -50,7 +50,7 @@ def cards_of(soup: Soup) -> I64:
 
 
 def single_sheets(soup: Soup, card: I64) -> tuple[Soup, I64] | None:
-    """Lay the two sheets of each card into one between them, whose sides take the light that both of them took.
+    """Replace the two sheets of each card by one between them, with the same shading on both sides.
 
     Args:
         soup: Triangles.
@@ -87,7 +87,7 @@ def single_sheets(soup: Soup, card: I64) -> tuple[Soup, I64] | None:
 
 
 def fewer_cards(soup: Soup, card: I64) -> Iterator[Soup]:
-    """Make ever coarser copies, each with about 0.7 of the cards of the one before.
+    """Make successively coarser levels, each with about 0.7 of the cards of the one before.
 
     Args:
         soup: Triangles.
@@ -111,7 +111,7 @@ def fewer_cards(soup: Soup, card: I64) -> Iterator[Soup]:
 
 
 def _pieces(soup: Soup) -> I64:
-    """Number what hangs together at its corners, for each triangle, shape (T,)."""
+    """Number the connected components of triangles, shape (T,)."""
     corners = soup.corners.reshape(-1, 3)
     place = np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1)
     triangle = np.repeat(np.arange(len(soup)), 3)
@@ -163,7 +163,7 @@ def _areas(soup: Soup, piece: I64) -> F64:
 
 
 def _apart(points: F64) -> I64:
-    """Order points: the one farthest from the middle of all, then always the farthest from those before it."""
+    """Order points by farthest point sampling, starting with the one farthest from the centre."""
     order, away = [], np.linalg.norm(points - points.mean(axis=0), axis=1)
     for _ in range(len(points)):
         row = int(np.argmax(away))

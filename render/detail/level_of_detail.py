@@ -1,7 +1,7 @@
-"""Coarser trees, shrubs and cars where a survey never comes near them, chosen once for all of its images.
+"""Levels of detail of background objects that a survey sees only from afar, chosen once for all of its images.
 
-Photographs, truth, shadows, light and the true surface see the same triangles, from every view and in every worker.
-Ground, buildings and whatever belongs to the bridge stay as they are.
+Photographs, truth, shadows, light and the true surface use the same triangles, in every view and worker. Ground,
+buildings and all parts of the bridge are never simplified.
 """
 
 import os
@@ -27,18 +27,18 @@ KINDS = frozenset(
 )
 # How far a surface may move in the nearest image [px], tried in turn where there is too much in view.
 _ERRORS = (0.0, *(0.5 * 2 ** (step / 2) for step in range(7)))
-_WORTH = 1 / 300  # of the budget: whatever all draws of a mesh hold less than stays
-_SMALLEST = 8  # triangles; what has no more is drawn as it is, or not at all
+_WORTH = 1 / 300  # share of the budget: meshes with fewer triangles in all draws are kept
+_SMALLEST = 8  # triangles; smaller meshes are drawn unchanged, or not at all
 
 
 @dataclass(frozen=True)
 class _Level:
-    """One of the shapes that a part may take.
+    """One level of detail of a part.
 
     Attributes:
         part: Row in the parts, of all levels; -1 for nothing.
         triangles: Their number.
-        error: How far it is from the part as authored [stage units].
+        error: Its distance from the authored part [stage units].
     """
 
     part: int
@@ -47,20 +47,20 @@ class _Level:
 
 
 def level_of_detail(scene: FlatScene, track: CameraTrack, camera: Pinhole, sight: Sight, budget: int) -> FlatScene:
-    """Simplify repeated things of the background where an image of a survey would hold too many triangles.
+    """Simplify repeated background objects if an image of a survey would contain too many triangles.
 
-    What such an image shows is drawn with so few triangles that no surface moves by more than half a pixel of the
-    nearest image of the survey; where that is not enough further, step by step, up to 4 pixels.
+    Objects in such images are simplified so that no surface moves by more than half a pixel of the nearest image of the
+    survey; if that is not enough, in steps up to 4 pixels.
 
     Args:
         scene: A scene.
         track: Camera and poses of the survey.
         camera: Intrinsics of its images.
-        sight: What it can see.
-        budget: Most triangles in view; 0 leaves the scene as it is.
+        sight: Positions and resolution of its cameras.
+        budget: Largest number of triangles in view; 0: no simplification.
 
     Returns:
-        The scene with further parts, and with draws that use them; what is smaller than the error is gone.
+        The scene with further parts, and with draws that use them; objects smaller than the error are left out.
     """
     if not budget:
         return scene
@@ -121,7 +121,7 @@ def repeated(scene: FlatScene) -> I64:
 
 @dataclass(frozen=True)
 class _Crowd:
-    """What the views of a survey hold.
+    """Triangles in the views of a survey.
 
     Attributes:
         rows: Draws that may be simplified and are in a view that holds too many triangles, shape (N,), int64.

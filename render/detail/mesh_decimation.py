@@ -1,11 +1,12 @@
-"""Coarser copies of a small mesh: edges collapse where that changes its shape least.
+"""Decimation of small meshes by edge collapse with quadric error metrics.
 
-Source: Garland and Heckbert, Surface simplification using quadric error metrics, SIGGRAPH 1997; edges that do not touch
-collapse together, a round at a time.
+Source: Garland and Heckbert, Surface simplification using quadric error metrics, SIGGRAPH 1997; in each round, edges
+that do not touch are collapsed together.
 
-Ours, because Open3D's `simplify_quadric_decimation` drops texture coordinates (0.20 says so), which our levels carry
-from corner to corner. On a wavy sheet of 1152 triangles ours strayed less at each of the twelve levels from 805 to 14
-triangles, with 14 by 0.060 m instead of 0.133 m. The bytes of captures would depend on its releases as well.
+Our own implementation, because Open3D's `simplify_quadric_decimation` drops texture coordinates (stated by version
+0.20), which our levels keep at the corners. On a wavy sheet of 1152 triangles ours had a smaller error at each of the
+twelve levels from 805 to 14 triangles, with 14 of 0.060 m instead of 0.133 m. Also, the bytes of captures would depend
+on Open3D's version.
 """
 
 from collections.abc import Iterator
@@ -30,7 +31,7 @@ _FAR = 0.7  # of the greatest distance
 
 
 def coarser_levels(soup: Soup) -> Iterator[Soup]:
-    """Make ever coarser copies, each with about 0.7 of the triangles of the one before, down to two or to a few cards.
+    """Make successively coarser levels with 0.7 of the triangles of the one before, down to two or to a few cards.
 
     Cards of two sheets that take the same light become cards of one first.
 
@@ -65,7 +66,7 @@ def coarser_levels(soup: Soup) -> Iterator[Soup]:
 
 
 def deviation(one: Soup, other: Soup) -> float:
-    """Bound the distance of two surfaces, from either to the other, at corners, middles of edges and of triangles.
+    """Bound the two-sided distance of two surfaces, at corners, midpoints of edges and centres of triangles.
 
     Args:
         one: Triangles.

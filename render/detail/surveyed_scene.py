@@ -1,6 +1,6 @@
-"""A scene as one survey sees it: trees no finer than its views can hold, textures no finer than its cameras can see.
+"""A scene prepared for one survey: levels of detail, and the resolution of textures that its cameras need.
 
-It depends on the scene and the whole survey alone, so that every worker and every view has the same.
+It depends only on the scene and the whole survey, so it is the same for every worker and view.
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from usd_schemas.pinhole import Pinhole, pinhole_from_lens
 
 @dataclass(frozen=True)
 class SurveyedScene:
-    """What one survey is drawn from.
+    """A scene prepared for one survey.
 
     Attributes:
         scene: The scene, with this survey's product first.
@@ -36,7 +36,7 @@ class SurveyedScene:
         return self.scene.cameras[self.scene.products[0].camera]
 
     def without_meshes(self) -> "SurveyedScene":
-        """Return what is left to know once the meshes and where they stand are uploaded."""
+        """Return the data that is needed after the meshes and draws are uploaded."""
         empty = {name: rows[:0].copy() for name, rows in vars(self.scene.geometry).items()}
         draws = self.scene.draws
         if not self.scene.moments:  # else they are placed anew
@@ -45,7 +45,7 @@ class SurveyedScene:
 
 
 def survey_scene(scene: FlatScene, triangle_budget: int) -> SurveyedScene:
-    """Fit a scene to the survey of its first product.
+    """Prepare a scene for the survey of its first product.
 
     Args:
         scene: A scene.
@@ -67,7 +67,7 @@ def survey_scene(scene: FlatScene, triangle_budget: int) -> SurveyedScene:
     product = scene.products[0]
     track = scene.cameras[product.camera]
     camera = product_camera(track, product.width, product.height)
-    if scene.moments:  # what moves comes near when it likes
+    if scene.moments:  # moving objects may come near
         return SurveyedScene(scene, camera, {}, find_bars(scene))
     sight = survey_sight(track, camera)
     scene = level_of_detail(scene, track, camera, sight, triangle_budget)

@@ -1,7 +1,7 @@
-"""How fine a texture need be: no finer than the nearest camera of the survey can see.
+"""Resolution of textures that the nearest camera of a survey needs.
 
-The finest level of a texture is looked up only where its texels are about as wide as pixels. Where every camera stays
-farther away, what is kept begins at a coarser level: a quarter of the memory does, and hardly a pixel changes.
+The finest mipmap level of a texture is used only where its texels are about as wide as pixels. If all cameras are
+farther away, only the coarser levels are kept: a quarter of the memory suffices, and hardly any pixel changes.
 """
 
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ _LARGE = 0.3  # times its distance: what is larger than that is looked at triang
 
 @dataclass(frozen=True)
 class Sight:
-    """What a survey can see of a texture.
+    """Positions and resolution of a survey's cameras.
 
     Attributes:
         eyes: Camera centres [m], shape (N, 3), float64.
@@ -42,7 +42,7 @@ class Sight:
 
 
 def survey_sight(track: CameraTrack, camera: Pinhole) -> Sight:
-    """Tell what the cameras of a survey can see.
+    """Collect positions and resolution of a survey's cameras.
 
     Args:
         track: Camera and poses.

@@ -1,7 +1,7 @@
-"""Bars: straight or gently bent members whose cross-section is small, found in the triangles of any mesh.
+"""Detection of bars in meshes: straight or slightly curved members with a small cross-section.
 
-A stay, a hanger, a rail, a post or a road marking that is narrower than a pixel is hit by some of the samples alone. To
-be drawn by the share of each pixel that it covers, its axis and cross-section must be known.
+A stay, a hanger, a rail, a post or a road marking narrower than a pixel is hit by only some of the samples. To draw it
+with its coverage of each pixel, its axis and cross-section must be known.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-_SLENDER = 6.0  # length of a bar over its thickness: what is shorter needs no ribbon
+_SLENDER = 6.0  # least ratio of length to thickness; shorter bars need no ribbon
 _STEP = 2.0  # an edge along a bar is this much longer than the longest one of its cross-sections, at least
 _ROUND_FROM = 6  # corners of a cross-section that is taken for round
 _ROUNDNESS = 0.15  # unlikeness of the radii of a round cross-section [1]
@@ -55,7 +55,7 @@ class Bars:
 
 
 def find_bars(scene: FlatScene) -> Bars:
-    """Find the bars of a scene; what has cut-outs or lets light through has none.
+    """Find the bars of a scene; meshes with cut-outs or blending have none.
 
     Args:
         scene: A scene.

@@ -1,7 +1,7 @@
-"""From a pinhole camera to clip space, and which boxes it sees.
+"""Projection of a pinhole camera to clip space, and frustum culling.
 
-Image rows run downwards in memory and in clip space alike, so that what is read back needs no flip. Depth is reversed
-and has no far end: 1 at the near plane, 0 at infinity.
+Image rows run downwards both in memory and in clip space, so that images need no flip. Depth is reversed and has no far
+plane: 1 at the near plane, 0 at infinity.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""An OpenGL 4.5 context without a window: EGL on a GPU or on Mesa, else the OSMesa wheel, else what to install."""
+"""An OpenGL 4.5 context without a window: EGL on a GPU or on Mesa, else the OSMesa wheel, else an error with a hint."""
 
 import ctypes
 import re
@@ -20,14 +20,14 @@ _ANISOTROPY_SINCE = (24, 0)  # older llvmpipe needs minutes for one frame with i
 
 @dataclass(frozen=True)
 class Driver:
-    """What draws.
+    """The OpenGL driver.
 
     Attributes:
         backend: `egl` or `osmesa`.
         renderer: GL_RENDERER.
         version: GL_VERSION.
         vendor: GL_VENDOR.
-        software: Whether the CPU draws.
+        software: Whether it renders on the CPU.
     """
 
     backend: str
@@ -37,7 +37,7 @@ class Driver:
     software: bool
 
     def anisotropy(self) -> float:
-        """Return the anisotropic filtering that this driver can afford [1]."""
+        """Return the degree of anisotropic filtering for this driver [1]."""
         if not self.software:
             return 8.0
         mesa = re.search(r"Mesa (\d+)\.(\d+)", self.version)
@@ -50,8 +50,8 @@ class Gl:
 
     Attributes:
         context: moderngl's view of it.
-        functions: What moderngl lacks.
-        driver: What draws.
+        functions: OpenGL functions that moderngl lacks.
+        driver: The driver.
     """
 
     context: moderngl.Context
@@ -67,8 +67,8 @@ def open_context(device: str = "auto") -> Gl:
     """Open the context; a process needs only one.
 
     Args:
-        device: `auto` takes a GPU where there is one, `gpu` insists on it, `software` draws on the CPU, `osmesa` takes
-            the wheel's, a number takes that EGL device.
+        device: `auto` uses a GPU if there is one, `gpu` requires one, `software` uses Mesa on the CPU, `osmesa` the
+            OSMesa wheel, a number that EGL device.
 
     Returns:
         The open context.

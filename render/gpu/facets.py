@@ -1,8 +1,8 @@
-"""Long thin triangles, whose depth is drawn a second time from planes found in double precision.
+"""Long thin triangles, whose depth is drawn again from planes computed in double precision.
 
-A rasterizer finds how depth changes from pixel to pixel from a triangle's corners on the image, in single precision.
-The thinner the triangle is there, the more digits cancel: rails and kerbs that run away from the camera would lose a
-ten-thousandth of their depth. Their planes are few enough to be found here, for each view.
+A rasterizer computes the depth gradient from a triangle's corners on the image, in single precision. The thinner the
+triangle, the more digits cancel: rails and kerbs that recede from the camera would have depth errors of a
+ten-thousandth. There are few such triangles, so their planes are computed here for each view.
 """
 
 from dataclasses import dataclass

@@ -37,7 +37,7 @@ _APART = 256  # [bytes] from one material to the next: where a driver lets a uni
 
 @dataclass(frozen=True)
 class GpuScene:
-    """What is uploaded once, and what a view needs to know of it on the CPU.
+    """The uploaded scene, with the data that views need on the CPU.
 
     Attributes:
         vertices: Vertex buffer.
@@ -80,7 +80,7 @@ class GpuScene:
     wraps: Wraps
 
     def moved(self, context: moderngl.Context, scene: FlatScene, facets: Facets) -> "GpuScene":
-        """Return the same meshes and materials, drawn where another moment of the scene has them.
+        """Return the same meshes and materials with the draws of another moment of the scene.
 
         Args:
             context: Open context.
@@ -91,32 +91,32 @@ class GpuScene:
         return replace(self, facets=facets, ribbons=self.ribbons.moved(scene.draws, placed["commands"]), **placed)
 
     def release_places(self) -> None:
-        """Give back what `moved` made."""
+        """Release the buffers of `moved`."""
         for held in (self.draw_numbers, self.draws, self.offsets):
             held.release()
 
     @property
     def cut_out(self) -> NDArray[np.bool_]:
-        """Which draws have holes that only a texture knows, shape (D,)."""
+        """Tell which draws have cut-out textures, shape (D,)."""
         return np.array(["CUT_OUT" in variant.features for variant in self.variants])[self.variant_rows]
 
     @property
     def blended(self) -> NDArray[np.bool_]:
-        """Which draws let what is behind them shine through, shape (D,)."""
+        """Tell which draws are blended, shape (D,)."""
         return np.array(["BLEND" in variant.features for variant in self.variants])[self.variant_rows]
 
     @cached_property
     def waters(self) -> NDArray[np.bool_]:
-        """Which draws are water, shape (D,)."""
+        """Tell which draws are water, shape (D,)."""
         return np.array(["WATER" in variant.features for variant in self.variants])[self.variant_rows]
 
     @property
     def transparent_draws(self) -> NDArray[np.bool_]:
-        """Which draws the truth does not hold, and no shadow, shape (D,)."""
+        """Tell which draws are left out of truth and shadows, shape (D,)."""
         return np.array([variant.mostly_transparent for variant in self.variants])[self.variant_rows]
 
     def place(self, eye: F64) -> None:
-        """Count every draw's origin from a point, subtracted in float64.
+        """Compute every draw's origin relative to a point, subtracted in float64.
 
         Args:
             eye: The point [m], shape (3,), float64.
@@ -128,7 +128,7 @@ class GpuScene:
         self.draws.use(DRAW_UNIT)
 
     def bind_material(self, material: int) -> None:
-        """Let what is drawn next look like a material.
+        """Bind a material for the following draws.
 
         Args:
             material: Its row.
@@ -308,7 +308,7 @@ def run_commands(
 
 
 def check_scene(scene: FlatScene) -> None:
-    """Refuse what a driver would draw wrongly without a word.
+    """Refuse data that a driver would silently draw wrongly.
 
     Args:
         scene: Scene to check.

@@ -1,6 +1,6 @@
-"""Bars in OpenGL buffers: surfaces that fade where they get thinner than two pixels, and the ribbons drawn instead.
+"""Bars in OpenGL buffers: surfaces that fade out below two pixels of thickness, and the ribbons that replace them.
 
-A ribbon is a strip that faces the camera and knows how much of each pixel its bar covers.
+A ribbon is a strip that faces the camera, drawn with the bar's coverage of each pixel.
 """
 
 from collections.abc import Callable
@@ -63,7 +63,7 @@ class PartBars:
 
 @dataclass(frozen=True)
 class Ribbons:
-    """What of a scene may be too thin for samples.
+    """Bars of a scene that may be thinner than a pixel.
 
     Attributes:
         vertices: Vertices of the parts that have bars, then four for each segment.

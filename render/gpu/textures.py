@@ -34,7 +34,7 @@ _ONE, _NONE = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class TextureKey:
-    """One file read in one way; the same file as a colour and as a number is two textures.
+    """A texture file with its interpretation; the same file as a colour and as a number is two textures.
 
     Attributes:
         file: Path.
@@ -63,7 +63,7 @@ ChannelPair = tuple[TextureKey | None, TextureKey | None]
 
 @dataclass(frozen=True)
 class TextureSlot:
-    """Where a texture went.
+    """Place of a loaded texture.
 
     Attributes:
         array: The texture array, shape (side, side, layers), uint8: RGBA, or one channel of numbers; None where only
@@ -98,10 +98,10 @@ def load_textures(
     Args:
         gl: Open context.
         keys: What to load.
-        averaged: Of what only the mean is needed.
+        averaged: Textures of which only the mean is needed.
         largest: Larger textures are reduced to this side [px].
         anisotropy: Anisotropic filtering [1]; 1 for none.
-        enough: Tells the side [px] of the finest level that anybody looks up, of a texture of a given side.
+        enough: Returns the side [px] of the finest level that is used, for a texture of a given side.
         packable: Which numbers may lie in the opacity of which colours: a colour and a number that is looked up at the
             same places; a colour and None where its opacity is looked up; None and a number that is looked up apart.
 
@@ -145,7 +145,7 @@ def load_textures(
 
 
 def sufficient_side(side: int, need: float) -> int:
-    """Halve the side of a texture as long as its finest level shows nothing that the next one does not [px].
+    """Halve the side of a texture as long as the finest level is not needed [px].
 
     Args:
         side: Side of the file [px].

@@ -1,4 +1,4 @@
-"""EXIF for simulated photographs: what a reconstruction reads from a drone's files, and nothing of this machine.
+"""EXIF for simulated photographs: the data that a reconstruction reads, and nothing about this machine.
 
 Source: CIPA DC-008 (Exif 2.32), TIFF 6.0 structure in an APP1 segment.
 """
@@ -22,7 +22,7 @@ Entry = tuple[int, int, bytes, int]
 
 @dataclass(frozen=True)
 class Shot:
-    """What the camera notes with a photograph.
+    """Data that the camera records with a photograph.
 
     Attributes:
         focal_length: Focal length as the maker states it [m].
@@ -133,7 +133,7 @@ def _gps_entries(shot: Shot) -> list[Entry]:
 
 
 def _within(value: float, most: float) -> float:
-    """Bring a number of a stage into what a field can hold: no photograph fails for what is noted of it."""
+    """Clip a number to the range of its EXIF field, so that no value makes a photograph fail."""
     return min(max(value, 0.0), most) if np.isfinite(value) else 0.0
 
 

@@ -164,7 +164,7 @@ def _tiff_size(data: bytes) -> tuple[int, int] | None:
 
 
 def _reaches_its_end(jpeg: bytes) -> bool:
-    """Walk to the end of the picture: behind it, telephones keep a film, and drones a preview."""
+    """Tell whether the JPEG data is complete; phones append a video and drones a preview behind it."""
     place = 2
     while place + 4 <= len(jpeg) and jpeg[place] == 0xFF:
         kind = jpeg[place + 1]
@@ -180,9 +180,9 @@ def _reaches_its_end(jpeg: bytes) -> bool:
 
 
 def _decode(data: bytes, *, jpeg: bool) -> NDArray[Any] | None:
-    # A photograph is turned upright by its EXIF nowhere here: the calibration belongs to the stored pixels.
+    # EXIF orientation is ignored: the calibration belongs to the stored pixels.
     flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION if jpeg else cv2.IMREAD_UNCHANGED
-    former = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # our error says it in our words
+    former = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # replaced by our own error message
     try:
         return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error:

@@ -1,4 +1,4 @@
-"""What must hold of a truth that was read from files: a camera, rigid poses, tables and a surface that can be."""
+"""Checks of a truth read from files: camera, rigid poses, tables and surface."""
 
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ _RIGID = 1e-5  # greatest error of a rotation's products [1]; files hold 17 digi
 
 
 def check_camera(camera: Pinhole, size: tuple[int, int], where: Path) -> None:
-    """Refuse intrinsics that no camera of these photographs has.
+    """Refuse invalid intrinsics.
 
     Args:
         camera: Exact intrinsics as read.
@@ -38,7 +38,7 @@ def check_camera(camera: Pinhole, size: tuple[int, int], where: Path) -> None:
         where: Folder of the truth.
 
     Raises:
-        InputError: A number that is none, a focal length that is not positive, or another size.
+        InputError: A number that is not finite, a focal length that is not positive, or another size.
     """
     numbers = (camera.fx, camera.fy, camera.cx, camera.cy)
     if not all(isinstance(number, float | int) and np.isfinite(number) for number in numbers):
@@ -63,14 +63,14 @@ def check_camera(camera: Pinhole, size: tuple[int, int], where: Path) -> None:
 
 
 def check_poses(poses: F64, where: Path) -> None:
-    """Refuse poses that are no rigid motions.
+    """Refuse poses that are not rigid motions.
 
     Args:
         poses: camera_to_world [m], shape (..., 4, 4), float64.
         where: Folder of the truth.
 
     Raises:
-        InputError: A number that is none, or a rotation that scales, shears or mirrors.
+        InputError: A number that is not finite, or a rotation that scales, shears or mirrors.
     """
     if not np.isfinite(poses).all():
         raise InputError("a pose that is not finite", where=where, field="poses", hint=_MEND)
@@ -82,7 +82,7 @@ def check_poses(poses: F64, where: Path) -> None:
 
 
 def check_tables(instances: list[Any], classes: list[Any], where: Path) -> None:
-    """Refuse rows whose numbers or names cannot be.
+    """Refuse rows with invalid numbers or names.
 
     Args:
         instances: JSON rows `{id, path, component, class, parameters}`.
@@ -90,7 +90,7 @@ def check_tables(instances: list[Any], classes: list[Any], where: Path) -> None:
         where: Folder of the truth.
 
     Raises:
-        InputError: An id out of range or twice, a name that is none, or a colour that is none.
+        InputError: An id out of range or duplicate, an invalid name, or an invalid colour.
     """
     ids = [row["id"] for row in instances]
     texts = all(isinstance(row[key], str) for row in instances for key in ("path", "component", "class"))
@@ -147,7 +147,7 @@ def check_image(pixels: NDArray[Any], kinds: tuple[str, ...], size: tuple[int, i
 
 
 def read_surface(path: Path) -> tuple[F64, U32, U8]:
-    """Read the true surface, expanded to world triangles; no index is followed before it was checked.
+    """Read the true surface, expanded to world triangles; every index is checked first.
 
     Args:
         path: `surface.npz`.
@@ -158,7 +158,7 @@ def read_surface(path: Path) -> tuple[F64, U32, U8]:
 
     Raises:
         MissingError: There is no such file.
-        InputError: Damaged, or with counts or indices that cannot be.
+        InputError: Damaged, or with invalid counts or indices.
     """
     stored = read_arrays(path, SURFACE)
     _check_indices(stored, path)

@@ -50,7 +50,7 @@ class Daylight:
     sun_angle: float
 
     def radiance(self, directions: F64) -> F64:
-        """Look the sky up.
+        """Look up the radiance of the sky.
 
         Args:
             directions: Unit vectors, world axes [1], shape (N, 3), float64.
@@ -65,7 +65,7 @@ class Daylight:
         return self.panorama[row, column].astype(np.float64)
 
     def on_level_ground(self) -> F64:
-        """Tell the irradiance of level open ground [1], shape (3,), float64."""
+        """Return the irradiance of level open ground [1], shape (3,), float64."""
         up = np.array([1.0, 0.0, 0.0, 1.0])
         return np.maximum(up @ self.open_sky, 0.0) + self.sun_irradiance * max(float(self.sun_direction[2]), 0.0)
 
@@ -110,7 +110,7 @@ def read_daylight(scene: FlatScene) -> tuple[Daylight, list[str]]:
 
 
 def glow(cosine: F64) -> F64:
-    """Tell how much haze glows towards the sun, by the cosine of the angle to it: 1 there, little elsewhere.
+    """Compute the glow of haze near the sun, by the cosine of the angle to it: 1 there, little elsewhere.
 
     Args:
         cosine: Cosines [1], shape (...), float64.

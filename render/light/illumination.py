@@ -1,4 +1,4 @@
-"""What lights a scene, and how the shaders come to know it."""
+"""The illumination of a scene, and its upload to the shaders."""
 
 from copy import copy
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from usd_schemas.flat_scene import FlatScene
 
 F64 = NDArray[np.float64]
 
-CLEAR_DAY = 6000.0  # distance at which haze takes 63 % of the contrast where nobody says [m]
+CLEAR_DAY = 6000.0  # default distance at which haze takes 63 % of the contrast [m]
 LEAST_CONTRAST = 0.02  # contrast that is left at the visibility [1]
 BRIGHTEST = 16.0  # radiance that the 16-bit code of a pixel ends at
 _AIR = 1.16e-5  # extinction of green by air alone [1/m]
@@ -27,7 +27,7 @@ _SHADOW_UNIT, _VOLUME_UNIT, _PANORAMA_UNIT, FIRST_FREE_UNIT = 0, 1, 4, 5
 
 @dataclass(frozen=True)
 class Illumination:
-    """Everything that lights a scene.
+    """The illumination of a scene.
 
     Attributes:
         daylight: Sun and sky.
@@ -113,7 +113,7 @@ class Lamps:
             set_uniform(program, name, value)
 
     def aim(self, program: moderngl.Program, eye: F64) -> None:
-        """Tell a program where the camera stands and which square has sharp shadows now.
+        """Set a program's uniforms of the camera position and of the sharp shadow map.
 
         Args:
             program: Compiled program.
@@ -126,7 +126,7 @@ class Lamps:
 
 
 def _extinction(distance: float) -> F64:
-    """Tell what the air takes of red, green and blue [1/m], shape (3,).
+    """Compute the extinction of air for red, green and blue [1/m], shape (3,).
 
     Source: Rayleigh 1871 and Angstrom 1929, as in `authoring.light.sun`: air by the fourth power of the wave number,
     haze by its power of 1.3.

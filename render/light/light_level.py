@@ -1,7 +1,7 @@
-"""Any unit of light: what a stage counts in thousands, or in thousandths, is brought to where 16-bit codes are fine.
+"""Scaling of very bright or dark stages to the range of 16-bit codes.
 
-UsdLux has no fixed unit of brightness, and a photograph is exposed by a meter anyway. Factors are powers of two: they
-round nothing.
+UsdLux has no fixed unit of brightness, and the exposure is metered anyway. Factors are powers of two, which cause no
+rounding.
 """
 
 from dataclasses import replace
@@ -20,7 +20,7 @@ _NEAR = 2.0  # what stands nearer to a lamp may be overexposed [m]
 
 
 def exposure_stops(scene: FlatScene, daylight: Daylight, box: tuple[F64, F64]) -> int:
-    """Tell how many times the light of a scene shall be halved; below 0, doubled. Ordinary days stay as they are.
+    """Compute how many times to halve the light of a scene; negative: to double it. Ordinary daylight gives 0.
 
     Args:
         scene: A scene.
@@ -41,7 +41,7 @@ def exposure_stops(scene: FlatScene, daylight: Daylight, box: tuple[F64, F64]) -
 
 
 def dimmed(scene: FlatScene, times: int) -> FlatScene:
-    """Halve everything that gives light.
+    """Halve the intensity of all lights and emission.
 
     Args:
         scene: A scene.

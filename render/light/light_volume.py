@@ -1,8 +1,8 @@
-"""The light volume: how much sky and reflected sun reaches every place around the bridge, ray cast once per scene.
+"""The light volume: irradiance from sky and reflected sunlight around the bridge, ray cast once per scene.
 
 A grid of probes stores the irradiance of the first two bands of spherical harmonics. The shader reads it one cell off
-the surface, so that a wall never takes light from its far side. It depends on the scene alone, never on the view, and
-so the same surface looks the same in every photograph.
+the surface, so that a wall gets no light from its far side. It depends only on the scene, never on the view, so a
+surface looks the same in every photograph.
 """
 
 from dataclasses import dataclass, replace
@@ -149,7 +149,7 @@ def _ambient(volume: LightVolume, light: Daylight, hits: Hits) -> F32:
 
 
 def _filled(coefficients: F64, buried: NDArray[np.bool_]) -> F32:
-    """Give probes inside solids the mean of their neighbours outside, ring by ring."""
+    """Fill probes inside solids with the mean of their neighbours outside, layer by layer."""
     values, known = coefficients.astype(np.float32), ~buried
     values[buried] = 0
     while known.any() and not known.all():

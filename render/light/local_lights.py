@@ -1,4 +1,4 @@
-"""The lamps that shade a scene, at most `MOST`. They throw no shadow, and nothing bounces their light."""
+"""The local lights of a scene, at most `MOST`. They cast no shadows, and have no indirect light."""
 
 from dataclasses import dataclass
 
@@ -51,7 +51,7 @@ class LocalLights:
 
 
 def choose_local_lights(scene: FlatScene, box: tuple[F64, F64]) -> tuple[LocalLights, list[str]]:
-    """Take the lamps that give most light to what matters in a scene.
+    """Choose the lamps that give most light to the region of interest.
 
     Args:
         scene: A scene.

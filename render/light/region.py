@@ -1,4 +1,4 @@
-"""Where a scene deserves its finest light: the box around what the pictures are about."""
+"""The region of interest of a scene, which gets the finest light."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ _LARGEST = 400.0  # [m] a longer box is cut to its middle
 
 
 def region_of_interest(scene: FlatScene, lower: F64, upper: F64) -> tuple[F64, F64]:
-    """Box the labelled draws; without labels, what lies near the cameras; without cameras, everything.
+    """Compute the box of the labelled draws; without labels, of things near cameras; without cameras, of everything.
 
     Args:
         scene: A scene.

@@ -1,8 +1,8 @@
-"""Which square of ground and bridge gets a sharp shadow map for which camera of a survey.
+"""Assignment of a survey's cameras to squares with sharp shadow maps.
 
-A map is a square across the sun's rays. Cameras that see near things in the same square share it, so that a flight of
-hundreds of pictures needs a few maps. The choice depends on the flight alone: neither on who draws a picture nor on
-what was drawn before.
+A map is a square perpendicular to the sun's rays. Cameras whose near surroundings are in the same square share it, so
+that a flight of hundreds of pictures needs a few maps. The assignment depends only on the flight, not on the worker or
+the order of drawing.
 """
 
 from dataclasses import dataclass
@@ -53,7 +53,7 @@ def near_reach(size: int) -> float:
 
 
 def share_squares(poses: F64, camera: Pinhole, across: F64, size: int) -> ShadowSquares:
-    """Give each pose a square that holds all that it can see near itself; the first that it fits into.
+    """Assign each pose to the first square that contains everything that it sees nearby.
 
     Args:
         poses: camera_to_world [m], shape (N, 4, 4), float64.

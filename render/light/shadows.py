@@ -1,6 +1,6 @@
-"""The sun's shadows: a map of the bridge and a coarse one of what surrounds it, drawn once; a sharp one of a square.
+"""Shadow maps of the sun: one of the bridge and a coarse one of its surroundings, drawn once; a sharp one of a square.
 
-The sharp map is drawn anew when the camera leaves its square, never for a picture.
+The sharp map is drawn again only when the camera leaves its square.
 """
 
 import moderngl
@@ -73,7 +73,7 @@ class Shadows:
             self._draw(number, (flat.min(axis=0) + flat.max(axis=0)) / 2, half)
 
     def release(self) -> None:
-        """Give the maps back."""
+        """Release the maps."""
         self._framebuffer.release()
         self.texture.release()
 
@@ -89,7 +89,7 @@ class Shadows:
         return share_squares(poses, camera, across, self._size)
 
     def sharpen(self, center: F64) -> None:
-        """Draw the sharp map of a square, unless it is there.
+        """Draw the sharp map of a square, unless it is already drawn.
 
         Args:
             center: Its middle along right and up of the sun's view [m], shape (2,), float64.

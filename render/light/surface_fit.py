@@ -1,8 +1,7 @@
-"""Fits a light volume to the light that surfaces really receive: what thin parts hide does not leak through them.
+"""Fit of a light volume to the irradiance of surfaces, so that light does not leak through thin parts.
 
-Probes stand in the air, and between two of them may lie a slab or a flange of which one side is lit and the other is
-not. So the irradiance of places on the surfaces is ray cast too, and the probes are changed as little as it takes for
-the shader to find it there.
+Between two probes there may be a slab or a flange with one side lit and the other dark. So the irradiance of places on
+the surfaces is ray cast too, and the probes are changed as little as necessary to reproduce it in the shader.
 """
 
 from collections.abc import Callable

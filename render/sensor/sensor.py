@@ -1,6 +1,6 @@
-"""The camera behind the lens: from linear radiance to a photograph, with the flaws of a real sensor, seeded per frame.
+"""Sensor model: from linear radiance to a photograph, with the imperfections of a real sensor, seeded per frame.
 
-Order: exposure and white balance, vignetting, blur, shot and read noise, tone curve. Depth and labels never come here.
+Order: exposure and white balance, vignetting, blur, shot and read noise, tone curve. Depth and labels are not affected.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ _WHITE_KEPT, _WHITE_BURNT = 1.3, 1.9  # where the brightest of these come to lie
 
 @dataclass(frozen=True)
 class Exposure:
-    """What one frame's sensor did.
+    """Sensor values of one frame.
 
     Attributes:
         gain: Factor from scene radiance to exposed radiance, 1 for diffuse white [1].
@@ -49,7 +49,7 @@ class Exposure:
 
 @dataclass(frozen=True)
 class Metering:
-    """What was metered for a survey.
+    """Metered values of a survey.
 
     Attributes:
         gain: Exposure [1].
@@ -183,7 +183,7 @@ class Sensor:
 
 
 def meter(luminance: F32, card: F32 | None = None, sky: F32 | None = None) -> float:
-    """Choose one exposure for a survey: its middle tone becomes a middle grey, unless highlights would burn out.
+    """Choose one exposure for a survey: its middle tone becomes middle grey, unless highlights would be clipped.
 
     Args:
         luminance: Linear luminance of surfaces in some frames [1], shape (N,), float32.
@@ -207,7 +207,7 @@ def meter(luminance: F32, card: F32 | None = None, sky: F32 | None = None) -> fl
 
 
 def balance(light: NDArray[np.float64], share: float) -> tuple[float, float]:
-    """Balance the white of a survey as a camera does that knows the daylight: warm light stays a little warm.
+    """Compute the white balance of a survey from the daylight; warm light stays slightly warm.
 
     Args:
         light: Irradiance of level open ground by sun and sky [1], shape (3,), float64.

@@ -1,7 +1,7 @@
-"""The rolling shutter: rows are read out one after the other, and the drone flies on meanwhile.
+"""Rolling shutter: rows are read out one after the other while the drone moves.
 
-The rows are cut into bands; each band is drawn, photograph and truth alike, from where the camera was when the middle
-of the band was read. The pose of the image is that of its middle row.
+The rows are divided into bands; photograph and truth of each band are rendered from the camera pose at the read-out of
+the band's middle. The pose of the image is that of its middle row.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ _STREAM = 0x73687574  # the shutter's own random stream beside the sensor's
 
 
 def read_out(track: CameraTrack, height: int, settings: SensorSettings, seed: int) -> Readout | None:
-    """Move each image's camera while its rows are read out: as the flight goes on, and as gusts and gimbal tremble.
+    """Compute the camera poses during the read-out of each image: motion of the flight, gusts and gimbal vibration.
 
     Args:
         track: Camera and poses.

@@ -1,4 +1,4 @@
-"""What light shines through, blended over a photograph in linear light."""
+"""Blending of transparent surfaces over a photograph in linear light."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The camera of a survey: what draws the frame of a row, at the moment and through the lens that it has."""
+"""The camera of a survey: draws a frame at its moment of the scene and through its lens."""
 
 from collections.abc import Callable
 
@@ -54,7 +54,7 @@ class CameraBody:
         return self._track.moments[row] if self._scene is not None and self._track.moments else 0
 
     def move(self, row: int) -> None:
-        """Let everything stand as it does when a frame is taken.
+        """Set the scene to the moment of a frame.
 
         Args:
             row: Number of the frame.
@@ -73,7 +73,8 @@ class CameraBody:
     def shoot(self, row: int) -> Shot:
         """Draw a frame now, and return how to get its view, which another thread may do once.
 
-        It keeps nothing of it then: a thread pool lets go of what it was given some time after the next frame is begun.
+        It keeps no reference to the view afterwards, because a thread pool holds its arguments until after the next
+        frame is begun.
 
         Args:
             row: Number of the frame.

@@ -1,4 +1,4 @@
-"""Coverage layer: members too thin for samples, added to a photograph by the share of each pixel that they cover."""
+"""Coverage layer: members thinner than a pixel, composited with their coverage of each pixel."""
 
 import cv2
 import moderngl

@@ -1,6 +1,6 @@
-"""Smooth edges on the photograph, guided by ids and depth, which stay as they were sampled.
+"""Edge smoothing of the photograph, guided by ids and depth, which are not changed.
 
-Where two surfaces meet, a pixel shows as much of each as a straight edge through the steps of the ids would let it.
+At the border of two surfaces, a pixel is blended as if a straight edge passed through the steps of the ids.
 
 Source: Reshetov, Morphological antialiasing, HPG 2009; edges come from ids and depth instead of colours.
 """

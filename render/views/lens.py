@@ -1,8 +1,8 @@
-"""A lens that distorts: views are drawn through a wider one that does not, then every pixel is looked up anew.
+"""Lens distortion: a wider view without distortion is drawn, and every pixel of the image is looked up in it.
 
-The photograph is resampled. The truth is not: the ray of each pixel, as the distorted lens bends it, is cut with the
-triangles that the wider view shows around its place, in double precision, and the nearest one that it meets gives id,
-depth and normal. Nothing is blended across an edge.
+The photograph is resampled, the truth is not: the distorted ray of each pixel is intersected in double precision with
+the triangles that the wider view shows around its position, and the nearest one gives id, depth and normal. Nothing is
+blended across an edge.
 """
 
 from copy import copy
@@ -33,7 +33,7 @@ Index = int | np.int64
 
 
 class Geometry(NamedTuple):  # numba reads these, and no data classes
-    """What a ray may meet, as the kernel reads it.
+    """The triangles for ray intersection, in the layout of the kernel.
 
     Attributes:
         positions: Mesh-local positions [m], shape (V, 3), float32.
@@ -100,10 +100,10 @@ class _Wider(NamedTuple):
 
 
 class Lens:
-    """A distorted camera: which wider view it needs, and what it makes of it."""
+    """A distorted camera: the wider view that it needs, and the image made from it."""
 
     def meeting(self, geometry: Geometry) -> "Lens":
-        """Return the same lens, whose rays meet another moment of the scene.
+        """Return the same lens with the geometry of another moment of the scene.
 
         Args:
             geometry: What a ray may meet.

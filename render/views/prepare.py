@@ -1,4 +1,4 @@
-"""From a flat scene to something that draws views: textures, materials, light and buffers, made once per survey."""
+"""Preparation of a scene for drawing: textures, materials, light and buffers, once per survey."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -48,8 +48,8 @@ class Prepared:
         gpu: Uploaded scene.
         lamps: What lights it.
         settings: How to draw it.
-        warnings: One line for each thing that is drawn otherwise than authored.
-        light: What lights it, as it was prepared.
+        warnings: One line for each thing that is not drawn as authored.
+        light: Its illumination, as prepared.
         box: Lower and upper corner of the region of interest [m], each of shape (3,), float64.
         flight: Centres of all cameras [m], shape (N, 3), float64, and how far one may stray [m]; None for any.
     """
@@ -65,7 +65,7 @@ class Prepared:
     flight: tuple[F64, float] | None
 
     def moved(self, scene: FlatScene) -> "Prepared":
-        """Return the scene as it stands at another of its moments; the light volume stays that of the first.
+        """Return the scene at another of its moments; the light volume stays that of the first.
 
         Args:
             scene: The scene at that moment.

@@ -1,4 +1,4 @@
-"""Which driver draws here, and whether one small real frame comes out right, pixel by pixel.
+"""Check of the driver: whether one small frame is drawn correctly, pixel by pixel.
 
 `python -m render.views.probe` serves one request {device, frame} of a parent process.
 """

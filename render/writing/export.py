@@ -1,4 +1,4 @@
-"""A capture with its truth for other programs: a COLMAP model, a nerfstudio data set, a film of the flight."""
+"""Export of a capture with its truth: a COLMAP model, a nerfstudio data set, a video of the flight."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -34,7 +34,7 @@ def export_capture(folder: Path, to: str, out: Path, progress: Progress) -> list
         progress: Listener.
 
     Returns:
-        Files for people to open, from `out`.
+        Files for people to open, relative to `out`.
 
     Raises:
         InputError: Not a capture, or one without the truth that this format is made of.
@@ -120,7 +120,7 @@ def write_nerfstudio(capture: Capture, out: Path, progress: Progress) -> list[st
 
 
 def write_video(capture: Capture, out: Path, progress: Progress) -> list[str]:
-    """Write a film of the flight; with truth, the classes run beside the photographs.
+    """Write a video of the flight; with truth, the classes are shown beside the photographs.
 
     Args:
         capture: A capture.

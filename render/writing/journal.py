@@ -1,7 +1,7 @@
-"""What of a capture is done already: one note for each finished frame, so that a killed renderer loses none of them.
+"""Journal of an unfinished capture: one record for each finished frame, so that a killed renderer loses none of them.
 
-The notes lie in `.frames/` inside the capture in the making and go when it is finished. A frame counts as done when
-its note names every file of it by the hash of its bytes; nothing is taken over from another recipe.
+The records are in `.frames/` inside the unfinished capture and are removed when it is finished. A frame is finished if
+its record lists the hash of each of its files; records of another recipe are not used.
 """
 
 import shutil
@@ -24,10 +24,10 @@ _RESULTS = ("images", "truth")
 
 
 class Journal:
-    """The state of one capture in the making."""
+    """The state of one unfinished capture."""
 
     def __init__(self, folder: Path, recipe: str) -> None:
-        """Take over what an interrupted run of the same recipe left, and clear away what another one left.
+        """Open the journal of an interrupted run of the same recipe, or remove that of another recipe.
 
         Args:
             folder: Capture folder: empty, or left by an interrupted run.
@@ -126,7 +126,7 @@ class Journal:
         return self._notes / "gain.lock"
 
     def close(self) -> None:
-        """Take the notes away, and what killed writers left; the capture is complete."""
+        """Remove the journal and leftovers of killed writers; the capture is complete."""
         sweep(self._folder)
         shutil.rmtree(self._notes, ignore_errors=True)
 

@@ -1,4 +1,4 @@
-"""What is noted about a survey beside its images: calibration prior, EXIF, and how the frames were made."""
+"""Records of a survey beside its images: calibration prior, EXIF, and how the frames were made."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -20,7 +20,7 @@ _STREAM = 0x70726972  # the prior's own random stream beside the sensor's
 
 
 def draw_prior(camera: Pinhole, settings: RenderSettings, seed: int) -> CalibrationPrior:
-    """Draw what the maker's data sheet would say: a focal length near the truth, the principal point in the middle.
+    """Draw the calibration of a data sheet: a focal length near the truth, the principal point in the centre.
 
     Args:
         camera: Exact intrinsics.

@@ -23,6 +23,7 @@ from tests.conftest import Count, RecordProof
 F32 = NDArray[np.float32]
 
 _DISTANCES = (0.5, 1.0, 2.0, 5.0, 15.0)  # [m]
+_FAR = 1.0  # [m] from here on concrete has the contrast that photographs of concrete have, 6 to 12 %, and little more
 _SLANTS = (0.0, 60.0)  # [deg]
 _FEW = ("smooth_concrete", "painted_steel_aged", "galvanised_steel")
 _POOR = ("painted_steel_clean", "smooth_concrete_clean", "panel_concrete_clean")
@@ -53,8 +54,11 @@ def test_old_surfaces_feed_sift(tmp_path: Path, proof_count: Count, record_proof
                         continue
                     other = photograph(prepared, row, distance, slant, 0.1 * distance)
                     rows.append((contrast(one), keypoints(one), right_matches(one, other), name, distance, slant))
-    assert min(rows)[0] >= 0.04, min(rows)
-    assert max(rows)[0] <= 0.16, max(rows)
+    # The faintest is asphalt square from 0.5 m, where few of its stones are in the picture; the strongest is rubber.
+    assert min(rows)[0] >= 0.035, min(rows)
+    assert max(rows)[0] <= 0.17, max(rows)
+    concrete = [row for row in rows if "concrete" in row[3] and row[4] >= _FAR]
+    assert 0.06 <= min(concrete)[0] <= max(concrete)[0] <= 0.14, (min(concrete), max(concrete))
     fewest = min(rows, key=lambda found: found[1])
     assert fewest[1] >= 400, fewest
     worst = min(rows, key=lambda found: found[2])
@@ -67,6 +71,8 @@ def test_old_surfaces_feed_sift(tmp_path: Path, proof_count: Count, record_proof
         {
             "least_contrast": round(min(rows)[0], 3),
             "most_contrast": round(max(rows)[0], 3),
+            "least_contrast_of_concrete_from_1_m": round(min(concrete)[0], 3),
+            "most_contrast_of_concrete_from_1_m": round(max(concrete)[0], 3),
             "fewest_keypoints_per_megapixel": round(fewest[1]),
             "least_right_share": round(worst[2], 3),
             "clean_keypoints_per_megapixel": round(float(np.mean(poor))),

@@ -27,9 +27,12 @@ F64 = NDArray[np.float64]
 Pieces = tuple[Component | Scatter, ...]
 
 WORLDS = ("city", "countryside", "hillside", "lakeside")
+# [1] of a whole scene, the aim of docs/backgrounds.md: the largest one measured there has 1,031,000, the fullest view
+# of it 509,000, and a view of a survey is simplified to `render.triangle_budget` = 450,000.
 MOST_TRIANGLES = 1_500_000
 MOST_SECONDS = 30.0
 STANDING = ("building", "roof", "window", "tree", "shrub", "fence", "wall_retaining", "pole", "lamp_post")
+EDGE, LEAVES = 0.8, 1.0  # [m] of a road, railway or river that things may stand on; that a crown may hang over
 FEW = BackgroundSettings(
     city=CitySettings(town=200.0, trees=80, vehicles=60),
     countryside=CountrysideSettings(buildings=8, trees=100),
@@ -57,7 +60,11 @@ def test_worlds_keep_their_promises(name: str, proof_count: Count, record_proof:
         bent = () if layout.alignment.square else ("Ground", "Ways", "Quays")
         in_the_way = [p.name for p in pieces if p.group not in bent and _inside(site, _vertices(p))]
         assert in_the_way == [], seed
-        blocked = [piece.name for piece in pieces if piece.kind in STANDING and _on_the_way(site, _vertices(piece))]
+        blocked = [
+            piece.name
+            for piece in pieces
+            if piece.kind in STANDING and _on_the_way(site, _vertices(piece), LEAVES if piece.kind == "tree" else EDGE)
+        ]
         assert blocked == [], seed
         wrong += [len(in_the_way), len(blocked), len(unlabelled)]
         most = max(most, sum(_size(piece) for piece in (*site.pieces, *pieces)))
@@ -140,7 +147,7 @@ def _inside(site: Site, points: F64) -> bool:
     return any(bool(box.contains(points, margin=1e-6).any()) for box in site.keep_out)
 
 
-def _on_the_way(site: Site, points: F64) -> bool:
+def _on_the_way(site: Site, points: F64, edge: float) -> bool:
     """Whether anything stands on the road, railway or river within 90 m of the strip."""
     layout, crossing = site.land.layout, site.land.crossing
     reach = 0.5 * (layout.supports[-1] - layout.supports[0]) + 300.0
@@ -152,7 +159,7 @@ def _on_the_way(site: Site, points: F64) -> bool:
     return bool(
         (
             beyond
-            & (crossing.distance(station, left) < crossing.half_width - 0.8)
+            & (crossing.distance(station, left) < crossing.half_width - edge)
             & (np.abs(near[:, 2] - crossing.level - 1.9) < 2.0)
         ).any()
     )

@@ -25,8 +25,8 @@ TINY = {
     "site": {"half_width": 40, "run_out": 40, "scatter": {"tufts": 200, "stones": 100, "shrubs": 10, "reeds": 5}},
     "survey": [{"kind": "global", "images": 24, "spacing": 4.0, "width": 480, "height": 360}],
     "render": {"quality": "fast"},
-    # each image is paired with as few others as leave its cloud what it is with 20
-    "recon": {"mode": "sparse", "sparse": {"neighbours": 6}},
+    # as few pairs and keypoints as leave every camera registered
+    "recon": {"mode": "sparse", "sparse": {"neighbours": 6, "max_features": 1000}},
 }
 
 

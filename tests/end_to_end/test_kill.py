@@ -15,7 +15,7 @@ import pytest
 
 from groundwork.canonical import file_digest
 from groundwork.marks import MARK
-from tests.conftest import Count
+from tests.conftest import Count, RecordProof
 from tests.end_to_end.conftest import Chain
 
 PATIENCE = 240.0  # [s] on a box that many tests share
@@ -54,15 +54,19 @@ def test_killed_run_goes_on(chain: Chain, tmp_path: Path) -> None:
 
 @pytest.mark.faults
 @pytest.mark.proof_only
-def test_killed_run_goes_on_from_anywhere(chain: Chain, tmp_path: Path, proof_count: Count) -> None:
+def test_killed_run_goes_on_from_anywhere(
+    chain: Chain, tmp_path: Path, proof_count: Count, record_proof: RecordProof
+) -> None:
     """Kill the whole run at random moments, run it again to its end, and compare every stored byte."""
     out = tmp_path / "out"
     command = _command(chain, tmp_path, out)
     draw = np.random.default_rng(5)
-    for _ in range(proof_count(1, 12)):
+    kills = proof_count(1, 12)
+    for _ in range(kills):
         _kill_when(command, lambda _: time.sleep(draw.uniform(2.0, 20.0)))
     subprocess.run(command, check=True, capture_output=True)
     _assert_same(chain, out)
+    record_proof("faults: whole chain killed at random moments", kills, 5, {"kills": kills})
 
 
 def _command(chain: Chain, folder: Path, out: Path) -> list[str]:

@@ -54,6 +54,7 @@ WRONG = (
     "predict notes.txt -o out.laz --table none",
     "compare nowhere -o out",
     "compare folder -o out --preset none",
+    "background import notes.txt -o out",
     "scene checkout folder -o out",
     "scene import-edits notes.txt folder",
     "survey plan folder",

@@ -61,6 +61,24 @@ def test_from_the_store_to_a_package(stored: Path, tmp_path: Path, capsys: pytes
     assert (tmp_path / "flat/scene.usdc").is_file()
 
 
+def test_diff_names_many_of_one_parent_in_one_line(
+    stored: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A world comes and goes in a line for each group of it, and not in hundreds; JSON has every path."""
+    added = [*(f"/World/Trees/Tree_{k}" for k in range(40)), "/World/Ways/Rail", "/World/Ways/Road", "/World/Shore"]
+    found: dict[str, object] = {"selections": {}, "same": False, "moved": {}, "look": {}, "relabelled": {}}
+    found |= {"layers": {}, "added": added} | {word: [] for word in ("reshaped", "light", "removed")}
+    monkeypatch.setattr(scene_verbs, "_work", lambda *_: found)
+    lines = _run(capsys, "diff", stored, stored)[1].splitlines()
+    assert lines[:-1] == [
+        "added       /World/Trees: Tree_0, Tree_1, Tree_2 and 37 more",
+        "added       /World/Ways/Rail",
+        "added       /World/Ways/Road",
+        "added       /World/Shore",
+    ]
+    assert json.loads(_run(capsys, "diff", stored, stored, "--json")[1])["added"] == added
+
+
 @pytest.mark.parametrize("differs", ["moved", "reshaped", "relabelled"])
 def test_diff_says_that_all_stayed_where_it_did(
     differs: str, stored: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

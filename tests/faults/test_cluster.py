@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from groundwork.canonical import folder_digest
-from tests.conftest import Count
+from tests.conftest import Count, RecordProof
 from tests.falsework.tiny_chain import ROOT, SEED, contents, start
 
 pytestmark = pytest.mark.faults
@@ -96,7 +96,7 @@ def _on_a_terminal(*words: str | Path, cwd: Path) -> str:
     return said
 
 
-def test_a_standing_cluster_loses_a_worker(tmp_path: Path, proof_count: Count) -> None:
+def test_a_standing_cluster_loses_a_worker(tmp_path: Path, proof_count: Count, record_proof: RecordProof) -> None:
     """Workers in other folders find the scenario's world; one is killed in its work, the other ends the run alone.
 
     The tree is that of a run in one process, and the table at the end counts what the workers told.
@@ -127,6 +127,7 @@ def test_a_standing_cluster_loses_a_worker(tmp_path: Path, proof_count: Count) -
     assert contents(out) == contents(calm)
     stage = next(out.glob("store/stage/*/scene.usda"))
     assert f"# world/town {folder_digest(tmp_path / 'in/worlds/town')}" in stage.read_text()
+    record_proof("faults: worker of a standing cluster killed", deaths, 0, {"kills": deaths})
 
 
 TWICE = """

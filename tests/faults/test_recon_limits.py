@@ -18,7 +18,7 @@ from recon.photos.photos import open_photographs
 from recon.settings import ReconSettings, SparseSettings
 from recon.sfm.sparse import run_sparse
 from render.capture import read_capture
-from tests.conftest import Count
+from tests.conftest import Count, RecordProof
 from tests.faults.conftest import MAX_FEATURES, PATIENCE, Start, contents
 
 # A disk of its own for one command, and for the same once more when it has grown; what is there then is copied.
@@ -47,8 +47,11 @@ def one_line(process: subprocess.Popen[str], said: str, code: int) -> str:
 
 @pytest.mark.faults
 @pytest.mark.skipif(shutil.which("unshare") is None, reason="there is no unshare to mount a small disk with")
-def test_full_disk(start_reconstruct: Start, calm: Path, tmp_path: Path, proof_count: Count) -> None:
+def test_full_disk(
+    start_reconstruct: Start, calm: Path, tmp_path: Path, proof_count: Count, record_proof: RecordProof
+) -> None:
     """On disks that fill up in one step or another: exit code 4, one line that says what to do, and it goes on."""
+    filled = 0
     for full, size in enumerate(("2m", "1m", "1500k", "2300k", "2600k", "2900k")[: proof_count(1, 6)]):
         disk, copy = tmp_path / size, tmp_path / f"copy{size}"
         disk.mkdir()
@@ -63,6 +66,8 @@ def test_full_disk(start_reconstruct: Start, calm: Path, tmp_path: Path, proof_c
         assert line.startswith("falsework: ")
         assert "Free some, then run the same command again" in line
         assert "Traceback" not in said
+        filled += 1
+    record_proof("faults: disk full in the steps of a reconstruction", filled, 0, {"exit_code_4": filled})
 
 
 @pytest.mark.faults

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import Count
+from tests.conftest import Count, RecordProof
 from tests.falsework.forked import begin, end_of
 from tests.falsework.tiny_chain import SEED, contents, start
 
@@ -79,7 +79,7 @@ def _assert_all_end(session: int) -> None:
 
 
 def test_workers_die_again_and_again_on_one_task(
-    scenario: Path, calm: dict[str, str], tmp_path: Path, proof_count: Count
+    scenario: Path, calm: dict[str, str], tmp_path: Path, proof_count: Count, record_proof: RecordProof
 ) -> None:
     """More often than Dask would forgive: the task is not blamed, none is lost, and the bytes are those of a loop."""
     deaths = proof_count(4, 10)
@@ -99,6 +99,7 @@ def test_workers_die_again_and_again_on_one_task(
     assert len(list((tmp_path / "once").iterdir())) == deaths
     assert contents(tmp_path / "out") == calm
     _assert_all_end(process.pid)
+    record_proof("faults: worker killed again and again on one task", deaths, 0, {"kills": deaths})
 
 
 @pytest.mark.parametrize(

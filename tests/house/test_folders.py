@@ -86,8 +86,6 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "models",
         "losses.py",
         "metrics.py",
-        "statistics.py",
-        "panoptic.py",
         "instance_defaults.py",
         "instances.py",
         "trained.py",

@@ -48,3 +48,13 @@ def test_every_cell_about_others_says_where_it_was_read() -> None:
         for cell in line.strip("| ").split(" | ")[1:]:
             links = re.findall(r"\]\((https://github\.com/[\w-]+/[\w-]+/(?:blob|tree)/[0-9a-f]{7,}/[^) ]+)\)", cell)
             assert cell == "–" or links, (line[:40], cell)
+
+
+def test_code_blocks_stand_on_lines_of_their_own() -> None:
+    """A fence within a line of text is what a paragraph that was wrapped anew leaves of a block."""
+    pages = [*DOCS.rglob("*.md"), *DOCS.parent.glob("*.md")]
+    for page in pages:
+        lines = page.read_text(encoding="utf-8").splitlines()
+        fences = [line for line in lines if "```" in line]
+        assert [line for line in fences if not re.fullmatch(r" *```([a-z]*|\{.*)", line)] == [], page
+        assert len(fences) % 2 == 0, page

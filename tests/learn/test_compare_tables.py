@@ -5,8 +5,8 @@ import pytest
 
 from learn.compare.experiment import ExperimentSettings
 from learn.compare.findings import Trial, findings
+from learn.compare.statistics import crossed_bootstrap
 from learn.compare.tables import page, weakness
-from learn.statistics import crossed_bootstrap
 
 CLASSES = ("background", "column", "arch")
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from sklearn import metrics as peer
 
 from learn.metrics import calibration_error, confusion, confusion_by_threshold, mean_iou, risk_coverage, scores
-from learn.panoptic import count_instances, panoptic_quality
+from learn.scoring.panoptic import count_instances, panoptic_quality
 
 SEEDS = st.integers(0, 10_000)
 

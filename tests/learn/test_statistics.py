@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from groundwork.errors import InputError
+from learn.compare.statistics import crossed_bootstrap, holm, paired_difference, signed_rank
 from learn.metrics import mean_iou
-from learn.statistics import crossed_bootstrap, holm, paired_difference, signed_rank
 
 
 def test_the_paired_interval_is_students() -> None:

@@ -1,6 +1,7 @@
 """The benchmark of accuracy counts what its page says."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,9 @@ from benchmarks.recon.accuracy import (
     judge,
     scenario_of_row,
 )
+from benchmarks.recon.by_distance import distance_lines, nearest_camera
 from falsework.scenario import Scenario
+from groundwork.files import read_json
 from groundwork.settings import parse_settings
 from recon.cloud import Cloud, read_cloud
 
@@ -48,7 +51,7 @@ def _judged(plane_cloud: Path) -> Judged:
     flat = np.array([[[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 2.0, 0.0]]])
     shifts = np.array([[0.0, 0.0, -0.02], [10.0, 0.0, -0.05], [0.0, 0.0, 0.0]])
     corners = np.concatenate([flat + shift for shift in shifts])
-    return judge(_cloud(plane_cloud), corners, np.array([1, 1, 9], np.uint8))
+    return judge(_cloud(plane_cloud), np.full(90, 7.0), corners, np.array([1, 1, 9], np.uint8))
 
 
 def test_points_and_instances_are_counted(plane_cloud: Path) -> None:
@@ -83,3 +86,30 @@ def test_rows_are_scenarios_of_their_own_seeds() -> None:
         scenario = parse_settings(Scenario, scenario_of_row(row, number), row.name)
         assert len(scenario.sample) == (3 if number <= 4018 else 0)
         assert scenario.recon.modes == (("dense",) if row.survey == "inspection" else ("sparse", "dense"))
+
+
+def test_distance_is_to_the_nearest_camera_that_saw_the_point(plane_cloud: Path) -> None:
+    """A loop over points and their observations finds the same; cameras that did not see a point do not count."""
+    cloud = read_cloud(plane_cloud)
+    places = {row["name"]: np.array(row["camera_to_world"])[:3, 3] for row in _poses(plane_cloud)}
+    names = [str(camera["name"]) for camera in cloud.cameras]
+    start, image = cloud.observations["start"], cloud.observations["image"]
+    for number, distance in enumerate(nearest_camera(plane_cloud, cloud)[:50]):
+        seen = [places[names[row]] for row in image[start[number] : start[number + 1]]]
+        expected = min(np.linalg.norm(cloud.columns["coord"][number] - place) for place in seen)
+        assert np.isclose(distance, expected, rtol=1e-12, atol=0.0)
+
+
+def _poses(folder: Path) -> list[dict[str, Any]]:
+    return read_json(folder / "cameras_sfm.json")["poses"]
+
+
+def test_lines_by_distance_count_points() -> None:
+    """A bound belongs to the range above it; an empty range has no line."""
+    distances, near = np.array([4.9, 5.0, 9.9, 80.0]), np.array([True, True, False, True])
+    lines = distance_lines([(distances, near, np.array([False, True, False, True]))] * 2)
+    assert lines == [
+        "| 0 to 5 m | 2 | 100.0% | 0.0% |",
+        "| 5 to 10 m | 4 | 50.0% | 100.0% |",
+        "| more than 70 m | 2 | 100.0% | 100.0% |",
+    ]

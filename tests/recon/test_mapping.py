@@ -1,5 +1,6 @@
 """The mapper: images that few matches tie to the others, and growth that bends the model or hangs loose."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -42,13 +43,14 @@ class Heard(Silent):
         self.notes.append(message)
 
 
-def wall(folder: Path, shared: int, bow: float) -> Capture:
+def wall(folder: Path, shared: int, bow: float, *, gps: bool = True) -> Capture:
     """Write a database of images along a wall and of images far from it.
 
     Args:
         folder: Receives the database.
         shared: Points that each far image sees; COLMAP registers none with fewer than 30.
         bow: How far off their keypoints are at both ends of the wall [px].
+        gps: Whether each image has a fix, 0.5 m off along each axis.
     """
     rng = np.random.default_rng(0)
     along = [look_at(np.array([x, 0.0, rng.normal()]), np.array([3.6 + 0.4 * x, 10.0, 0.0])) for x in range(0, 13, 2)]
@@ -64,11 +66,11 @@ def wall(folder: Path, shared: int, bow: float) -> Capture:
     alone = np.flatnonzero(~seen.any(axis=0) & (abs(points[:, 0] - 6) < 7))[:ALONE]
     seen[-2:, alone] = True
     pixels[ROW:, :, 1] += bow * ((points[:, 0] - 6) / 6) ** 2
-    return write_matches(folder, pixels, seen)
+    return write_matches(folder, pixels, seen, poses[:, :3, 3] + rng.normal(0, 0.5, (ROW + AWAY, 3)) if gps else None)
 
 
-def write_matches(folder: Path, pixels: F64, seen: NDArray[np.bool_]) -> Capture:
-    """Write keypoints [px], shape (I, N, 2), where they are seen, shape (I, N), and matches of all pairs."""
+def write_matches(folder: Path, pixels: F64, seen: NDArray[np.bool_], places: F64 | None = None) -> Capture:
+    """Write keypoints [px], shape (I, N, 2), where they are seen, shape (I, N), matches of all pairs, and GPS [m]."""
     pycolmap.set_random_seed(1)
     folder.mkdir(exist_ok=True)
     frames = pycolmap.SyntheticDatasetOptions(
@@ -92,7 +94,8 @@ def write_matches(folder: Path, pixels: F64, seen: NDArray[np.bool_]) -> Capture
                     database.write_matches(other.image_id, image.image_id, geometry.inlier_matches)
                     database.write_two_view_geometry(other.image_id, image.image_id, geometry)
     prior = CalibrationPrior(focal_px=FOCAL, cx=SIZE[0] / 2, cy=SIZE[1] / 2)
-    rows = tuple(CaptureImage(name=image.name, file=image.name, gps=None) for image in images)
+    fixes = [None] * len(images) if places is None else [(float(x), float(y), float(z)) for x, y, z in places]
+    rows = tuple(CaptureImage(name=row.name, file=row.name, gps=fix) for row, fix in zip(images, fixes, strict=True))
     return Capture(folder, "s", SIZE, prior, (1.0, 1.0, 1.0), {"kind": "local"}, rows)
 
 
@@ -143,10 +146,10 @@ def test_images_that_hang_loose_are_left_out(tmp_path: Path, monkeypatch: pytest
     """Where wrong matches register images and leave them too few points, the model stays byte for byte what it was."""
     capture = wall(tmp_path / "wrong", 28, 40.0)
     found = map_into(capture, tmp_path / "model")
-    assert found["growth"] == {"added": 0, "loose": AWAY, "moved": 0.0}
+    assert found["growth"] == {"added": 0, "misplaced": 0, "loose": AWAY, "moved": 0.0}
     assert found["models"][0]["images"] == ROW
     monkeypatch.setattr(growth, "FEW_INLIERS", 30)  # COLMAP's own
-    assert map_into(capture, tmp_path / "as_colmap")["growth"] == {"added": 0, "loose": 0, "moved": 0.0}
+    assert map_into(capture, tmp_path / "as_colmap")["growth"] == {"added": 0, "misplaced": 0, "loose": 0, "moved": 0.0}
     assert folder_digest(tmp_path / "as_colmap" / mapping.MODEL) == folder_digest(tmp_path / "model" / mapping.MODEL)
 
 
@@ -162,7 +165,8 @@ def test_growth_that_moves_the_model_is_refused(bend: float, tmp_path: Path) -> 
     _bend(model, bend)
     scratch = tmp_path / "scratch"
     scratch.mkdir()
-    grown, facts = grow(model, capture.folder / DATABASE, capture.folder, scratch, options)
+    fixes = {image.file: image.gps for image in capture.images if image.gps is not None}
+    grown, facts = grow(model, capture.folder / DATABASE, capture.folder, scratch, options, fixes)
     if bend:
         assert grown is model
         assert facts["added"] == 0
@@ -171,6 +175,28 @@ def test_growth_that_moves_the_model_is_refused(bend: float, tmp_path: Path) -> 
     else:
         assert grown.num_reg_images() == ROW + AWAY
         assert facts["added"] == AWAY
+
+
+def test_images_of_a_look_alike_are_left_out(tmp_path: Path) -> None:
+    """Sound matches, but fixes 30 m away: the images show another wall that looks the same, and leave again."""
+    capture, heard = wall(tmp_path / "few", 28, 0.0), Heard()
+    away = {image.name for image in capture.images[ROW:]}
+    rows = tuple(
+        image.model_copy(update={"gps": (image.gps[0] + 30.0, *image.gps[1:])}) if image.name in away else image
+        for image in capture.images
+        if image.gps is not None
+    )
+    found = map_into(replace(capture, images=rows), tmp_path / "model", heard)
+    assert found["models"][0]["images"] == ROW
+    assert (found["growth"]["added"], found["growth"]["misplaced"]) == (0, AWAY)
+    assert heard.notes == [f"growth by fewer matches: {AWAY} images removed that GPS does not confirm"]
+
+
+def test_without_gps_few_matches_register_nothing(tmp_path: Path) -> None:
+    """Few points do not distinguish look-alikes, and here nothing else does."""
+    found = map_into(wall(tmp_path / "few", 28, 0.0, gps=False), tmp_path / "model")
+    assert found["models"][0]["images"] == ROW
+    assert "growth" not in found
 
 
 def test_what_hung_loose_may_come_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

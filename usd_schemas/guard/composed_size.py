@@ -1,4 +1,4 @@
-"""How many prims a stage will have, counted on its layers before USD composes them."""
+"""Upper bound of the number of a stage's prims, computed from its layers before composition."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,16 +9,16 @@ from groundwork.errors import InputError
 from usd_schemas.guard.layer_walk import Bounds, Warn, open_layer
 from usd_schemas.guard.package_walk import evaluated
 
-CONVERTED = "unitsResolve"  # suffix of the ops with which a prim converts what it brings in
+CONVERTED = "unitsResolve"  # suffix of the ops with which a prim converts the units of a reference
 
 _Site = tuple[Path, Sdf.Path]
 
 
 class ComposedSize:
-    """Counts the prims below a prim with everything that its arcs bring in: an upper bound, found in linear time.
+    """Counts the prims below a prim, including those of its composition arcs: an upper bound, in linear time.
 
-    References inside references multiply, so that a file of 3 kB can stand for millions of prims; their number is
-    known without composing one of them.
+    Nested references multiply, so that a file of 3 kB can have millions of prims; their number is computed without
+    composition.
     """
 
     def __init__(self, bounds: Bounds, limit: int, warn: Warn) -> None:
@@ -47,7 +47,7 @@ class ComposedSize:
             Number of prims, the prim itself included.
 
         Raises:
-            InputError: More than the limit, or layers that refer to one another in a circle.
+            InputError: More than the limit, or circular references between layers.
         """
         site = (file, prim)
         if site in self._known:
@@ -73,7 +73,7 @@ class ComposedSize:
         return total
 
     def _specs(self, file: Path, prim: Sdf.Path) -> Iterator[tuple[Sdf.Layer, Sdf.PrimSpec]]:
-        """Find what a layer and its sublayers say about a prim."""
+        """Find the specs of a prim in a layer and its sublayers."""
         if file not in self._stacks:
             self._stacks[file] = tuple(self._stack(file, ()))
         for layer in self._stacks[file]:
@@ -146,6 +146,6 @@ def _units(layer: Sdf.Layer) -> tuple[float | None, str | None]:
 
 
 def _file(layer: Sdf.Layer, name: str) -> Path | None:
-    """Find the layer file of an arc; None where there is none, which was said already."""
+    """Find the layer file of an arc; None if there is none, which has been reported."""
     target = (Path(layer.realPath).parent / evaluated(layer, name).partition("[")[0]).resolve()
     return target if target.is_file() and Sdf.FileFormat.FindByExtension(target.suffix.lstrip(".")) else None

@@ -1,4 +1,4 @@
-"""Opening a stage from elsewhere: what it reads and how large it grows is known before it is composed."""
+"""Checks of an untrusted stage before it is composed: the files that it reads, and its size."""
 
 import resource
 from pathlib import Path
@@ -19,19 +19,20 @@ MOST_BYTES = 4_000_000_000  # of layer files
 
 
 def check_stage(path: Path, allow_roots: tuple[Path, ...], warn: Warn, most_prims: int = MOST_PRIMS) -> None:
-    """Look through a stage from elsewhere before anything composes it.
+    """Check an untrusted stage before it is composed.
 
-    Call it in a child process with limits: even to read a layer may take more than there is.
+    Call it in a child process with limits: even reading a layer may exceed the memory.
 
     Args:
         path: USD file.
-        allow_roots: Folders beside that of the root layer from which the stage may take files.
+        allow_roots: Further folders from which the stage may load files.
         warn: Called with one line for each thing that is odd but not forbidden.
         most_prims: Number of composed prims that is too many.
 
     Raises:
         MissingError: There is no such file.
-        InputError: It takes files from elsewhere, is not readable, leads in a circle, or is too large.
+        InputError: It uses files outside the allowed folders, is not readable, has circular references, or is too
+            large.
     """
     if not path.is_file():
         raise MissingError("no such file", where=path, hint="Name a .usda, .usdc, .usd or .usdz file")
@@ -53,7 +54,7 @@ def check_stage(path: Path, allow_roots: tuple[Path, ...], warn: Warn, most_prim
 
 
 def limit_memory(gigabytes: float) -> None:
-    """Bound what this process may allocate, so that one huge array fails at once instead of filling the machine.
+    """Limit the memory of this process, so that one huge array fails at once.
 
     Args:
         gigabytes: Address space [GB].
@@ -64,7 +65,7 @@ def limit_memory(gigabytes: float) -> None:
 
 
 def _check_composed(stage: Usd.Stage, most_prims: int, warn: Warn) -> None:
-    """Name prims whose type or chosen variant is unknown; packages are counted only here."""
+    """Report prims of unknown type or selected variant; prims of packages are counted only here."""
     instances = 0
     for number, prim in enumerate(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())):
         if number >= most_prims:

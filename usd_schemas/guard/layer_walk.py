@@ -1,4 +1,4 @@
-"""What the layers of a stage refer to, read one by one without composing them."""
+"""Files that the layers of a stage refer to, read layer by layer without composition."""
 
 import re
 import shlex
@@ -22,7 +22,7 @@ _TILES = re.compile(r"<UDIM>|<UVTILE>|<ATTR:[^>]*>")
 
 @dataclass(frozen=True)
 class Bounds:
-    """Where files of a stage may lie.
+    """Folders in which files of a stage are allowed.
 
     Attributes:
         home: Folder of the root layer; lines name files relative to it.
@@ -33,7 +33,7 @@ class Bounds:
     roots: tuple[Path, ...]
 
     def contain(self, file: Path) -> bool:
-        """Tell whether a resolved path lies below one of the roots.
+        """Tell whether a resolved path is inside one of the roots.
 
         Args:
             file: Resolved path.
@@ -41,7 +41,7 @@ class Bounds:
         return any(file.is_relative_to(root) for root in self.roots)
 
     def name(self, file: Path) -> str:
-        """Name a file as people know it.
+        """Return a readable path of a file.
 
         Args:
             file: Resolved path.
@@ -50,7 +50,7 @@ class Bounds:
 
 
 def walk_layers(path: Path, bounds: Bounds, warn: Warn) -> tuple[Path, ...]:
-    """Follow every arc and asset of a stage, those of unselected variants too, and refuse the first that leads outside.
+    """Follow every arc and asset of a stage, also of unselected variants, and refuse the first that leaves the folders.
 
     Args:
         path: Resolved path of the root layer.
@@ -94,7 +94,7 @@ def walk_layers(path: Path, bounds: Bounds, warn: Warn) -> tuple[Path, ...]:
 
 
 def _walk_document(file: Path, bounds: Bounds, warn: Warn) -> None:
-    """Look through a MaterialX document: its pictures may lie nowhere else either."""
+    """Check a MaterialX document: its pictures must be in the allowed folders too."""
     document = read_document(file)
     for name in named_files(document):
         target = _inside(file, name, bounds, "")
@@ -107,7 +107,7 @@ def _walk_document(file: Path, bounds: Bounds, warn: Warn) -> None:
 
 
 def _check_tiles(file: Path, name: str, bounds: Bounds, warn: Warn) -> None:
-    """The tiles of a texture may be links, which lead nowhere else either."""
+    """Check the tiles of a texture, which may be links out of the allowed folders."""
     folder, _, last = name.partition("[")[0].rpartition("/")
     form = re.compile("\\d{4}".join(map(re.escape, _TILES.split(last))))
     place = (file.parent / folder).resolve()
@@ -141,7 +141,7 @@ def open_layer(file: Path, bounds: Bounds) -> Sdf.Layer:
 
 
 def _refuse_found(layer: Sdf.Layer, file: Path, name: str, bounds: Bounds) -> None:
-    """Refuse what is not where a layer says, and where USD would take a file of that name from elsewhere instead."""
+    """Refuse a missing file if USD would find one of that name in another folder."""
     found = found_by(layer, name).partition("[")[0]
     if found and Path(found).exists() and not bounds.contain(Path(found).resolve()):
         raise InputError(
@@ -160,11 +160,11 @@ def _target(layer: Sdf.Layer, file: Path, name: str, bounds: Bounds) -> Path:
 
 
 def _inside(file: Path, name: str, bounds: Bounds, holder: str) -> Path:
-    """Find the file that a name means; refuse one that leads out of the roots."""
+    """Resolve a name; refuse a file outside the roots."""
     remote = bool(_REMOTE.match(name))
     try:
         target = (file.parent / name.partition("[")[0]).resolve()
-    except (OSError, ValueError):  # too long, a circle of links, or a NUL in it
+    except (OSError, ValueError):  # too long, circular links, or NUL
         raise InputError("not the name of a file", where=bounds.name(file), value=name) from None
     if remote or not bounds.contain(target):
         how = "is remote" if remote else "leads out of the allowed folders"
@@ -178,14 +178,14 @@ def _inside(file: Path, name: str, bounds: Bounds, holder: str) -> Path:
 
 
 def _allowing(bounds: Bounds, target: Path) -> str:
-    """Spell the words that would allow a file: the folder above both it and the stage, or its own where that is all."""
+    """Return the option that would allow a file: with the common parent folder of file and stage, or the file's own."""
     shared = [folder for folder in bounds.home.parents if target.is_relative_to(folder)]
     near = shared[0] if shared and len(shared[0].parts) > _SHALLOW else target.parent
     return f"--allow-root {shlex.quote(str(near))}"
 
 
 def _holder(layer: Sdf.Layer, name: str) -> str:
-    """Name the first prim of a layer that names a file; only asked when something is wrong with it."""
+    """Find the first prim of a layer that names a file; called only for errors."""
     found: list[str] = []
 
     def look(path: Sdf.Path) -> None:

@@ -1,4 +1,4 @@
-"""What the layers inside a usdz package refer to: nothing in it may lead out of it."""
+"""Check of usdz packages: no layer in one may refer to a file outside."""
 
 import re
 from pathlib import Path
@@ -16,14 +16,15 @@ _CLIMBS = re.compile(r"(?:^|\[)\.\./")  # a path above the top of a package, as 
 
 
 def check_package(file: Path, where: str) -> None:
-    """Look through every layer of a package, whether the root layer reaches it or not, and of packages inside it.
+    """Check every layer of a package, even if the root layer does not reach it, and of nested packages.
 
     Args:
         file: `.usdz` file.
         where: Names it in the error.
 
     Raises:
-        InputError: No package, a layer that cannot be read, or a path in one that is absolute, remote or climbs out.
+        InputError: Not a package, a layer that cannot be read, or a path that is absolute, remote or leaves the
+            package.
     """
     check_regular(file)
     try:
@@ -65,7 +66,7 @@ def is_layer(name: str) -> bool:
 
 
 def named_by(layer: Sdf.Layer, identifier: str) -> list[str]:
-    """List every file that a layer names, in whatever arc, variant or attribute, with expressions evaluated.
+    """List every file that a layer names in any arc, variant or attribute, with expressions evaluated.
 
     Args:
         layer: An open layer.
@@ -78,7 +79,7 @@ def named_by(layer: Sdf.Layer, identifier: str) -> list[str]:
 
 
 def evaluated(layer: Sdf.Layer, name: str) -> str:
-    """Evaluate an asset path that is an expression with the layer's own variables; others stay.
+    """Evaluate an asset path that is an expression with the layer's own variables; others are returned unchanged.
 
     Args:
         layer: Layer that holds it.
@@ -91,7 +92,7 @@ def evaluated(layer: Sdf.Layer, name: str) -> str:
 
 
 def found_by(layer: Sdf.Layer, name: str) -> str:
-    """Tell what file USD would open for a name: it looks in the folder of the command, too.
+    """Find the file that USD would open for a name: it also searches the current folder.
 
     Args:
         layer: Layer that holds the name.

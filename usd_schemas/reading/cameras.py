@@ -1,4 +1,4 @@
-"""Cameras with their poses, and the products that shall be rendered from them."""
+"""Reading of cameras with their poses, and of render products."""
 
 import math
 from dataclasses import replace
@@ -19,12 +19,12 @@ from usd_schemas.reading.traversal import EARLIEST, composed_prims, guarded
 
 F64 = NDArray[np.float64]
 
-CAMERA_MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "OPENCV")  # of COLMAP, that the calibration schema may name
+CAMERA_MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "OPENCV")  # camera models of COLMAP allowed in the calibration schema
 DEFAULT_WIDTH = 1280  # [px], where a stage names no resolution
 FRAMING_HEIGHT = 960  # [px]
 FRAMING_LENS = UsdLens(0.24, 0.36, 0.27)  # 24 mm on 36 x 27 mm
 _WHOLE_WINDOW = (0.0, 0.0, 1.0, 1.0)
-_SAME_ASPECT = 1e-3  # difference of aspects that is none [1]
+_SAME_ASPECT = 1e-3  # aspects with a smaller difference count as equal [1]
 FRAMING_MARGIN = 0.9  # share of the picture that the scene may fill [1]
 DEFAULT_NEAR = 0.1  # [m]
 FARTHEST_NEAR = 1e6  # [m] what is nearer than this is drawn by every camera that means to show something
@@ -58,7 +58,7 @@ def read_cameras(
 def _read_camera(
     camera: UsdGeom.Camera, stage_to_world: F64, warn: Warn, frames: tuple[float, ...]
 ) -> CameraTrack | None:
-    """Read one camera; None, with a line, where it cannot take a picture."""
+    """Read one camera; None, with a warning, if it is unusable."""
     path = camera.GetPath()
     if camera.GetProjectionAttr().Get(EARLIEST) != UsdGeom.Tokens.perspective:
         warn(f"{path}: only perspective cameras are rendered")
@@ -79,7 +79,7 @@ def _read_camera(
 
 
 def image_codes(stage: Usd.Stage, track: CameraTrack, frames: tuple[float, ...] = ()) -> list[Usd.TimeCode]:
-    """Tell at which time codes the images of a camera are taken.
+    """List the time codes of a camera's images.
 
     Args:
         stage: Composed stage.
@@ -96,7 +96,7 @@ def image_codes(stage: Usd.Stage, track: CameraTrack, frames: tuple[float, ...] 
 
 
 def _lens_fault(prim: Usd.Prim, track: CameraTrack) -> str:
-    """Say what is wrong with a stated calibration; empty when nothing is."""
+    """Describe the error of a stated calibration; empty if it is valid."""
     stated = prim.GetAttribute("falsework:cal:model")
     model = str(stated.Get()) if stated and stated.HasAuthoredValue() else "PINHOLE"
     if model not in CAMERA_MODELS:
@@ -165,7 +165,7 @@ def _read_track(
 
 
 def _near(camera: UsdGeom.Camera, unit: float, warn: Warn) -> float:
-    """Near clipping distance [m]; the usual one where the stage gives none that can be."""
+    """Read the near clipping distance [m]; the default if the stage has none or an invalid one."""
     told = camera.GetClippingRangeAttr().Get(EARLIEST)
     range_told = (0.0, 0.0) if told is None else (float(told[0]), float(told[1]))
     near, far = range_told[0] * unit, range_told[1] * unit
@@ -202,7 +202,7 @@ def _codes(prim: Usd.Prim, is_survey: bool) -> list[Usd.TimeCode]:
         return whole
     stage = prim.GetStage()
     first, last = min(sampled), max(sampled)
-    if stage.HasAuthoredTimeCodeRange():  # outside its own keys a camera stands still: nothing new is seen there
+    if stage.HasAuthoredTimeCodeRange():  # outside its keys a camera does not move
         start, end = max(first, stage.GetStartTimeCode()), min(last, stage.GetEndTimeCode())
         first, last = (start, end) if start <= end else (first, last)
     return [Usd.TimeCode(value) for value in range(math.ceil(first), max(math.floor(last), math.ceil(first)) + 1)]
@@ -250,7 +250,7 @@ def read_products(
 
 
 def _of_camera(products: tuple[Product, ...], cameras: tuple[CameraTrack, ...], wanted: str) -> tuple[Product, ...]:
-    """Keep the products of one camera, named by its name or path; one of its own where it has none."""
+    """Keep the products of one camera, given by its name or path; if it has none, make one."""
     if not wanted:
         return products
     rows = [row for row, camera in enumerate(cameras) if wanted in (camera.name, camera.path)]
@@ -263,7 +263,7 @@ def _of_camera(products: tuple[Product, ...], cameras: tuple[CameraTrack, ...], 
 
 
 def sized(product: Product, choices: StageChoices) -> Product:
-    """Give a product the size that the user asks for; where one side is asked for, its shape stays.
+    """Set the size of a product; if only one side is given, the aspect ratio is kept.
 
     Args:
         product: A product.
@@ -304,7 +304,7 @@ def _add_product(
 
 
 def _note_unread(prim: Usd.Prim, settings: UsdRender.Settings, lens: UsdLens, aspect: float, warn: Warn) -> None:
-    """Name what a product asks for beyond camera, resolution and our outputs."""
+    """Report settings of a product that are not supported."""
 
     def told(name: str) -> Any:
         holders = [prim, settings.GetPrim()] if settings else [prim]
@@ -344,7 +344,7 @@ def _default_product(cameras: tuple[CameraTrack, ...], row: int) -> Product:
 
 
 def framing_camera(low: F64, high: F64, images: int = 1) -> tuple[CameraTrack, Product]:
-    """Make a camera that sees a whole box from the south-west and above.
+    """Make a camera that shows a whole box from the south-west and above.
 
     Args:
         low: Lower corner [m], shape (3,), float64.

@@ -1,4 +1,4 @@
-"""What a user may choose about a stage before it is read: camera, frames, purposes, variants, size, subdivision."""
+"""A user's choices for reading a stage: camera, frames, purposes, variants, size, subdivision."""
 
 import math
 from collections.abc import Sequence
@@ -16,16 +16,16 @@ _ROUNDED = 1e-9  # [frames] a step such as 0.1 reaches its last frame
 
 @dataclass(frozen=True)
 class StageChoices:
-    """How a stage is read.
+    """Options for reading a stage, which override its own settings.
 
     Attributes:
         camera: Name or prim path of the one camera; empty for all products.
         frames: Time codes of the images [time codes]; empty for those of each camera.
         purposes: Which purposes are drawn.
-        variants: Prim path, variant set and name of each variant that is chosen otherwise than on the stage.
-        width: Image width [px]; 0 as the product says, or as the height asks for.
-        height: Image height [px]; 0 as the product says, or as the width asks for.
-        subdivision: How many times subdivision surfaces are refined; 0 draws their cages.
+        variants: Prim path, variant set and name of each variant to select.
+        width: Image width [px]; 0: from the product, or from the height.
+        height: Image height [px]; 0: from the product, or from the width.
+        subdivision: Number of refinements of subdivision surfaces; 0: their control meshes.
     """
 
     camera: str = ""
@@ -37,7 +37,7 @@ class StageChoices:
     subdivision: int = 1
 
     def as_json(self) -> dict[str, Any]:
-        """Return what `choices_from` takes."""
+        """Return JSON for `choices_from`."""
         return asdict(self)
 
 
@@ -45,10 +45,10 @@ AS_AUTHORED = StageChoices()
 
 
 def choices_from(told: dict[str, Any] | None) -> StageChoices:
-    """Take choices over from JSON.
+    """Create choices from JSON.
 
     Args:
-        told: What `as_json` returned, or None for a stage as it is.
+        told: Result of `as_json`, or None for no changes.
     """
     if not told:
         return AS_AUTHORED
@@ -64,7 +64,7 @@ def choices_from(told: dict[str, Any] | None) -> StageChoices:
 
 
 def frames_of(words: Sequence[str]) -> tuple[float, ...]:
-    """Read time codes from words such as `12`, `1:48` or `1:48:2`; the last number of a range belongs to it.
+    """Parse time codes from words such as `12`, `1:48` or `1:48:2`; the end of a range is included.
 
     Args:
         words: What the user wrote.
@@ -91,7 +91,7 @@ def frames_of(words: Sequence[str]) -> tuple[float, ...]:
 
 
 def variants_of(words: Sequence[str]) -> tuple[tuple[str, str, str], ...]:
-    """Read variants from words such as `/World/House:roof=tiles`.
+    """Parse variants from words such as `/World/House:roof=tiles`.
 
     Args:
         words: What the user wrote.
@@ -110,13 +110,13 @@ def variants_of(words: Sequence[str]) -> tuple[tuple[str, str, str], ...]:
 
 
 def check_choices(choices: StageChoices) -> None:
-    """Refuse what no stage could give.
+    """Refuse choices that are impossible for any stage.
 
     Args:
-        choices: What the user asks for.
+        choices: The user's choices.
 
     Raises:
-        InputError: A purpose that there is not, or a size that no image has.
+        InputError: An unknown purpose, or an invalid size.
     """
     for purpose in choices.purposes:
         if purpose not in PURPOSES:

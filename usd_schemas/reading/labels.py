@@ -1,4 +1,4 @@
-"""What every drawn prim is called: class, component and instance id, from the nearest prim above it that says so."""
+"""Labels of drawn prims: class, component and instance id, inherited from the nearest labelled ancestor."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -20,13 +20,13 @@ Warn = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Label:
-    """What a prim passes on to those below it.
+    """Label of a prim, which its descendants inherit.
 
     Attributes:
         class_name: Class in the base table; empty where none is known.
         component: Component kind; empty where none is known.
         instance_id: Instance id; 0 where none is authored.
-        carrier: Path of the prim that carries the id or, where none does, of the prim that shall get one.
+        carrier: Path of the prim with the id or, if none has one, of the prim that gets one.
         parameters: Facts about the component.
     """
 
@@ -38,15 +38,15 @@ class Label:
 
 
 def inherit_label(prim: Usd.Prim, above: Label, keep_id: bool = False) -> Label:
-    """Find what a prim is called, given what the prim above it is called.
+    """Find the label of a prim, given that of its parent.
 
-    A label in the taxonomy `class` counts first, then the class of a `component` label; each may be a LabelsAPI label
-    or the mirror among the user properties that DCCs keep. The same prim's component API is the last resort.
+    A label in the taxonomy `class` has priority over the class of a `component` label; each may be a LabelsAPI label or
+    its copy as a user property. The prim's component API is used last.
 
     Args:
         prim: Any prim.
-        above: What its parent is called.
-        keep_id: The id from above stays even where the prim carries one (inside an instance that has its own).
+        above: Label of its parent.
+        keep_id: Keep the inherited id even if the prim has one (inside an instance with its own id).
     """
     facts = read_component(prim)
     component = direct_label(prim, tokens.COMPONENT_TAXONOMY) or facts.kind
@@ -64,7 +64,7 @@ def inherit_label(prim: Usd.Prim, above: Label, keep_id: bool = False) -> Label:
 
 
 def read_taxonomy(stage: Usd.Stage, warn: Warn) -> Taxonomy:
-    """Read the class table that the stage's semantic render variable carries, else take the project's own.
+    """Read the class table of the stage's semantic render variable; default: the project's own.
 
     Args:
         stage: Composed stage.
@@ -87,7 +87,7 @@ def read_taxonomy(stage: Usd.Stage, warn: Warn) -> Taxonomy:
 
 
 class Register:
-    """Turns labels into class ids and instance ids, and keeps the table of instances.
+    """Converts labels to class ids and instance ids, and holds the table of instances.
 
     Attributes:
         rows: Instance rows by id, filled as draws are registered.
@@ -111,7 +111,7 @@ class Register:
         self._used: set[int] = set()
 
     def reserve(self, numbers: set[int]) -> None:
-        """Say which ids are authored somewhere, so that none of them is given to an unnumbered prim.
+        """Reserve the authored ids, so that none of them is assigned to another prim.
 
         Args:
             numbers: Authored ids.
@@ -119,7 +119,7 @@ class Register:
         self._used |= numbers
 
     def class_id(self, label: Label) -> int:
-        """Find the class id of a label; what the table does not know is background.
+        """Find the class id of a label; unknown labels are background.
 
         Args:
             label: Label of a drawn prim.
@@ -135,8 +135,8 @@ class Register:
 
         Args:
             label: Its label.
-            own: Path of the prim that gets an id where none is authored.
-            numbers: Ids that its instancer carries, shape (N,), uint32, or None.
+            own: Path of the prim that gets an id if none is authored.
+            numbers: Ids authored on its instancer, shape (N,), uint32, or None.
             count: Number of instances.
 
         Returns:

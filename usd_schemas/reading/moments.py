@@ -1,4 +1,4 @@
-"""What of a stage moves, and how it stands when each image is taken."""
+"""Moving prims of a stage, at the time of each image."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from usd_schemas.taxonomies import Taxonomy
 F64 = NDArray[np.float64]
 
 MOST_PLACED = 2_000_000  # placements over all moments; each takes some 0.1 ms to read
-MOST_POINTS = 40_000_000  # of what changes its shape, over all moments; 44 bytes each
+MOST_POINTS = 40_000_000  # vertices of deforming meshes, over all moments; 44 bytes each
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class Moving:
 
     Attributes:
         flat: Everything that is drawn at the first moment.
-        moments: What moves, at each moment; empty where nothing does.
-        cameras: The cameras, which know the moment of each of their images.
+        moments: Moving prims at each moment; empty for a static stage.
+        cameras: The cameras, with the moment of each of their images.
     """
 
     flat: Flattened
@@ -45,7 +45,7 @@ def flatten_moments(
     stage_to_world: F64,
     warn: Warn,
 ) -> Moving | None:
-    """Read everything that is drawn, once where it stands still, and at the time of each image where it moves.
+    """Read everything that is drawn: static prims once, moving prims at the time of each image.
 
     Args:
         stage: Composed stage.
@@ -109,7 +109,7 @@ def _tell(taken: list[list[Usd.TimeCode]], parts: int, warn: Warn) -> None:
 
 
 def _marked(rows: tuple[InstanceRow, ...], moments: tuple[Draws, ...]) -> tuple[InstanceRow, ...]:
-    """Mark the ids of what does not stand everywhere as it does at the first moment."""
+    """Mark the ids of prims that differ from the first moment at any other."""
     forms: dict[int, set[bytes]] = {}
     for draws in moments:
         for number in np.unique(draws.instance).tolist():

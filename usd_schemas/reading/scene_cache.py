@@ -1,7 +1,7 @@
-"""Flat scenes that were read before: a stage is composed once, and from then on found by the content of its layers.
+"""Cache of flat scenes: a stage is composed once, and later found by the content of its layers.
 
-Another process, a later run, or the same stage in another folder takes over what is kept. A file of the cache counts
-only when its hash is right; the cache may be deleted at any time.
+Other processes, later runs, and the same stage in another folder use the cached scene. A file of the cache is used only
+if its hash is right; the cache may be deleted at any time.
 """
 
 import os
@@ -26,7 +26,7 @@ from usd_schemas.reading.packages import unpacked_folder
 from usd_schemas.reading.scene_file import pack_scene, unpack_scene
 from usd_schemas.reading.stage_reader import choose_survey, compose_stage, read_stage, texture_files, with_origin
 
-MOST_BYTES = 2_000_000_000  # of the cache; what was not used for longest goes first
+MOST_BYTES = 2_000_000_000  # size of the cache; the least recently used files are removed first
 _SUFFIX = ".scene"
 
 Rename = Callable[[str], str]
@@ -54,7 +54,7 @@ def load_scene(
     place = root / f"{digest([_code(), path.resolve().name, contents, choices.as_json()])}{_SUFFIX}"
     scene = _kept(place, home)
     if scene is None:
-        with _turn(place):  # who came first composes it, the others wait
+        with _turn(place):  # the first process composes it, the others wait
             scene = _kept(place, home) or _compose(path, contents, place, choices)
     return choose_survey(scene, survey, path)
 
@@ -62,7 +62,7 @@ def load_scene(
 @contextmanager
 def _turn(place: Path) -> Iterator[None]:
     with ExitStack() as held:
-        with suppress(OSError, InputError):  # where nothing can be written, nothing is kept and nobody waits
+        with suppress(OSError, InputError):  # if the folder is not writable, nothing is cached and no process waits
             place.parent.mkdir(parents=True, exist_ok=True)
             held.enter_context(hold_lock(place.with_suffix(".lock")))
         yield
@@ -82,7 +82,7 @@ def _compose(path: Path, contents: dict[str, str], place: Path, choices: StageCh
     pictures = [Path(file) for file in texture_files(composed.scene)]
     own = [file for file in pictures if file.parent != unpacked_folder().resolve()]  # the others: of a hashed package
     used = {name_from(home, file) for file in (*composed.files, *own)}
-    # Kept only if all that it was read from is in its name, and stayed as it was meanwhile.
+    # Cached only if its name covers all files that were read, and they did not change meanwhile.
     if used <= contents.keys() and layer_contents(path) == contents:
         _keep(pack_scene(_renamed(composed.scene, lambda file: name_from(home, Path(file))), composed.layers), place)
     return with_origin(composed.scene, composed.layers)

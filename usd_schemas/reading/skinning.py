@@ -1,4 +1,4 @@
-"""Meshes that a skeleton bends become meshes whose points move: baked in memory, the files stay as they are."""
+"""Baking of skinned meshes to time-sampled points, in memory; the files do not change."""
 
 from pxr import Gf, Usd, UsdSkel
 

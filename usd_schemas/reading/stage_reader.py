@@ -26,7 +26,7 @@ from usd_schemas.registration import register_schemas
 
 F64 = NDArray[np.float64]
 
-_LOST = ("not drawn", "left out")  # words of the warnings about what is not on the picture
+_LOST = ("not drawn", "left out")  # words in warnings about prims that are not drawn
 _REASONS = 3  # warnings in one error
 _LOOK_AT = "Check visibility, purpose, payloads and variant selections"
 
@@ -35,7 +35,7 @@ register_schemas()
 
 @dataclass(frozen=True)
 class ComposedStage:
-    """What one composition of a stage came to.
+    """Result of one composition of a stage.
 
     Attributes:
         scene: The stage, its `origin` still empty.
@@ -49,19 +49,19 @@ class ComposedStage:
 
 
 def read_stage(path: Path | str, *, survey: str | None = None, choices: StageChoices = AS_AUTHORED) -> FlatScene:
-    """Read a stage: everything that is drawn, its looks, lights, cameras and labels.
+    """Read a stage as arrays: geometry, materials, lights, cameras and labels.
 
     Args:
         path: A USD file (usda, usdc, usd or usdz).
-        survey: Name of the one product to keep, with its camera; all when None.
-        choices: Camera, frames, purposes, variants and the like where they shall not be those of the stage.
+        survey: Name of the only product to keep, with its camera; None: all.
+        choices: Camera, frames, purposes, variants and the like, to override those of the stage.
 
     Returns:
-        The stage in metres with z up; what moves, at the time of each image.
+        The stage in metres with z up; moving objects at the time of each image.
 
     Raises:
         MissingError: There is no such file.
-        InputError: It is not a USD file, shows nothing, or has no such product.
+        InputError: It is not a USD file, it contains nothing to draw, or it has no such product.
     """
     place = Path(path)
     composed = compose_stage(place, choices)
@@ -86,7 +86,7 @@ def compose_stage(path: Path, choices: StageChoices = AS_AUTHORED) -> ComposedSt
     def warn(line: str) -> None:
         warnings[" ".join(line.replace(folder, "./").split())] = None
 
-    # It holds back what USD would print; what matters comes back through `warn`.
+    # Suppresses USD's own output; relevant messages are reported through `warn`.
     quiet = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         documents, stage = _open(path)
@@ -164,7 +164,7 @@ def choose_survey(scene: FlatScene, survey: str | None, path: Path) -> FlatScene
 
 
 def with_origin(scene: FlatScene, layers: tuple[str, ...]) -> FlatScene:
-    """Name a scene by the content of every layer and texture that it was read from, wherever they lie.
+    """Set the origin of a scene: a hash of the content of all its layers and textures, independent of their paths.
 
     Args:
         scene: A scene.
@@ -195,7 +195,7 @@ def stage_to_world(stage: Usd.Stage, where: Path | None = None) -> F64:
         For column vectors [m per stage unit], shape (4, 4), float64.
 
     Raises:
-        InputError: The stage's unit is no length.
+        InputError: The stage's unit is invalid.
     """
     unit = UsdGeom.GetStageMetersPerUnit(stage)
     if not 0.0 < unit < np.inf:  # nor NaN
@@ -229,7 +229,7 @@ def _open(path: Path) -> tuple[Adopted, Usd.Stage]:
 
 
 def _why_empty(warnings: list[str]) -> str:
-    """Pick the warnings that tell why nothing is drawn, else the last ones."""
+    """Choose the warnings that explain why nothing is drawn, else the last ones."""
     lost = [line for line in warnings if any(words in line for words in _LOST)]
     return "; ".join(lost[:_REASONS] or warnings[-_REASONS:]) or _LOOK_AT
 

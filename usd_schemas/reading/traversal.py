@@ -1,4 +1,4 @@
-"""When a stage is read, and which of its prims count."""
+"""Default time code and traversal of a stage, and guards against invalid values."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -39,12 +39,12 @@ def composed_prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
 
 @contextmanager
 def guarded(prim: Usd.Prim, warn: Callable[[str], None], what: str = "left out") -> Iterator[None]:
-    """Let a prim with values of wrong types, or facts that are none, cost itself alone.
+    """Skip a prim with values of wrong types with a warning, instead of failing.
 
     Args:
         prim: The prim.
         warn: Called with one line where it could not be read.
-        what: What becomes of it.
+        what: What happens to it, for the warning.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""What a stage says that would change a picture and is not read: one line for each kind of thing."""
+"""Warnings about features of a stage that are not supported: one line for each kind."""
 
 from collections.abc import Iterator
 
@@ -12,7 +12,7 @@ _LINKS = ("lightLink", "shadowLink")
 
 
 def note_unread(stage: Usd.Stage, warn: Warn) -> None:
-    """Name what is left out, each kind once, with the first prim and how many more there are.
+    """Report unsupported features, each kind once, with the first prim and the number of others.
 
     Args:
         stage: Composed stage.

@@ -1,4 +1,4 @@
-"""Runs inside Blender, with nothing but what Blender brings: opens a scene as its cameras shall see it.
+"""Runs inside Blender, with Blender's own packages only: opens a scene as its cameras shall render it.
 
 Blender reads neither render settings nor the frame rate of a stage. This script imports with the options that keep ids
 and labels, and then sets frames per second, resolution, frame range and camera from the RenderProduct.
@@ -69,7 +69,7 @@ def apply_product(target: Any, camera: str, size: tuple[int, int], frames: tuple
 
 
 def read_product(scene: str, survey: str) -> tuple[str, tuple[int, int], tuple[int, int]]:
-    """Read a RenderProduct with the USD library that Blender brings.
+    """Read a RenderProduct with the USD library of Blender.
 
     Args:
         scene: Path of `scene.usda`.

@@ -1,4 +1,4 @@
-"""Panoptic quality: how well instances are found, and how well those that are found are outlined."""
+"""Panoptic quality: how well instances are found, and how well the found ones are segmented."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ I64 = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class PanopticQuality:
-    """Quality of instances, class by class; NaN for a class of which there is neither a true nor a predicted one.
+    """Quality of instances by class; NaN for a class with neither true nor predicted instances.
 
     Attributes:
         quality: Segmentation quality times recognition quality [1], shape (C,), float64.
@@ -30,7 +30,7 @@ class PanopticQuality:
 
 @dataclass(frozen=True)
 class PanopticCounts:
-    """What qualities are made of; counts of several clouds add up.
+    """Counts that the qualities are computed from; counts of several clouds can be added.
 
     Attributes:
         hits: Matched pairs of each class, shape (C,), int64.
@@ -56,8 +56,8 @@ def count_instances(
 ) -> PanopticCounts:
     """Match predicted with true instances of one cloud.
 
-    A true and a predicted instance of one class match where they share more than half of their union, so that nothing
-    matches twice. Points without a true class are left out of both.
+    A true and a predicted instance of one class match if they share more than half of their union, so that none matches
+    twice. Points without a true class are left out of both.
 
     Args:
         true_class: True classes, 255 where unknown, shape (N,), int64.
@@ -87,7 +87,7 @@ def count_instances(
 
 
 def panoptic_quality(counts: PanopticCounts) -> PanopticQuality:
-    """Turn counts into qualities.
+    """Compute qualities from counts.
 
     Args:
         counts: Of one cloud or of several.
@@ -103,6 +103,6 @@ def panoptic_quality(counts: PanopticCounts) -> PanopticQuality:
 
 
 def _segments(of_class: I64, instance: I64) -> tuple[I64, I64, I64]:
-    """Give the class of each segment, the segment of each point, and the size of each segment."""
+    """Return the class of each segment, the segment of each point, and the size of each segment."""
     keys, segment, size = np.unique(np.stack([of_class, instance]), axis=1, return_inverse=True, return_counts=True)
     return keys[0].astype(np.int64), segment.reshape(-1).astype(np.int64), size.astype(np.int64)

@@ -1,4 +1,4 @@
-"""Is one way of training better than another: paired seeds, bridges as the sampling unit, intervals before p values."""
+"""Statistics for the comparison of trainings: paired seeds, bridges as the sampling unit, confidence intervals."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ class Difference:
 
 
 def paired_difference(first: F64, second: F64, level: float = 0.95) -> Difference:
-    """Compare two arms over the same seeds, with Student's interval.
+    """Compare two arms over the same seeds, with Student's t interval.
 
     Args:
         first: Score of each seed in one arm [1], shape (S,), float64.
@@ -68,7 +68,7 @@ def crossed_bootstrap(
     statistic: Callable[[F64], F64] = mean_iou,
     corrected: bool = False,
 ) -> Difference:
-    """Compare two arms with seeds and bridges drawn anew, crossed: every seed meets every bridge.
+    """Compare two arms by a crossed bootstrap over seeds and bridges.
 
     A draw takes S seeds and B bridges with replacement, the same for both arms. The score of a seed is that of the
     confusion matrices summed over the bridges; the score of an arm is the mean over the seeds.
@@ -80,12 +80,13 @@ def crossed_bootstrap(
         seed: Seed of the draws.
         level: Coverage of the interval [1].
         statistic: Score of summed matrices, (…, C, C) → (…).
-        corrected: Give Student's interval with the deviation of the draws instead of their percentiles. Draws from n
-            things spread too little by √((n - 1) / n), and percentiles know no uncertainty of that spread: with the
-            few seeds or bridges that there are, both make an interval too short. The fewer of the two count.
+        corrected: Use Student's t interval with the corrected deviation of the draws instead of their percentiles.
+            Bootstrap draws of n items spread too little by √((n - 1) / n), and percentiles ignore the uncertainty of
+            that spread: with few seeds or bridges both make the interval too short. n is the smaller number of the two.
 
     Returns:
-        The difference of the whole sample, the deviation of the draws, the interval, and the seeds that win.
+        The difference of the whole sample, the deviation of the draws, the interval, and the number of seeds in which
+        the first arm is better.
 
     Source: of the correction, T. Hesterberg, What teachers should know about the bootstrap, The American Statistician
     69 (2015), on narrowness bias.
@@ -119,7 +120,7 @@ def crossed_bootstrap(
 
 
 def class_iou(matrices: F64 | I64) -> F64:
-    """Give the IoU of each class of many confusion matrices at once.
+    """Compute the IoU of each class of many confusion matrices at once.
 
     Args:
         matrices: Confusion matrices [1], shape (…, C, C).
@@ -133,14 +134,14 @@ def class_iou(matrices: F64 | I64) -> F64:
 
 
 def signed_rank(first: F64, second: F64) -> float:
-    """Give Wilcoxon's two-sided p value for paired scores, of bridges for instance.
+    """Compute Wilcoxon's two-sided signed-rank p value for paired scores, such as those of bridges.
 
     Args:
         first: Score of each bridge in one arm [1], shape (B,), float64; NaN where it has none.
         second: Score of the same bridges in the other [1], shape (B,), float64.
 
     Returns:
-        p [1]; 1 where no pair differs.
+        p [1]; 1 if no pair differs.
     """
     differences = first - second
     differences = differences[~np.isnan(differences)]
@@ -150,10 +151,10 @@ def signed_rank(first: F64, second: F64) -> float:
 
 
 def holm(p_values: Sequence[float]) -> tuple[float, ...]:
-    """Correct p values for their number.
+    """Correct p values for multiple tests by Holm's method.
 
     Args:
-        p_values: One a question [1].
+        p_values: One per test [1].
 
     Returns:
         Adjusted p values in the same order [1], at most 1.

@@ -1,0 +1,105 @@
+"""Images that GPS contradicts: they were registered at a part of the bridge that looks like the one that they show.
+
+Few matches do not distinguish the two towers of a bridge: 22 points connected 58 images of the second tower to the
+first one, 40 to 75 m from where they were taken.
+"""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import pycolmap
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+Fixes = Mapping[str, tuple[float, float, float]]
+
+LIMIT = 6.0
+"""Standard deviations between a camera and its fix, beyond which it was registered at the wrong place [1]."""
+_LEAST_SIGMA = 0.5  # [m] of a fix along an axis: the drift of a receiver does not show in a few fixes
+_SURE = 3.0  # standard deviations of a fix: a place that is predicted worse than that along two axes is not checked
+_LEAST = 4  # known cameras with a fix: three fit any similarity too well
+
+
+def misplaced_images(grown: pycolmap.Reconstruction, known: Iterable[int], fixes: Fixes) -> list[int]:
+    """Find the images whose cameras are not where their fixes and the known images say.
+
+    The similarity from the known cameras to their fixes predicts the fix of each other camera. The covariance of its
+    seven parameters gives the precision of the prediction, which falls with the distance from the known cameras.
+
+    Args:
+        grown: A model.
+        known: Ids of its images whose places among each other are trusted.
+        fixes: GPS position by name of image [m]; an image may have none.
+
+    Returns:
+        Ids of the registered images that are not known, and that their fix contradicts or cannot confirm, ascending.
+    """
+    known = set(known) & set(grown.reg_image_ids())
+    others = sorted(set(grown.reg_image_ids()) - known)
+    base = sorted(number for number in known if grown.image(number).name in fixes)
+    if len(base) < _LEAST:
+        return others
+    places, measured = _centers(grown, base), np.array([fixes[grown.image(number).name] for number in base])
+    fit, kept = _fitted(places, measured)
+    if fit is None:
+        return others
+    moved = _moved(fit, places[kept])
+    spread = np.sqrt(np.mean((moved - measured[kept]) ** 2))  # of a fix along an axis [m]
+    sigma = max(float(spread), _LEAST_SIGMA)
+    checked = [number for number in others if grown.image(number).name in fixes]
+    there = _moved(fit, _centers(grown, checked))
+    gap = there - np.array([fixes[grown.image(number).name] for number in checked]).reshape(-1, 3)
+    expected = np.eye(3) + predicted_covariance(moved, there)  # of a fix, in variances of one along an axis
+    distance = np.sqrt(np.einsum("mi,mij,mj->m", gap, np.linalg.inv(expected), gap)) / sigma
+    right = (distance < LIMIT) & (np.linalg.eigvalsh(expected)[:, 1] < _SURE**2)
+    confirmed = {number for number, held in zip(checked, right.tolist(), strict=True) if held}
+    return [number for number in others if number not in confirmed]
+
+
+def predicted_covariance(known: F64, asked: F64) -> F64:
+    """Compute how precisely a similarity that was fitted to some places predicts others.
+
+    Args:
+        known: Places that it was fitted to [m], shape (N, 3), float64.
+        asked: Places that it predicts [m], shape (M, 3), float64.
+
+    Returns:
+        Covariance in variances of a known place along an axis [1], shape (M, 3, 3), float64; very large along
+        directions that the known places leave open, as cameras in a row do with the rotation about it.
+    """
+    middle = known.mean(axis=0)
+    size = max(float(np.sqrt(np.mean((known - middle) ** 2))), 1e-9)  # the parameters get alike in size
+    before, after = _jacobian((known - middle) / size), _jacobian((asked - middle) / size)
+    normal = np.einsum("nij,nik->jk", before, before)
+    values, vectors = np.linalg.eigh(normal)
+    inverse = vectors / np.maximum(values, 1e-9 * values[-1]) @ vectors.T
+    return np.einsum("mij,jk,mlk->mil", after, inverse, after)
+
+
+def _jacobian(places: F64) -> F64:
+    """Give the change of each place by a shift, a small turn and a change of scale, shape (N, 3, 7)."""
+    x, y, z = places.T
+    zero = np.zeros_like(x)
+    turn = np.stack([zero, z, -y, -z, zero, x, y, -x, zero], axis=1).reshape(-1, 3, 3)
+    shift = np.broadcast_to(np.eye(3), turn.shape)
+    return np.concatenate([shift, turn, places[:, :, None]], axis=2)
+
+
+def _fitted(places: F64, measured: F64) -> tuple[pycolmap.Sim3d | None, NDArray[np.int64]]:
+    """Fit the similarity by least squares, without the tenth of the fixes that lie farthest off."""
+    fit, kept = None, np.arange(len(places))
+    for _ in range(3):
+        fit = pycolmap.estimate_sim3d(places[kept], measured[kept])
+        if fit is None:
+            return None, kept
+        gap = np.linalg.norm(_moved(fit, places) - measured, axis=1)
+        kept = np.sort(np.argsort(gap, kind="stable")[: len(places) - len(places) // 10])
+    return fit, kept
+
+
+def _moved(fit: pycolmap.Sim3d, places: F64) -> F64:
+    return fit.scale * places @ fit.rotation.matrix().T + fit.translation
+
+
+def _centers(model: pycolmap.Reconstruction, images: list[int]) -> F64:
+    return np.array([model.image(number).projection_center() for number in images]).reshape(-1, 3)
