@@ -90,7 +90,7 @@ def gallery(
         subject: What to show.
         output: Folder to write: the sheets and an index.
         count: Bridges on each sheet.
-        seed: Seed of the first bridge; the others follow.
+        seed: Seed of the first bridge; the others follow. A scenario with this `seed` makes the same bridge.
         family: Only these families.
         world: Only these worlds.
         as_json: Print one JSON object instead of a line.

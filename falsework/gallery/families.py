@@ -16,9 +16,10 @@ from authoring.settings import AuthoringSettings
 from authoring.shapes.component import Component, Scatter
 from authoring.site.site import draw_site
 from authoring.streams import stream
-from falsework.gallery.camera import seen_from
+from falsework.gallery.camera import EACH_FOR_ITSELF, seen_from
 from falsework.gallery.contact_sheet import contact_sheet
 from falsework.report.pictures import paint_labels
+from falsework.scenario import scene_seed
 from groundwork.files import write_bytes, write_text
 from groundwork.progress import SILENT, Progress
 from groundwork.settings import parse_settings
@@ -33,6 +34,7 @@ U8 = NDArray[np.uint8]
 
 _WIDTH, _HEIGHT = 480, 300  # [px] of one picture
 _TEXELS = 256
+_WORLD = "countryside"
 _HALF_VIEW = np.radians(24.0)  # half the horizontal field of view
 _EYE_OVER_GROUND = 1.8  # [m] at least
 _LETTERS, _QUALITY = 0.55, 82  # of captions, of the JPEG
@@ -43,7 +45,7 @@ class Views:
     """Pictures of one bridge.
 
     Attributes:
-        caption: Family and seed.
+        caption: Family, and the seed of a scenario.
         pictures: Overview, overview in the colours of the classes, close-up, each shape (H, W, 3), uint8.
     """
 
@@ -57,7 +59,7 @@ def write_gallery(folder: Path, count: int, seed: int, families: tuple[str, ...]
     Args:
         folder: Existing, empty folder.
         count: Bridges of each family.
-        seed: Seed of the first; the others follow.
+        seed: Seed of the first, as a scenario would say it; the others follow.
         families: Keys of the registry; empty for all.
         progress: Listener.
     """
@@ -80,30 +82,31 @@ def photograph(family: str, seed: int) -> Views:
 
     Args:
         family: Key of the registry.
-        seed: Seed of the scene.
+        seed: Seed of the scenario whose first scene has this bridge.
     """
+    own_seed = scene_seed(seed, 0)
     own = {"spans": []} if "spans" in FAMILIES[family].settings.model_fields else {}
     settings = parse_settings(
         AuthoringSettings,
         {
             "bridge": {"family": family, family: own},
-            "background": {"name": "none"},
+            "background": {"name": _WORLD},
             "look": {"texels": _TEXELS},
             "survey": [{"kind": "global", "images": 8, "spacing": 50.0}],
         },
         "gallery",
     )
-    layout, drawn = draw_layout(settings.bridge, stream(seed, "bridge"))
-    site = draw_site(settings.site, layout, stream(seed, "site"))
+    layout, drawn = draw_layout(settings.bridge, stream(own_seed, "bridge"))
+    site = draw_site(settings.site, layout, stream(own_seed, "site"))
     poses = np.stack([_overview(layout, build_bridge(layout, drawn, site.ground)), _close_up(layout, site.ground)])
     with tempfile.TemporaryDirectory() as scratch:
         stage, capture = Path(scratch) / "stage", Path(scratch) / "capture"
         stage.mkdir()
         capture.mkdir()
-        author_scene(settings, seed, stage, SILENT)
+        author_scene(settings, own_seed, stage, SILENT)
         scene = read_stage(stage / "scene.usda")
-        render = RenderSettings.model_validate({"quality": "standard", "sensor": {"noise": False}})
-        render_scene(seen_from(scene, poses, _camera()), capture, render, seed, SILENT)
+        render = RenderSettings.model_validate({"quality": "standard", "sensor": {**EACH_FOR_ITSELF, "noise": False}})
+        render_scene(seen_from(scene, poses, _camera()), capture, render, own_seed, SILENT)
         taken = read_capture(capture)
         truth = read_truth(taken)
         assert truth is not None

@@ -15,6 +15,7 @@ from authoring.streams import stream
 from falsework.gallery.camera import EACH_FOR_ITSELF, seen_from
 from falsework.gallery.contact_sheet import contact_sheet
 from falsework.gallery.world_views import VIEWS, world_views
+from falsework.scenario import scene_seed
 from groundwork.files import write_bytes, write_text
 from groundwork.progress import SILENT, Progress
 from groundwork.settings import parse_settings
@@ -41,7 +42,7 @@ def write_looks(folder: Path, seed: int, texels: int, progress: Progress) -> Non
 
     Args:
         folder: Existing, empty folder.
-        seed: Seed of the scene.
+        seed: Seed of the scenario whose first scene has this bridge.
         texels: Texels along a side of a sheet [px].
         progress: Listener.
     """
@@ -60,7 +61,7 @@ def photograph_look(look: str, seed: int, texels: int) -> tuple[U8, ...]:
 
     Args:
         look: Name of the look.
-        seed: Seed of the scene.
+        seed: Seed of the scenario whose first scene has this bridge.
         texels: Texels along a side of a sheet [px].
     """
     asked = {
@@ -69,18 +70,19 @@ def photograph_look(look: str, seed: int, texels: int) -> tuple[U8, ...]:
         "survey": [{"kind": "global", "images": 8, "spacing": 50.0}],
     }
     settings = parse_settings(AuthoringSettings, asked, "gallery")
-    layout, _ = draw_layout(settings.bridge, stream(seed, "bridge"))
-    poses = world_views(layout, draw_site(settings.site, layout, stream(seed, "site")))
+    own_seed = scene_seed(seed, 0)
+    layout, _ = draw_layout(settings.bridge, stream(own_seed, "bridge"))
+    poses = world_views(layout, draw_site(settings.site, layout, stream(own_seed, "site")))
     camera = Pinhole(_WIDTH, _HEIGHT, _FOCAL, _FOCAL, 0.5 * _WIDTH, 0.5 * _HEIGHT)
     with tempfile.TemporaryDirectory() as scratch:
         stage, capture = Path(scratch) / "stage", Path(scratch) / "capture"
         stage.mkdir()
         capture.mkdir()
-        author_scene(settings, seed, stage, SILENT)
+        author_scene(settings, own_seed, stage, SILENT)
         scene = read_stage(stage / "scene.usda")
         poses = np.concatenate([poses[: PIER + 1], close_to_concrete(scene, poses[PIER])[None]])
         render = RenderSettings.model_validate({"quality": "fine", "sensor": EACH_FOR_ITSELF})
-        render_scene(seen_from(scene, poses, camera), capture, render, seed, SILENT)
+        render_scene(seen_from(scene, poses, camera), capture, render, own_seed, SILENT)
         taken = read_capture(capture)
         return tuple(load_image(taken, row) for row in range(len(poses)))
 

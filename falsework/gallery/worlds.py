@@ -20,6 +20,7 @@ from falsework.gallery.camera import EACH_FOR_ITSELF, seen_from
 from falsework.gallery.contact_sheet import contact_sheet
 from falsework.gallery.measures import Measures, Picture, measure_picture, visible_triangles
 from falsework.gallery.world_views import VIEWS, world_views
+from falsework.scenario import scene_seed
 from groundwork.files import write_bytes, write_text
 from groundwork.progress import SILENT, Progress
 from groundwork.settings import parse_settings
@@ -52,7 +53,7 @@ class WorldShots:
     """Pictures of one seed on a sheet.
 
     Attributes:
-        caption: World, seed, look and light.
+        caption: World, seed of a scenario, look and light.
         pictures: One for each of `VIEWS`, each shape (H, W, 3), uint8.
         measures: Their numbers.
         total: Instanced triangles of the whole scene.
@@ -70,7 +71,7 @@ def write_worlds(folder: Path, count: int, seed: int, worlds: tuple[str, ...], p
     Args:
         folder: Existing, empty folder.
         count: Seeds of each world.
-        seed: The first; the others follow.
+        seed: The first, as a scenario would say it; the others follow.
         worlds: Names of procedural worlds; empty for all.
         progress: Listener.
     """
@@ -93,10 +94,11 @@ def photograph_world(world: str, seed: int, given: GivenFiles = NO_FILES, **said
 
     Args:
         world: Name of a procedural background, or of one in `given`.
-        seed: Seed of the scene.
+        seed: Seed of the scenario whose first scene is shown.
         given: Imported worlds and other files of the user.
         said: Further sections of the scenario.
     """
+    own_seed = scene_seed(seed, 0)
     look = tuple(LOOKS)[seed % len(LOOKS)]
     light = tuple(LIGHTS)[(seed + seed // len(LIGHTS)) % len(LIGHTS)]
     asked = {
@@ -107,16 +109,16 @@ def photograph_world(world: str, seed: int, given: GivenFiles = NO_FILES, **said
         **said,
     }
     settings = parse_settings(AuthoringSettings, asked, "gallery")
-    layout, _ = draw_layout(settings.bridge, stream(seed, "bridge"))
-    site = draw_site(settings.site, layout, stream(seed, "site"))
+    layout, _ = draw_layout(settings.bridge, stream(own_seed, "bridge"))
+    site = draw_site(settings.site, layout, stream(own_seed, "site"))
     camera = Pinhole(_WIDTH, _HEIGHT, _FOCAL * _WIDTH, _FOCAL * _WIDTH, 0.5 * _WIDTH, 0.5 * _HEIGHT)
     with tempfile.TemporaryDirectory() as scratch:
         stage, capture = Path(scratch) / "stage", Path(scratch) / "capture"
         stage.mkdir()
         capture.mkdir()
-        author_scene(settings, seed, stage, SILENT, given)
+        author_scene(settings, own_seed, stage, SILENT, given)
         scene = seen_from(read_stage(stage / "scene.usda"), world_views(layout, site), camera)
-        pictures, measures = _take(scene, camera, capture, seed, float(site.field.heights.min()))
+        pictures, measures = _take(scene, camera, capture, own_seed, float(site.field.heights.min()))
     total = int(scene.geometry.part_count[scene.draws.part].sum())
     return WorldShots(f"{world} {seed}: {look}, {light}", pictures, measures, total)
 

@@ -56,7 +56,7 @@ def test_names_and_folders(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--list", "gallery/arch.jpg"]) == 0
     assert capsys.readouterr().out.splitlines() == [
         "gallery/arch.jpg",
-        "    python -m falsework gallery families --family arch --count 3 --seed 21 -o OUT",
+        "    python -m falsework gallery families --family arch --count 3 --seed 11 -o OUT",
     ]
 
 
