@@ -16,6 +16,7 @@ from torch import Tensor, nn
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json, write_bytes, write_json
 from groundwork.foreign_file import read_regular
+from learn.device import Device, check_device, torch_device
 from learn.losses import merge_noise
 from learn.models.backbone import batched, geometry_of
 from learn.models.covariance import covariance_features
@@ -89,13 +90,15 @@ class TrainedNetwork:
         Returns:
             For each sample probabilities [1], shape (N, K), float32.
         """
+        device = next(self.module.parameters()).device
         found = []
         for sample in samples:
             check_channels(sample, self.facts.channels)
             geometry = batched([geometry_of(self.module, sample.coord, cache)])  # type: ignore[arg-type]
+            moved = {name: rows.to(device) for name, rows in geometry.items()}
             with torch.no_grad():
-                logits = self.module(torch.from_numpy(sample.features)[None], geometry)[0]
-            found.append(as_probabilities(logits, self.facts.noisy, self.facts.temperature).numpy())
+                logits = self.module(torch.from_numpy(sample.features)[None].to(device), moved)[0]
+            found.append(as_probabilities(logits, self.facts.noisy, self.facts.temperature).cpu().numpy())
         return found
 
 
@@ -151,18 +154,19 @@ def forest_inputs(sample: Sample, scales: Sequence[int]) -> F32:
     return np.concatenate([covariance_features(sample.coord, scales), sample.features[:, others]], axis=1)
 
 
-def read_model(folder: Path) -> TrainedNetwork | TrainedForest:
+def read_model(folder: Path, device: Device = "cpu") -> TrainedNetwork | TrainedForest:
     """Read a trained model of any kind.
 
     Args:
         folder: A model.
+        device: Where a network predicts; a forest always uses the processor.
 
     Raises:
-        InputError: Not a model, or weights that do not fit it.
+        InputError: Not a model, weights that do not fit it, or no GPU although one is requested.
     """
     facts = read_facts(folder)
     if facts.network != FOREST:
-        return read_network(folder)
+        return read_network(folder, device)
     arrays = {name: value.numpy() for name, value in read_weights(folder).items()}
     scales = facts.settings.get("scales")
     if not isinstance(scales, list) or not all(isinstance(scale, int) and scale > 0 for scale in scales):
@@ -296,19 +300,21 @@ def read_weights(folder: Path) -> dict[str, Tensor]:
         raise InputError(f"not readable as safetensors: {error}", where=path, hint="Fetch it anew") from None
 
 
-def read_network(folder: Path) -> TrainedNetwork:
+def read_network(folder: Path, device: Device = "cpu") -> TrainedNetwork:
     """Read a trained network.
 
     Args:
         folder: A model.
+        device: Where it predicts.
 
     Raises:
-        InputError: Not a network, or weights that do not fit it.
+        InputError: Not a network, weights that do not fit it, or no GPU although one is requested.
     """
+    check_device(device)
     facts = read_facts(folder)
     module = build_network(facts.network, facts.settings, len(facts.channels), len(facts.classes), folder / FACTS)
     load_weights(module, read_weights(folder), folder / WEIGHTS)
-    return TrainedNetwork(facts, module.eval())
+    return TrainedNetwork(facts, module.to(torch_device(device)).eval())
 
 
 def load_weights(module: nn.Module, weights: Mapping[str, Tensor], where: Path) -> None:

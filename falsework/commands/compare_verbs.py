@@ -19,7 +19,6 @@ from groundwork.output_reading import reading
 
 if TYPE_CHECKING:
     from falsework.commands.comparison import Experiment
-    from learn.compare.experiment import ExperimentSettings
 
 FORMAT_VERSION = 1
 TABLES, PAGE = "comparison.json", "comparison.md"
@@ -66,19 +65,17 @@ def compare(
     inputs = [folder for _, folder in named]
     for folder in inputs:
         need_folder(folder, "a run, or a folder with a bridge's clouds")
+    from falsework.commands.comparison import open_experiment
     from learn.compare.experiment import experiment_settings
 
     settings = experiment_settings(preset, changed)
     if page is not None:
         check_output_file(page, [*inputs, output])
     with ConsoleProgress() as progress, reading(*inputs):
-        experiment = _experiment(settings, named, bridge, output, progress)
+        experiment = open_experiment(settings, named, bridge, output, progress)
         if plan:
             check_run(output, inputs)
-            from falsework.commands.compare_plan import plan_lines, planned
-
-            found = planned(experiment)
-            return tell(found, plan_lines(found), as_json)
+            return _tell_plan(experiment, as_json)
         claim_run(output, inputs)
         record = _run(experiment, _command(sources, preset, bridge, set))
     text = _write(record, output)
@@ -91,24 +88,11 @@ def compare(
     return 0
 
 
-def _experiment(
-    settings: "ExperimentSettings", named: list[tuple[str, Path]], bridges: tuple[str, ...], output: Path, progress: Any
-) -> "Experiment":
-    from falsework.commands.compared_bridges import find_bridges
-    from falsework.commands.comparison import Experiment
-    from falsework.store.store import Store
-    from learn.compare.selection import check_bridges, parts_in
-    from learn.compare.trial import check_models
-    from learn.datasets.class_tables import class_table
+def _tell_plan(experiment: "Experiment", as_json: bool) -> int:
+    from falsework.commands.compare_plan import plan_lines, planned
 
-    check_models(settings.models, settings.network)
-    class_table(settings.table, settings.noisy_class)
-    wanted: dict[str, set[str]] = {}
-    for part in (*parts_in(settings, settings.arms), *(settings.test(name) for name in settings.tests)):
-        wanted.setdefault(part.set, set()).update({part.cloud, part.like} - {""})
-    experiment = Experiment(settings, find_bridges(named, wanted, bridges), Store(output), progress)
-    check_bridges(settings, experiment.splits, [(one.set, one.bridge, {*one.clouds}) for one in experiment.bridges])
-    return experiment
+    found = planned(experiment)
+    return tell(found, plan_lines(found), as_json)
 
 
 def _run(experiment: "Experiment", command: str) -> dict[str, Any]:
@@ -116,12 +100,7 @@ def _run(experiment: "Experiment", command: str) -> dict[str, Any]:
     from learn.compare.findings import findings
     from learn.compare.selection import losses_of
 
-    noise = experiment.noise_jobs()
-    experiment.make_all(noise.values())
-    pieces = experiment.piece_jobs(noise)
-    experiment.make_all(pieces.values())
-    scenes = experiment.cut_scenes(pieces)
-    trials = experiment.trials(pieces, scenes)
+    scenes, trials = experiment.prepare()
     settings = experiment.settings
     for name in settings.tests:
         if not any(trial.tests[name].work for trial in trials):
@@ -185,6 +164,8 @@ def _facts(experiment: "Experiment") -> list[str]:
             f"networks: {steps:,} steps of {settings.batch} samples in every arm, recipe `{settings.recipe}`, "
             f"weights of the best of {settings.looks} looks at the validation bridges"
         )
+        if settings.accelerator == "gpu":
+            lines.append("networks were trained and tested on a GPU: another run gives slightly different figures")
     if "forest" in settings.models:
         lines.append(f"forest: {settings.forest_draws:,} draws in every arm, nothing picked")
     lines.append(f"seeds {settings.first_seed} to {settings.first_seed + settings.seeds - 1}, the same in every arm")

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from falsework.commands.compared_bridges import Bridge
+from falsework.commands.compared_bridges import Bridge, find_bridges
 from falsework.execution.costs import bytes_added
 from falsework.execution.events import write_event
 from falsework.platform import processor
@@ -19,14 +19,24 @@ from groundwork.canonical import digest
 from groundwork.files import read_json, write_json
 from groundwork.locks import BusyError
 from groundwork.progress import Progress
-from learn.compare.experiment import ExperimentSettings, Part
+from learn.compare.experiment import ExperimentSettings, Part, data_facts
 from learn.compare.findings import Trial
 from learn.compare.noise import fit_noise
 from learn.compare.pieces import CloudSource, counts_of, cut_pieces
-from learn.compare.selection import CutScene, cloud_name, parts_in, share_out, windows_of, windows_to_test
+from learn.compare.selection import (
+    CutScene,
+    check_bridges,
+    cloud_name,
+    parts_in,
+    share_out,
+    windows_of,
+    windows_to_test,
+)
 from learn.compare.sources import HeldWindows, SampleSettings, TrainingWindows, WindowPlace
-from learn.compare.trial import SCORES, score_trial, train_trial
+from learn.compare.trial import SCORES, check_models, score_trial, train_trial
+from learn.datasets.class_tables import class_table
 from learn.datasets.split import TRAIN, VAL
+from learn.device import Device
 from learn.trained import FOREST
 
 VERSIONS = {"noise": 1, "pieces": 1, "training": 1, "scores": 1}  # increased by hand, as in falsework.stages
@@ -245,10 +255,29 @@ class Experiment:
             "draws": self.settings.test_draws,
         }
         inputs = {"training": training.task.key, **{names[one.folder]: keys[one.folder] for one in places}}
-        make = partial(_score, self.store.folder(training.task), source, progress=self.progress)
+        make = partial(
+            _score,
+            self.store.folder(training.task),
+            source,
+            progress=self.progress,
+            accelerator=self.settings.accelerator,
+        )
         model = training.kind.removeprefix("training ")
         task = Task("scores", VERSIONS["scores"], settings, inputs)
         return Job(task, make, f"scores {model}", len(places), f"{training.about}, on {name}")
+
+    def prepare(self) -> tuple[list[CutScene], list[TrialJobs]]:
+        """Fit the noise models and cut the bridges, where that is missing.
+
+        Returns:
+            The cut bridges, and every training with its tests.
+        """
+        noise = self.noise_jobs()
+        self.make_all(noise.values())
+        pieces = self.piece_jobs(noise)
+        self.make_all(pieces.values())
+        scenes = self.cut_scenes(pieces)
+        return scenes, self.trials(pieces, scenes)
 
     def make_all(self, jobs: Iterable[Job]) -> None:
         """Make the missing results; those that another process is making come last.
@@ -306,41 +335,41 @@ class Experiment:
         return found
 
 
-def data_facts(settings: ExperimentSettings, noisy: float) -> dict[str, Any]:
-    """Describe how samples were made, in the format of a data set, so that a prediction can cut a scan the same way.
+def open_experiment(
+    settings: ExperimentSettings,
+    sources: Sequence[tuple[str, Path]],
+    names: Sequence[str],
+    output: Path,
+    progress: Progress,
+) -> Experiment:
+    """Find the bridges of an experiment, and check that it can be carried out on them.
 
     Args:
         settings: The experiment.
-        noisy: Uncertainty above which points were left out of training [m].
-    """
-    from learn.datasets.settings import dataset_settings
+        sources: Name of a set and a folder: of a run, or of one bridge with a folder for each of its clouds.
+        names: A name for each source that is one bridge with clouds of an older format.
+        output: Folder of the results.
+        progress: Listener.
 
-    kind = "global" if settings.mode == "whole" else "local"
-    values = {
-        "mode": "metric" if settings.mode == "metric" else "paper",
-        "table": settings.table,
-        "points": settings.points,
-        "fewest": settings.fewest,
-        "noisy": noisy,
-        "noisy_class": settings.noisy_class,
-        "tile": settings.tile.model_dump(mode="json"),
-        "window": settings.window.model_dump(mode="json"),
-        "augment": settings.augment.model_dump(mode="json"),
-    }
-    made = dataset_settings(kind, values, "experiment")
-    return {
-        "settings": made.model_dump(mode="json"),
-        "scaling": vars(settings.sampling.scaling),
-        "table": settings.table,
-    }
+    Raises:
+        InputError: An unknown model or table, or bridges that lack something.
+    """
+    check_models(settings.models, settings.network)
+    class_table(settings.table, settings.noisy_class)
+    wanted: dict[str, set[str]] = {}
+    for part in (*parts_in(settings, settings.arms), *(settings.test(name) for name in settings.tests)):
+        wanted.setdefault(part.set, set()).update({part.cloud, part.like} - {""})
+    experiment = Experiment(settings, find_bridges(sources, wanted, names), Store(output), progress)
+    check_bridges(settings, experiment.splits, [(one.set, one.bridge, {*one.clouds}) for one in experiment.bridges])
+    return experiment
 
 
 def _fit(pairs: Sequence[tuple[Path, Path]], folder: Path) -> None:
     write_json(folder / _NOISE, fit_noise(pairs).as_json())
 
 
-def _score(model: Path, source: HeldWindows, folder: Path, progress: Progress) -> None:
-    score_trial(model, source, folder, progress)
+def _score(model: Path, source: HeldWindows, folder: Path, progress: Progress, accelerator: Device) -> None:
+    score_trial(model, source, folder, progress, accelerator)
 
 
 def _spelt(sampling: SampleSettings) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from falsework.commands.given_files import need_folder
 from groundwork.errors import InputError, MissingError
 from groundwork.output_place import output_place
 from groundwork.settings import parse_settings
+from learn.device import Device
 from learn.predict.settings import Unit, Up
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ def predict(
     min_confidence: float = 0.0,
     link: float = 0.3,
     chunk: int = 2_000_000,
+    device: Device = "cpu",
     as_json: AsJson = False,
 ) -> int:
     """Label a scan: write a copy with a class, a confidence and an instance for every point, and all else unchanged.
@@ -53,6 +55,8 @@ def predict(
         min_confidence: Points with a lower confidence get class 255.
         link: Points of a class in touching cubes of this side are one instance [m].
         chunk: Points of the scan in memory at once.
+        device: Where a network computes: cpu, whose labels are the same bytes each time, gpu, or auto: a GPU if torch
+            finds one.
         as_json: Print one JSON object instead of lines.
     """
     _check_paths(scan, output, model)
@@ -64,7 +68,7 @@ def predict(
     values: dict[str, Any] = {"unit": unit, "scale": scale, "up": up, "table": table, "classes": classes}
     values |= {"min_confidence": min_confidence, "link": link, "chunk": chunk}
     settings = parse_settings(PredictSettings, values, "predict")
-    known = named_model(model)
+    known = named_model(model, device)
     if model and Path(model).is_dir():
         output_place(output, [Path(model)])
     with ConsoleProgress() as progress:

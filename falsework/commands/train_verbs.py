@@ -18,6 +18,7 @@ from groundwork.output_file import SIGNATURE, check_output_file, write_fresh_fil
 from groundwork.output_folder import fresh_output
 from groundwork.output_reading import reading
 from groundwork.settings import parse_settings
+from learn.device import Device
 
 if TYPE_CHECKING:
     from learn.sample import SampleSource, ScoredSource
@@ -142,6 +143,7 @@ def evaluate(
     *,
     split: Literal["train", "val", "test"] = "test",
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
+    device: Device = "cpu",
     as_json: AsJson = False,
 ) -> int:
     """Score a model on one split of a data set; every point counts once.
@@ -154,6 +156,7 @@ def evaluate(
         dataset: Folder that falsework dataset has written.
         split: Part of the data set.
         output: JSON file for the scores; the tables go into a .md file beside it.
+        device: Where a network computes: cpu, gpu, or auto: a GPU if torch finds one.
         as_json: Print one JSON object instead of a table.
     """
     need_folder(model, OF_MODEL, mark="model.json")
@@ -163,17 +166,9 @@ def evaluate(
     from learn.trained import read_model
 
     if output is not None:
-        if output.suffix == ".md":
-            raise InputError(
-                "the name of the tables beside the scores",
-                where=output,
-                field="-o",
-                hint="Name a .json file: the tables lie beside it",
-            )
-        check_output_file(output, [model, dataset], _is_evaluation)
-        check_output_file(output.with_suffix(".md"), [model, dataset])
+        _check_scores_file(output, [model, dataset])
     with reading(model, dataset):
-        trained = read_model(model)
+        trained = read_model(model, device)
         source = _scored(trained.facts, dataset, split)
     with ConsoleProgress() as progress, reading(model, dataset):
         if known := _trained_on(trained.facts, source):
@@ -195,6 +190,18 @@ def evaluate(
         write_fresh_file(output.with_suffix(".md"), "\n".join([*page, ""]).encode(), [model, dataset])
     shown = short_lines(record) if output is not None else score_lines(record)
     return tell(record, shown, as_json)
+
+
+def _check_scores_file(output: Path, inputs: list[Path]) -> None:
+    if output.suffix == ".md":
+        raise InputError(
+            "the name of the tables beside the scores",
+            where=output,
+            field="-o",
+            hint="Name a .json file: the tables lie beside it",
+        )
+    check_output_file(output, inputs, _is_evaluation)
+    check_output_file(output.with_suffix(".md"), inputs)
 
 
 def _scored(facts: "ModelFacts", dataset: Path, split: str) -> "ScoredSource":

@@ -13,14 +13,14 @@ from learn.compare.pieces import CutSettings, known_inputs
 from learn.compare.preset import DEFAULT_SET, preset_values
 from learn.compare.sources import SampleSettings
 from learn.datasets.patch import CHANNELS, Scaling
-from learn.datasets.settings import AugmentSettings, TileSettings, WindowSettings
+from learn.datasets.settings import AugmentSettings, TileSettings, WindowSettings, dataset_settings
 from learn.training.settings import TrainSettings
 
 MOST = 1000.0  # [m] uncertainty that no point exceeds
 _NAME = r"[A-Za-z0-9][A-Za-z0-9_@.+-]*"  # a run that makes two clouds of a flight calls them local+dense …
 _PART = re.compile(rf"(?:({_NAME})/)?({_NAME})(?:\s*~\s*({_NAME}))?")
 
-__all__ = ["ExperimentSettings", "Part", "experiment_settings"]
+__all__ = ["ExperimentSettings", "Part", "data_facts", "experiment_settings"]
 
 
 @dataclass(frozen=True, order=True)
@@ -87,6 +87,8 @@ class ExperimentSettings(Settings):
     """As in `falsework train`."""
     learning_rate: float | None = Field(default=None, gt=0.0, le=1.0)
     """Largest learning rate [1]; that of the recipe when left out."""
+    accelerator: Literal["cpu", "gpu"] = "cpu"
+    """What networks are trained and tested on; only the processor's results are the same bytes again."""
     network: dict[str, dict[str, Any]] = Field(default_factory=dict)
     """Settings of the networks and the forest, by name."""
     channels: tuple[str, ...] = ("x", "y", "z")
@@ -201,7 +203,7 @@ class ExperimentSettings(Settings):
             "batch": self.batch,
             "learning_rate": self.learning_rate,
             "seed": seed,
-            "accelerator": "cpu",
+            "accelerator": self.accelerator,
         }
         return TrainSettings.model_validate(values)
 
@@ -271,3 +273,30 @@ def experiment_settings(what: str, given: Mapping[str, Any]) -> ExperimentSettin
         before = values.get(key)
         values[key] = {**before, **value} if isinstance(before, dict) and isinstance(value, dict) else value
     return parse_settings(ExperimentSettings, values, what)
+
+
+def data_facts(settings: ExperimentSettings, noisy: float) -> dict[str, Any]:
+    """Describe how samples were made, in the format of a data set, so that a prediction can cut a scan the same way.
+
+    Args:
+        settings: The experiment.
+        noisy: Uncertainty above which points were left out of training [m].
+    """
+    kind = "global" if settings.mode == "whole" else "local"
+    values = {
+        "mode": "metric" if settings.mode == "metric" else "paper",
+        "table": settings.table,
+        "points": settings.points,
+        "fewest": settings.fewest,
+        "noisy": noisy,
+        "noisy_class": settings.noisy_class,
+        "tile": settings.tile.model_dump(mode="json"),
+        "window": settings.window.model_dump(mode="json"),
+        "augment": settings.augment.model_dump(mode="json"),
+    }
+    made = dataset_settings(kind, values, "experiment")
+    return {
+        "settings": made.model_dump(mode="json"),
+        "scaling": vars(settings.sampling.scaling),
+        "table": settings.table,
+    }

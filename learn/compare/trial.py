@@ -12,6 +12,7 @@ from groundwork.files import write_json
 from groundwork.progress import Progress
 from groundwork.settings import parse_settings
 from learn.compare.sources import HeldWindows, TrainingWindows
+from learn.device import Device
 from learn.metrics import confusion, confusion_by_threshold
 from learn.models.registry import NETWORKS
 from learn.scoring.record import SURE
@@ -85,7 +86,9 @@ def train_trial(
     train_network(TrainingData(source, validation, data), settings, folder, progress)
 
 
-def score_trial(model: Path, source: HeldWindows, folder: Path, progress: Progress) -> None:
+def score_trial(
+    model: Path, source: HeldWindows, folder: Path, progress: Progress, accelerator: Device = "cpu"
+) -> None:
     """Score a trained model and write the confusion matrix of each bridge, for all its points and for precise ones.
 
     Every point counts once, with the mean of the predictions in the draws and windows that hold it.
@@ -95,12 +98,13 @@ def score_trial(model: Path, source: HeldWindows, folder: Path, progress: Progre
         source: Windows of bridges that were not used for training.
         folder: Empty folder to fill.
         progress: Listener.
+        accelerator: Where a network predicts.
     """
     count = len(source.classes)
     nothing = np.zeros((count, count), np.int64)
     whole: dict[str, I64] = {}
     sure: dict[str, I64] = {}
-    for cloud in scored_clouds(read_model(model), source, progress):
+    for cloud in scored_clouds(read_model(model, accelerator), source, progress):
         found = cloud.probabilities.argmax(axis=1)
         (low,) = confusion_by_threshold(cloud.truth, found, cloud.uncertainty, (SURE,), count)
         sure[cloud.bridge] = sure.get(cloud.bridge, nothing) + low

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from groundwork.errors import InputError, MissingError
 from learn.datasets.settings import TileSettings
+from learn.device import Device
 from learn.sample import Sample
 
 F32 = NDArray[np.float32]
@@ -73,12 +74,13 @@ def shipped_folder() -> Path:
     return folder
 
 
-def named_model(name: str) -> PointModel:
+def named_model(name: str, device: Device = "cpu") -> PointModel:
     """Read a trained model, or call a user's function that makes one.
 
     Args:
         name: Folder that `falsework train` has written, or `module:function`; the module is also searched in the
             current folder. Empty: the model of the package.
+        device: Where a trained network predicts; a model of the user's own chooses for itself.
 
     Raises:
         InputError: No such folder, module or function, or its result is not a model.
@@ -88,7 +90,7 @@ def named_model(name: str) -> PointModel:
     if Path(name).is_dir():
         from learn.predict.trained_model import read_trained_model  # torch is imported only for a trained model
 
-        return read_trained_model(Path(name))
+        return read_trained_model(Path(name), device)
     module, colon, function = name.partition(":")
     if not colon or not function or "/" in module:
         raise InputError(

@@ -11,6 +11,7 @@ from groundwork.errors import InputError
 from groundwork.settings import parse_settings
 from learn.datasets.patch import CHANNELS
 from learn.datasets.settings import DatasetSettings, TileSettings
+from learn.device import Device
 from learn.sample import Sample
 from learn.trained import FACTS, TrainedForest, TrainedNetwork, read_model
 
@@ -71,16 +72,18 @@ class TrainedModel:
         return self.trained.probabilities(samples)
 
 
-def read_trained_model(folder: Path) -> TrainedModel:
+def read_trained_model(folder: Path, device: Device = "cpu") -> TrainedModel:
     """Read a model of `falsework train` for a prediction.
 
     Args:
         folder: The model.
+        device: Where a network predicts.
 
     Raises:
-        InputError: Not a model, damaged, or trained on samples that cannot be cut without labels.
+        InputError: Not a model, damaged, no GPU although one is requested, or trained on samples that cannot be cut
+            without labels.
     """
-    trained = read_model(folder)
+    trained = read_model(folder, device)
     where, stored = folder / FACTS, trained.facts.data.get("settings")
     if not isinstance(stored, dict):
         raise InputError(

@@ -18,6 +18,7 @@ from groundwork.canonical import canonical_json, digest
 from groundwork.errors import InputError
 from groundwork.files import write_text
 from groundwork.progress import Progress
+from learn.device import check_device, torch_device
 from learn.losses import class_weights
 from learn.models.registry import build_network
 from learn.sample import UNLABELED, SampleSource
@@ -141,20 +142,12 @@ def trains_on_gpu(settings: TrainSettings) -> bool:
     Args:
         settings: The training.
     """
-    # counted, because `is_available` would initialize CUDA and prevent its use in forked processes
-    return settings.accelerator == "gpu" or (settings.accelerator == "auto" and torch.cuda.device_count() > 0)
+    return torch_device(settings.accelerator) == "cuda"
 
 
 def _check_gpu(settings: TrainSettings) -> None:
+    check_device(settings.accelerator, "accelerator")
     count = torch.cuda.device_count()
-    if settings.accelerator == "gpu" and not count:
-        raise InputError(
-            "no GPU that torch can use",
-            field="accelerator",
-            value="gpu",
-            allowed="auto, cpu",
-            hint="Install a torch that fits the driver, or train with --set accelerator=cpu",
-        )
     if trains_on_gpu(settings) and settings.devices > count:
         raise InputError(
             "more than there are GPUs",

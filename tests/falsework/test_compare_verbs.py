@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.learn.elsewhere import described, experiment_here, fill, pieces_of, read_pack, train, write_pack
 from falsework.store.store import Store
 from learn.compare.preset import preset_names
 from learn.metrics import mean_iou
@@ -306,6 +307,25 @@ def test_clouds_of_two_bridges_in_one_folder(
     code, _, error = compare(capsys, [*bridges[2:], mixed], tmp_path / "cmp")
     assert code == 2
     assert "clouds of several bridges" in error
+
+
+def test_trained_elsewhere_is_as_trained_here(bridges: list[Path], whole: Path, tmp_path: Path) -> None:
+    """Packed windows, trainings and tests in another place, their results put into the store: the same bytes."""
+    preset = str(bridges[0].parents[1] / "tiny.toml")
+    experiment, trials = experiment_here(bridges, tmp_path / "out", preset, [])
+    networks = [one for one in trials if one.model != "forest"]
+    folders = {f"{number:03d}": path for number, path in enumerate(sorted(pieces_of(networks)))}
+    names = {path: name for name, path in folders.items()}
+    write_pack(tmp_path / "pack", [described(one, names) for one in networks], folders)
+    jobs = read_pack(tmp_path / "pack", tmp_path / "pieces")
+    for job in jobs:
+        train(job, tmp_path / "pieces", tmp_path / "results")
+    assert fill(networks, experiment, tmp_path / "results") == len(networks) * 2
+    made = Store(tmp_path / "out")
+    for one in networks:
+        for job in (one.training, *one.tests.values()):
+            here = {path.name: path.read_bytes() for path in Store(whole / "cmp").folder(job.task).iterdir()}
+            assert here == {path.name: path.read_bytes() for path in made.folder(job.task).iterdir()}
 
 
 def test_the_help_names_every_preset(capsys: pytest.CaptureFixture[str]) -> None:

@@ -80,6 +80,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "reconstruct.py",
     ),
     "learn": (
+        "device.py",
         "sample.py",
         "neighborhoods",
         "datasets",

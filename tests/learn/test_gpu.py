@@ -75,3 +75,6 @@ def test_a_training_on_a_gpu_learns_and_its_model_predicts_here(tmp_path: Path, 
         sample = source.sample(row, 1)
         right.append(model.probabilities([sample])[0].argmax(axis=1) == sample.labels)
     assert np.concatenate(right).mean() > 0.6
+    sample = source.sample(0, 1)
+    here, there = model.probabilities([sample])[0], read_network(tmp_path, "gpu").probabilities([sample])[0]
+    assert np.abs(here - there).max() < 1e-3
