@@ -1,13 +1,13 @@
 """Train and test the networks of a comparison on another machine, one with a GPU, and put the results into its store.
 
 Usage: python -m benchmarks.learn.elsewhere pack SOURCE… -o OUT --preset EXPERIMENT --set accelerator=gpu --pack FILE
-       python -m benchmarks.learn.elsewhere train FILE --results FOLDER [--processes NUMBER]      (on the other machine)
+       python -m benchmarks.learn.elsewhere train FILE… --results FOLDER [--processes NUMBER] [--minutes NUMBER]
        python -m benchmarks.learn.elsewhere fill SOURCE… -o OUT --preset EXPERIMENT --set … --results FOLDER
 
 `pack` cuts the bridges as `falsework compare` does, and writes the windows of the networks' trainings and tests into
 one file of few bytes, byte for byte what is read here. `train` needs PyTorch, Lightning, SciPy, Numba, Pydantic and
 safetensors only; each training is a process, and a second call trains what is missing. After `fill`, the same
-`falsework compare` finds these results, and makes the others and the tables.
+`falsework compare` finds these results, and makes the others and the tables. `train` runs there, the others here.
 """
 
 import argparse
@@ -17,6 +17,7 @@ import multiprocessing
 import os
 import shutil
 import sys
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from io import BytesIO
@@ -286,23 +287,36 @@ def read_sampling(values: Mapping[str, Any]) -> "SampleSettings":
     )
 
 
-def train_all(path: Path, results: Path, processes: int) -> None:
-    """Train everything of a pack, several models at a time.
+def train_all(paths: Sequence[Path], results: Path, processes: int, minutes: float) -> None:
+    """Train everything of some packs, several models at a time; those of the first packs and seeds begin first.
 
     Args:
-        path: The pack.
+        paths: The packs.
         results: Where results go.
         processes: How many at a time.
+        minutes: After so long nothing goes on [min].
     """
-    pieces = results.with_name(f"{results.name}-pieces")
-    jobs = read_pack(path, pieces)
+    end = time.monotonic() + 60.0 * minutes
+    jobs: list[tuple[int, int, dict[str, Any], Path]] = []
+    for number, path in enumerate(paths):
+        pieces = results.with_name(f"{results.name}-{number}")
+        jobs += [(number, job["settings"]["seed"], job, pieces) for job in read_pack(path, pieces)]
+    jobs.sort(key=lambda row: row[:2])
     results.mkdir(parents=True, exist_ok=True)
     os.environ["OMP_NUM_THREADS"] = "1"
-    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
-        waiting = [pool.submit(train, job, pieces, results) for job in jobs]
-        for done in as_completed(waiting):
-            sys.stdout.write(f"{done.result()}\n")
+    pool = ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"))
+    waiting = [pool.submit(train, job, pieces, results) for _, _, job, pieces in jobs]
+    try:
+        for done in as_completed(waiting, end - time.monotonic()):
+            said = done.result() if done.exception() is None else f"failed: {done.exception()}"
+            sys.stdout.write(f"{time.monotonic() - end:.0f} s: {said}\n")
             sys.stdout.flush()
+    except TimeoutError:
+        sys.stdout.write(f"{sum(one.done() for one in waiting)} of {len(waiting)} are done\n")
+        sys.stdout.flush()
+        for child in multiprocessing.active_children():
+            child.kill()
+    pool.shutdown(cancel_futures=True)
 
 
 def fill(trials: Sequence["TrialJobs"], experiment: "Experiment", results: Path) -> int:
@@ -347,9 +361,10 @@ def main() -> None:
     parser.add_argument("--pack", type=Path)
     parser.add_argument("--results", type=Path)
     parser.add_argument("--processes", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--minutes", type=float, default=1e6, help="end then, with what is done")
     given = parser.parse_args()
     if given.verb == "train":
-        train_all(given.sources[0], given.results, given.processes)
+        train_all(given.sources, given.results, given.processes, given.minutes)
         return
     experiment, trials = experiment_here(given.sources, given.output, given.preset, given.set)
     networks = list({one.training.task.key: one for one in trials if one.model != "forest"}.values())

@@ -1,11 +1,10 @@
 """Which training clouds are worth most: `falsework compare` on a small set of bridges, as pages.
 
-Usage: python -m benchmarks.learn.experiments RUN… -o OUT [--only NAME…]
+Usage: python -m benchmarks.learn.experiments RUN… -o OUT [--only NAME…] [--set KEY=VALUE…]
 
-A RUN is the output folder of a run that made the clouds `mesh`, `visible`, `tls`, `local+dense` and `local+sparse` of
-its bridges: those of `python -m benchmarks.recon.accuracy WORK --only local-…`, or one of `scenarios/learning.toml`.
-OUT keeps every result: the same command goes on where it was stopped. Writes `docs/experiments/NAME.md` for each
-experiment of `benchmarks/learn/experiment`.
+A RUN is the output folder of a run of `scenarios/learning.toml`. OUT keeps every result: the same command goes on where
+it was stopped. Writes `docs/experiments/NAME.md` for each experiment of `benchmarks/learn/experiment`. Networks may be
+trained on another machine first: `benchmarks.learn.elsewhere`, with OUT/NAME and the same `--set`.
 """
 
 import argparse
@@ -38,28 +37,32 @@ def main() -> None:
     parser.add_argument("runs", nargs="+", type=Path)
     parser.add_argument("-o", "--output", required=True, type=Path)
     parser.add_argument("--only", nargs="+", choices=names, default=names, metavar="NAME")
+    parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", help="settings that differ")
     chosen = parser.parse_args()
     for name in chosen.only:
         output = chosen.output / name
-        compare(chosen.runs, name, output)
+        compare(chosen.runs, name, output, chosen.set)
         record = read_json(output / "comparison.json")
         pieces = sorted((output / "store" / "pieces").iterdir())
         grounds = ground_offsets(pieces, record["settings"]["fewest"]) if name == SENSORS else {}
         write_page(PAGES / f"{name}.md", experiment_page(record, name, grounds), __file__)
 
 
-def compare(runs: Sequence[Path], name: str, output: Path) -> None:
+def compare(runs: Sequence[Path], name: str, output: Path, changed: Sequence[str] = ()) -> None:
     """Run an experiment.
 
     Args:
         runs: Output folders of runs.
         name: Name of the experiment's file.
         output: Folder of the experiment.
+        changed: Settings that differ from the file's, key=value.
     """
     from falsework.cli import main as falsework
 
+    words = [word for setting in changed for word in ("--set", setting)]
+    preset = str(EXPERIMENTS / f"{name}.toml")
     try:
-        falsework(["compare", *map(str, runs), "-o", str(output), "--preset", str(EXPERIMENTS / f"{name}.toml")])
+        falsework(["compare", *map(str, runs), "-o", str(output), "--preset", preset, *words])
     except SystemExit as end:
         if end.code:
             raise
@@ -104,8 +107,8 @@ def experiment_page(record: Mapping[str, Any], name: str, grounds: Mapping[str, 
     heading, _, rest = page(record).partition("\n")
     about = (
         f"`python -m benchmarks.learn.experiments RUN… -o OUT --only {name}` writes this page, from "
-        f"`benchmarks/learn/experiment/{name}.toml`. [How to read it](../comparisons.md). A forest on few bridges: the "
-        "direction of a large difference is worth something, its size is not, and networks that train for longer may "
+        f"`benchmarks/learn/experiment/{name}.toml`. [How to read it](../comparisons.md). Trainings are short: the "
+        "direction of a large difference is worth something, its size is not, and models that train for longer may "
         "differ."
     )
     lines = [heading, "", about, *_ground_lines(grounds)]
