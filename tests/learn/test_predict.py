@@ -19,7 +19,7 @@ from learn.datasets.settings import dataset_settings
 from learn.datasets.stored import StoredSplit
 from learn.instances import connected_parts
 from learn.predict.class_sum import sum_classes
-from learn.predict.frame import Frame, contradiction
+from learn.predict.frame import Frame, choose_frame, contradiction
 from learn.predict.predict import predict_scan
 from learn.predict.settings import PredictSettings
 from recon.formats.laz import write_laz
@@ -317,7 +317,7 @@ def test_labels_that_are_none_hinder_no_prediction(tmp_path: Path) -> None:
 
 
 def test_classes_are_summed_kept_and_doubted(tmp_path: Path) -> None:
-    """Components sum into any table, ASPRS codes go into LAS' own field, and what is unsure or not wanted is 255."""
+    """Components sum into any table, ASPRS codes go into LAS' own field, and what is unsure or unwanted is 255."""
     model = ColorModel(("ground", "column", "pier_cap", "deck_slab"), "falsework")
     table = np.array([[0.1, 0.3, 0.3, 0.3]], np.float32)
     total = sum_classes(model.classes, "falsework", "asprs", ())
@@ -336,6 +336,11 @@ def test_classes_are_summed_kept_and_doubted(tmp_path: Path) -> None:
     deck = color[:, 0] // 64 == 3
     np.testing.assert_array_equal(las["predicted_class"], np.where(deck, 17, 255))
     np.testing.assert_array_equal(las.classification, np.where(deck, 17, 1))
+    for least, kept in ((0.69, True), (0.71, False)):  # the model is as sure as 0.7 of every point
+        made = predict_scan(source, tmp_path / "c.las", model, PredictSettings(min_confidence=least, fewest=1))
+        classes = np.asarray(laspy.read(tmp_path / "c.las")["predicted_class"])
+        assert ((classes != 255) == kept).all()
+        assert (made.unlabelled, made.instances > 0) == (0 if kept else len(classes), kept)
     with pytest.raises(InputError, match="too coarse"):
         sum_classes(("deck",), "kim2023", "falsework", ())
     with pytest.raises(InputError, match=r"unknown table .*'kim'"):
@@ -413,6 +418,9 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         ((folder, "-o", tmp_path / "c.laz", "--model", "json:dumps"), "model"),
         ((folder, "-o", tmp_path / "c.laz", *model, "--table", "falsework"), "too coarse"),
         ((folder, "-o", tmp_path / "c.laz", *model, "--link", "0.01"), "smaller than the model's voxel"),
+        ((folder, "-o", tmp_path / "c.laz", *model, "--unit", "m", "--scale", "2.0"), "both a unit and a scale"),
+        ((folder, "-o", tmp_path / "c.laz", *model, "--min-confidence", "1.5"), "less than or equal to 1"),
+        ((folder, "-o", tmp_path / "c.laz", "--model", "builtins:dict"), "does not return a model"),
     ]
     for words, said in cases:
         assert run(*words) == 2, words
@@ -428,3 +436,5 @@ def test_another_unit_than_the_scans_is_doubted() -> None:
     assert contradiction(None, Frame(0.3048, turn)) == ""
     assert contradiction(1200 / 3937, Frame(0.3048, turn)) == ""
     assert "the scan says 1 m a unit and you say 0.3048 m" in contradiction(1.0, Frame(0.3048, turn))
+    with pytest.raises(InputError, match="longitudes and latitudes"):
+        choose_frame(0.0, PredictSettings(), "scan.laz")

@@ -17,7 +17,7 @@ from learn.trained import FACTS, WEIGHTS, read_facts, read_network, read_weights
 from learn.training.event_file import EVENTS
 from learn.training.loader import EpochOrder, hold_out
 from learn.training.settings import TrainSettings
-from learn.training.train import TrainingData, train_network
+from learn.training.train import TrainingData, begin_with, train_network
 from tests.learn.toy import CLASSES, ToyBridges
 
 LOG = "log.csv"
@@ -145,6 +145,8 @@ def test_a_training_begins_with_a_model_and_leaves_its_encoder_alone(trained: Pa
     assert all(torch.equal(before[name], after[name]) for name in down)
     assert not torch.equal(before["up.0.0.linear.weight"], after["up.0.0.linear.weight"])
     assert after["head.2.weight"].shape[0] == 4
+    with pytest.raises(InputError, match="the --init model has other inputs"):
+        begin_with(torch.nn.Identity(), trained, ("red", "green", "blue"), classes)
 
 
 def test_a_model_is_refused_where_it_does_not_fit(trained: Path, tmp_path: Path) -> None:
