@@ -60,7 +60,7 @@ bench: .venv/.stamp-dev .venv/.stamp-learn
 	.venv/bin/python -m benchmarks
 
 # The site: generated pages and notebooks are checked first, and warnings are errors.
-docs: .venv/.stamp-dev .venv/.stamp-docs
+docs: .venv/.stamp-dev .venv/.stamp-docs .venv/.stamp-learn
 	.venv/bin/python -m docs.proof_state
 	.venv/bin/python -m docs.generate --check
 	.venv/bin/python -m sphinx --quiet --fail-on-warning --keep-going --builder html docs $(SITE)

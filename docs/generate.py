@@ -9,6 +9,7 @@ from pathlib import Path
 
 from docs.architecture import FIGURE, architecture_figure, architecture_page
 from docs.command_page import commands_page
+from docs.learning_keys import learning_page
 from docs.notebook_files import SCRIPTS, notebook, notebook_page
 from docs.scenario_pages import TOPICS, index_page, topic_page
 from docs.settings_table import table
@@ -70,6 +71,7 @@ PAGES = {
     "commands.md": commands_page,
     "classes.md": classes_page,
     "samplers.md": samplers_page,
+    "learning_settings.md": learning_page,
     "architecture.md": architecture_page,
     FIGURE: architecture_figure,
     **{f"notebooks/{name}.ipynb": partial(notebook, name) for name in SCRIPTS},

@@ -19,6 +19,7 @@ from learn.losses import components_only, cross_entropy, lovasz_softmax, noise_l
 from learn.metrics import confusion, scores
 from learn.sample import UNLABELED
 from learn.trained import as_probabilities
+from learn.training.event_file import EVENTS, event_file
 from learn.training.settings import Recipe, TrainSettings
 
 LAST, BEST = "last.ckpt", "best.safetensors"
@@ -160,6 +161,7 @@ class Segmentation(lightning.LightningModule):
             state = {name: value.cpu().contiguous() for name, value in self.network.state_dict().items()}
             write_bytes(self._folder / BEST, save(state))
         write_text(self._folder / "log.csv", log_table(self.history))
+        write_bytes(self._folder / EVENTS, event_file(self.history))
         self._listener.advance(self.current_epoch + 1)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:

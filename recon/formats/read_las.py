@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from groundwork.child import run_child
 from groundwork.errors import ChildError, InputError
 from groundwork.progress import SILENT, Progress
-from recon.formats.scan_points import Scan, as_ids, check_coordinates, check_count
+from recon.formats.scan_points import Scan, as_ids, check_coordinates, check_count, column_named
 
 F64 = NDArray[np.float64]
 
@@ -271,12 +271,13 @@ class LasRows:
         ]
         return np.concatenate(parts)
 
-    def decode(self, first: int, last: int) -> Scan:
+    def decode(self, first: int, last: int, labels: bool = True) -> Scan:
         """Decode a range of points into columns.
 
         Args:
             first: First point.
             last: Point behind the last one.
+            labels: Read the columns of labels, and refuse those that hold none.
 
         Raises:
             InputError: A position is invalid, or outside the bounds that the header states.
@@ -296,18 +297,18 @@ class LasRows:
         codes = (
             self._column(16, "u1", first, last) if new else np.bitwise_and(self._column(15, "u1", first, last), 0x1F)
         )
-        labels: dict[str, NDArray[Any]] = {}
+        found: dict[str, NDArray[Any]] = {}
         for field, names, kind in (("segment", _LABELS, np.uint8), ("instance", _INSTANCES, np.uint32)):
-            known = next((name for name in names if name in header.extra), None)
-            if known is not None:
-                labels[field] = as_ids(self.path, known, self._column(*header.extra[known], first, last), kind)
+            known = column_named(names, header.extra)
+            if labels and known is not None:
+                found[field] = as_ids(self.path, known, self._column(*header.extra[known], first, last), kind)
         return Scan(
             coord,
             color,
             intensity=self._column(12, "<u2", first, last).astype(np.float32),
             classification=codes,
             class_names=header.class_names,
-            **labels,
+            **found,
         )
 
 

@@ -41,12 +41,13 @@ def open_array(path: Path) -> np.ndarray:
     return array
 
 
-def read_numpy(path: Path, most_points: int) -> Scan:
+def read_numpy(path: Path, most_points: int, labels: bool = True) -> Scan:
     """Read the points of an array; columns are interpreted as those of a text file, fields by their names.
 
     Args:
         path: The file.
         most_points: Points above which it is refused.
+        labels: Read the columns of labels, and refuse those that hold none.
 
     Raises:
         InputError: Damaged, not a table of points, or too many.
@@ -55,7 +56,7 @@ def read_numpy(path: Path, most_points: int) -> Scan:
     check_count(path, len(array), most_points)
     if array.dtype.names is None:
         names = LAYOUTS[array.shape[1]]
-        return scan_of_columns(path, {name: np.asarray(array[:, place]) for place, name in enumerate(names)})
+        return scan_of_columns(path, {name: np.asarray(array[:, place]) for place, name in enumerate(names)}, labels)
     fields = {name: np.asarray(array[name]) for name in array.dtype.names if array.dtype[name].kind in "fiu"}
     flat = {name: values for name, values in fields.items() if values.ndim == 1}
-    return scan_of_columns(path, flat)
+    return scan_of_columns(path, flat, labels)

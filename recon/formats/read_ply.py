@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from recon.formats.scan_points import Scan, as_ids, check_coordinates, check_count
+from recon.formats.scan_points import Scan, as_ids, check_coordinates, check_count, column_named
 
 MAGIC = b"ply"
 _HEADER = 1 << 16  # [bytes] the longest header that is read
@@ -38,9 +38,9 @@ _TYPES = {
 }
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _COLORS = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
-_LABELS = ("segment", "label", "class", "scalar_label", "scalar_segment", "scalar_Classification")
-_INSTANCES = ("instance", "instance_id", "scalar_instance")
-_INTENSITIES = ("intensity", "scalar_intensity", "scalar_Intensity", "reflectance")
+_LABELS = ("segment", "label", "class", "classification")
+_INSTANCES = ("instance", "instance_id")
+_INTENSITIES = ("intensity", "reflectance")
 
 
 @dataclass(frozen=True)
@@ -58,12 +58,13 @@ class Element:
     properties: tuple[tuple[str, str | None], ...]
 
 
-def read_ply(path: Path, most_points: int) -> Scan:
+def read_ply(path: Path, most_points: int, labels: bool = True) -> Scan:
     """Read the points of a PLY file.
 
     Args:
         path: The file.
         most_points: Points above which it is refused.
+        labels: Read the columns of labels, and refuse those that hold none.
 
     Raises:
         InputError: Damaged, cut off, lying about its contents, without points, or too large.
@@ -87,7 +88,7 @@ def read_ply(path: Path, most_points: int) -> Scan:
     for element, table in zip(wanted, tables, strict=True):
         if element.count == vertex.count:
             columns = {**table, **columns}
-    return _scan(path, columns)
+    return _scan(path, columns, labels)
 
 
 def read_ply_header(path: Path) -> tuple[str, list[Element], int]:
@@ -207,7 +208,7 @@ def _numbers(path: Path, words: list[bytes]) -> NDArray[np.float64]:
         raise InputError(f"not a number: {str(error)[-60:]}", where=path) from None
 
 
-def _scan(path: Path, columns: dict[str, NDArray[Any]]) -> Scan:
+def _scan(path: Path, columns: dict[str, NDArray[Any]], labels: bool) -> Scan:
     missing = [name for name in "xyz" if name not in columns]
     if missing:
         raise InputError("a point without a position", where=path, field=missing[0], allowed="x, y and z")
@@ -220,10 +221,10 @@ def _scan(path: Path, columns: dict[str, NDArray[Any]]) -> Scan:
     color = _color(path, np.column_stack([columns[name] for name in trio])) if trio else None
     found: dict[str, Any] = {}
     for field, names, kind in (("segment", _LABELS, np.uint8), ("instance", _INSTANCES, np.uint32)):
-        known = next((name for name in names if name in columns), None)
-        if known is not None:
+        known = column_named(names, columns)
+        if labels and known is not None:
             found[field] = as_ids(path, known, columns[known], kind)
-    known = next((name for name in _INTENSITIES if name in columns), None)
+    known = column_named(_INTENSITIES, columns)
     if known is not None:
         found["intensity"] = columns[known].astype(np.float32)
     return Scan(coord, color, normal, **found)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from recon.formats.scan_points import Scan, as_ids, check_coordinates, check_count
+from recon.formats.scan_points import Scan, as_colors, as_ids, check_coordinates, check_count
 
 SUFFIXES = (".xyz", ".txt", ".csv", ".asc", ".pts")
 _MOST_TEXT = 2_000_000_000  # [bytes]
@@ -34,17 +34,19 @@ LAYOUTS: dict[int, tuple[str, ...]] = {
     7: ("x", "y", "z", "red", "green", "blue", "segment"),
     8: ("x", "y", "z", "red", "green", "blue", "segment", "instance"),
 }
+_PTS = {7: ("x", "y", "z", "intensity", "red", "green", "blue")}  # as laser scanners' programs write .pts
 
 
-def read_text(path: Path, most_points: int) -> Scan:
+def read_text(path: Path, most_points: int, labels: bool = True) -> Scan:
     """Read lines of numbers, separated by blanks, tabs, commas or semicolons.
 
     A first line of names says what the columns are; without one their number does: three are x y z, four have
-    intensity, six a colour, seven a colour and a label, eight an instance too.
+    intensity, six a colour, seven a colour and a label (in .pts files intensity and a colour), eight an instance too.
 
     Args:
         path: The file.
         most_points: Points above which it is refused.
+        labels: Read the columns of labels, and refuse those that hold none.
 
     Raises:
         InputError: Not lines of numbers, or too many.
@@ -67,7 +69,7 @@ def read_text(path: Path, most_points: int) -> Scan:
         raise InputError(f"not lines of numbers: {reason}", where=path, hint="Write x y z on each line") from None
     check_count(path, len(table), most_points)
     width = table.shape[1]
-    columns = names or LAYOUTS.get(width)
+    columns = names or (_PTS if path.suffix.lower() == ".pts" else LAYOUTS).get(width, LAYOUTS.get(width))
     if columns is None or len(columns) != width:
         raise InputError(
             "columns without names",
@@ -75,7 +77,7 @@ def read_text(path: Path, most_points: int) -> Scan:
             value=width,
             allowed=f"{', '.join(map(str, LAYOUTS))} columns, or a first line of names",
         )
-    return scan_of_columns(path, {name: table[:, place] for place, name in enumerate(columns)})
+    return scan_of_columns(path, {name: table[:, place] for place, name in enumerate(columns)}, labels)
 
 
 def first_line(path: Path, head: list[bytes]) -> tuple[int, tuple[str, ...], str | None]:
@@ -106,13 +108,14 @@ def first_line(path: Path, head: list[bytes]) -> tuple[int, tuple[str, ...], str
     return int(len(words) == 1 and words[0].isdigit() and len(second.split()) > 1), (), mark  # .pts: a count
 
 
-def scan_of_columns(path: Path, columns: dict[str, NDArray[Any]]) -> Scan:
+def scan_of_columns(path: Path, columns: dict[str, NDArray[Any]], labels: bool) -> Scan:
     """Make a scan of named columns.
 
     Args:
         path: File, for the error.
         columns: Columns by name, shape (N,) each: x, y, z, and optionally red, green, blue, nx, ny, nz, segment,
             instance and intensity; others are ignored.
+        labels: Read segment and instance, and refuse values that are none.
 
     Raises:
         InputError: No position, or a column whose values are invalid for its name.
@@ -124,20 +127,12 @@ def scan_of_columns(path: Path, columns: dict[str, NDArray[Any]]) -> Scan:
     check_coordinates(path, coord)
     found: dict[str, Any] = {}
     if all(name in columns for name in ("red", "green", "blue")):
-        found["color"] = _color(path, np.column_stack([columns[name] for name in ("red", "green", "blue")]))
+        found["color"] = as_colors(path, np.column_stack([columns[name] for name in ("red", "green", "blue")]))
     if all(name in columns for name in ("nx", "ny", "nz")):
         found["normal"] = np.column_stack([columns[name] for name in ("nx", "ny", "nz")]).astype(np.float32)
     for name, kind in (("segment", np.uint8), ("instance", np.uint32)):
-        if name in columns:
+        if labels and name in columns:
             found[name] = as_ids(path, name, columns[name], kind)
     if "intensity" in columns:
         found["intensity"] = columns["intensity"].astype(np.float32)
     return Scan(coord, **found)
-
-
-def _color(path: Path, values: NDArray[Any]) -> NDArray[np.uint8]:
-    if not np.isfinite(values).all() or values.min() < 0 or values.max() > 65535:
-        raise InputError("not a colour", where=path, field="red, green, blue", allowed="0 to 1, 0 to 255 or 0 to 65535")
-    if values.max() <= 1.0 and (values != np.floor(values)).any():
-        return np.rint(values * 255).astype(np.uint8)
-    return (values if values.max() <= 255 else values / 257).astype(np.uint8)

@@ -26,7 +26,9 @@ __all__ = [
 ]
 
 
-def read_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = SILENT) -> Scan:
+def read_scan(
+    path: Path, most_points: int = MOST_POINTS, progress: Progress = SILENT, *, labels: bool = True
+) -> Scan:
     """Read a scan; its format is detected by its first bytes, not by its name, except for text.
 
     Counts, sizes, finiteness and bounds are checked before anything is allocated; LAZ and E57 are unpacked in a child
@@ -36,6 +38,8 @@ def read_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = S
         path: LAS, LAZ, PLY, E57, NPY or text file, or the folder of a cloud.
         most_points: Points above which a file is refused.
         progress: Listener.
+        labels: Read the columns of labels, and refuse those that hold none, such as -1; those of LAS and of our clouds
+            are always read.
 
     Raises:
         MissingError: There is no such file.
@@ -55,13 +59,13 @@ def read_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = S
         if magic == read_las.MAGIC:
             return read_las.read_las(path, most_points, progress)
         if magic[:3] == read_ply.MAGIC:
-            return read_ply.read_ply(path, most_points)
+            return read_ply.read_ply(path, most_points, labels)
         if magic == read_e57.MAGIC:
             return read_e57.read_e57(path, most_points, progress)
         if magic == read_numpy.MAGIC:
-            return read_numpy.read_numpy(path, most_points)
+            return read_numpy.read_numpy(path, most_points, labels)
         if path.suffix.lower() in read_text.SUFFIXES:
-            return read_text.read_text(path, most_points)
+            return read_text.read_text(path, most_points, labels)
     except OSError as error:
         raise InputError(f"not readable: {error.strerror}", where=path) from None
     raise InputError(
@@ -75,7 +79,7 @@ def read_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = S
 
 @contextmanager
 def open_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = SILENT) -> Iterator[ScanStream]:
-    """Open a scan so that its points can be read in chunks, and more than once.
+    """Open a scan so that its points can be read in chunks, and more than once; labels are left out.
 
     Args:
         path: As for `read_scan`.
@@ -93,7 +97,9 @@ def open_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = S
         with read_las.open_las(path, most_points, progress) as rows:
             yield ScanStream(rows, meters_per_unit(rows.header.records))
     else:
-        yield ScanStream(read_scan(path, most_points, progress), 1.0 if path.is_dir() else None)
+        # E57 is in metres by its standard
+        metric = path.is_dir() or (path.is_file() and magic_of(path) == read_e57.MAGIC)
+        yield ScanStream(read_scan(path, most_points, progress, labels=False), 1.0 if metric else None)
 
 
 def magic_of(path: Path) -> bytes:

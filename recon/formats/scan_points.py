@@ -1,5 +1,6 @@
 """A scan read from a file: points and their other columns, checked before use."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -114,3 +115,37 @@ def as_ids(path: Path, name: str, values: NDArray[Any], dtype: type[np.uint8 | n
             allowed=f"whole numbers from 0 to {top}",
         )
     return values.astype(dtype)
+
+
+def as_colors(path: Path, values: NDArray[Any]) -> NDArray[np.uint8]:
+    """Convert colours of 8 or 16 bits, or from 0 to 1, of a file that does not tell them apart.
+
+    Args:
+        path: File, for the error.
+        values: Red, green and blue, shape (N, 3), any dtype.
+
+    Returns:
+        sRGB colours, shape (N, 3), uint8.
+
+    Raises:
+        InputError: A value that is none of these.
+    """
+    if not np.isfinite(values).all() or values.min() < 0 or values.max() > 65535:
+        raise InputError("not a colour", where=path, field="red, green, blue", allowed="0 to 1, 0 to 255 or 0 to 65535")
+    if values.max() <= 1.0 and (values != np.floor(values)).any():
+        return np.rint(values * 255).astype(np.uint8)
+    return (values if values.max() <= 255 else values / 257).astype(np.uint8)
+
+
+def column_named(names: Sequence[str], columns: Iterable[str]) -> str | None:
+    """Find the column with one of some names, in capitals or not, also behind the `scalar_` that CloudCompare adds.
+
+    Args:
+        names: Names in lower case, the one that counts most first.
+        columns: Names of the columns of a file.
+
+    Returns:
+        The column's own name; None where there is none.
+    """
+    known = {name.lower().removeprefix("scalar_"): name for name in columns}
+    return next((known[name] for name in names if name in known), None)

@@ -11,7 +11,7 @@ from recon.formats.scan_points import Scan
 
 
 class ScanStream:
-    """The points of a scan in the order of its file.
+    """The points of a scan in the order of its file, without labels.
 
     Attributes:
         count: Number of points.
@@ -43,7 +43,7 @@ class ScanStream:
         for first in range(0, self.count, size):
             last = min(first + size, self.count)
             if self.las is not None:
-                yield self.las.decode(first, last)
+                yield self.las.decode(first, last, labels=False)
             elif self._scan is not None:
                 yield _part(self._scan, slice(first, last))
 

@@ -9,6 +9,7 @@ import numpy as np
 from groundwork.child import answer_parent
 from groundwork.errors import InputError
 from groundwork.progress import Progress
+from recon.formats.scan_points import as_colors
 
 _COLORS = ("colorRed", "colorGreen", "colorBlue")
 
@@ -31,6 +32,8 @@ def unpack(request: dict[str, Any], progress: Progress) -> int:
         pye57: Any = import_module("pye57")
     except ModuleNotFoundError:
         raise InputError("the package pye57 is not installed", where=path, hint="pip install falsework[e57]") from None
+    # The package reads colours as bytes, which are wrong where they have 16 bits or are shares of one.
+    pye57.e57.SUPPORTED_POINT_FIELDS |= dict.fromkeys(_COLORS, "f")
     try:
         file = pye57.E57(str(path))
         count = sum(int(file.get_header(scan).point_count) for scan in range(file.scan_count))
@@ -50,10 +53,10 @@ def unpack(request: dict[str, Any], progress: Progress) -> int:
     coord = np.concatenate([np.column_stack([part[f"cartesian{axis}"] for axis in "XYZ"]) for part in parts])
     # inside an atomic folder
     np.save(out / "coord.npy", coord.astype(np.float64))
-    if all(name in part for part in parts for name in _COLORS):
+    if len(coord) and all(name in part for part in parts for name in _COLORS):
         colors = np.concatenate([np.column_stack([part[name] for name in _COLORS]) for part in parts])
         # inside an atomic folder
-        np.save(out / "color.npy", np.clip(colors, 0, 255).astype(np.uint8))
+        np.save(out / "color.npy", as_colors(path, colors))
     if all("intensity" in part for part in parts):
         # inside an atomic folder
         np.save(out / "intensity.npy", np.concatenate([part["intensity"] for part in parts]).astype(np.float32))

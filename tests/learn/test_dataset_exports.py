@@ -167,6 +167,8 @@ def test_maps_of_the_package_and_of_users(tmp_path: Path) -> None:
         ("{", "not readable as JSON"),
         ('{"title": "x"}', "names no number"),
         ('{"table": "kim"}', "unknown table"),
+        (good.replace('"parts": ["column"]', '"to": {"kim2023": "colum"}'), "unknown class"),
+        (good.replace("[{", '[{"id": 3, "name": "pier"}, {'), "stands twice"),
     ):
         (tmp_path / "m.json").write_text(text)
         with pytest.raises(InputError, match=words):

@@ -23,6 +23,7 @@ from learn.datasets.windows import cut_windows
 from recon.cloud import COLUMNS, OBSERVATION_COLUMNS, read_cloud
 from tests.learn.toy_bridge import DECK_HEIGHT, LENGTH, WIDTH, toy_cloud, write_toy
 from tests.manifest_faults import manifest_faults
+from usd_schemas.components import class_id
 from usd_schemas.taxonomies import taxonomy
 
 ALL = ("x", "y", "z", "red", "green", "blue", "nx", "ny", "nz", "n_views", "height")
@@ -295,7 +296,7 @@ def test_bridges_are_split_by_hash_alone(clouds: list[Path]) -> None:
 
 
 def test_bad_input_is_one_line(clouds: list[Path], metric: Path, tmp_path: Path) -> None:
-    """Clouds without a bridge, the same cloud twice, nothing left, channels that are truth: each named in one line."""
+    """Clouds without a bridge or a deck, the same one twice, none, channels that are truth: each named in one line."""
     nameless = write_toy(tmp_path / "nameless", bridge="")
     with pytest.raises(InputError, match="does not say which bridge"):
         build(tmp_path / "a", [nameless])
@@ -305,16 +306,28 @@ def test_bad_input_is_one_line(clouds: list[Path], metric: Path, tmp_path: Path)
         build(tmp_path / "c", clouds, fewest=100_000)
     with pytest.raises(InputError, match=r"not a channel .*'uncertainty'"):
         StoredSplit(metric, "train", ("x", "uncertainty"))
+    with pytest.raises(InputError, match="no cloud is named"):
+        build(tmp_path / "d", [])
+    count = 3000
+    ground = {"component": np.full(count, 3, np.uint16), "segment": np.full(count, class_id("background"), np.uint8)}
+    bare = write_toy(tmp_path / "bare", 5, count, **ground)
+    with pytest.raises(InputError, match=r"no labelled deck to lay windows along.*Use mode metric") as caught:
+        build(tmp_path / "e", [bare], mode="paper")
+    assert "bare" in str(caught.value)
+    with pytest.raises(InputError, match=r"a table, not a value.*tile\.size=10"):
+        settings(tile=3)
     with pytest.raises(InputError, match="whole strides"):
         settings(tile={"size": 10.0, "stride": 3.0})
     stored = json.loads((metric / MANIFEST).read_text())
-    for change, words in (
+    changes: list[tuple[dict[str, Any], str]] = [
         ({"format_version": 9}, "of this version"),
         ({"pieces": [{"name": "x"}]}, "missing or of a wrong kind"),
         ({"inputs": ["uncertainty"]}, "invalid inputs"),
         ({"pieces": [{**stored["pieces"][0], "name": "../../x"}]}, "leaves the data set"),
-    ):
-        folder = tmp_path / words[:4]
+        ({"pieces": [{**stored["pieces"][0], "points": 0}]}, "invalid piece"),
+    ]
+    for number, (change, words) in enumerate(changes):
+        folder = tmp_path / f"changed{number}"
         folder.mkdir()
         (folder / MANIFEST).write_text(json.dumps({**stored, **change}))
         with pytest.raises(InputError, match=words):

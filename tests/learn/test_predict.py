@@ -19,7 +19,7 @@ from learn.datasets.settings import dataset_settings
 from learn.datasets.stored import StoredSplit
 from learn.instances import connected_parts
 from learn.predict.class_sum import sum_classes
-from learn.predict.frame import Frame, contradiction
+from learn.predict.frame import Frame, choose_frame, contradiction
 from learn.predict.predict import predict_scan
 from learn.predict.settings import PredictSettings
 from recon.formats.laz import write_laz
@@ -235,7 +235,7 @@ def test_other_formats_are_copied(tmp_path: Path) -> None:
 
 
 def test_e57(tmp_path: Path) -> None:
-    """Scans of an E57 file are read each at its place, and labelled into a new LAZ."""
+    """Scans of an E57 file are read each at its place, in metres as its standard has it, and labelled as a new LAZ."""
     pye57 = pytest.importorskip("pye57")
     coord, color = lattice(400)
     file = pye57.E57(str(tmp_path / "a.e57"), mode="w")
@@ -251,14 +251,73 @@ def test_e57(tmp_path: Path) -> None:
     np.testing.assert_array_equal(scan.color, color)
     predict_scan(tmp_path / "a.e57", tmp_path / "packed.laz", ColorModel(), PredictSettings(unit="m"))
     np.testing.assert_array_equal(laspy.read(tmp_path / "packed.laz")["predicted_class"], color[:, 0] // 64)
+    predict_scan(tmp_path / "a.e57", tmp_path / "metric.laz", ColorModel(), PredictSettings())
+    assert (tmp_path / "metric.laz").read_bytes() == (tmp_path / "packed.laz").read_bytes()
     whole = (tmp_path / "a.e57").read_bytes()
     (tmp_path / "torn.e57").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match="not readable as E57"):
         read_scan(tmp_path / "torn.e57")
 
 
+@pytest.mark.parametrize(("most", "kind"), [(65535, "u2"), (1, "f4")])
+def test_e57_with_colours_of_other_ranges(
+    most: int, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Colours of 16 bits and from 0 to 1 are brought to 8 bits; the package alone reads them wrong."""
+    pye57 = pytest.importorskip("pye57")
+    library = pye57.libe57
+    coord, color = lattice(300)
+    values = (color.astype(np.float64) / 255 * most).astype(kind)
+    integer, real = library.IntegerNode, library.FloatNode
+
+    def node(file: Any, *numbers: int) -> Any:
+        if numbers == (0, 0, 255):  # what the package writes for a colour
+            return integer(file, 0, 0, most) if kind == "u2" else real(file, 0.0, library.E57_SINGLE, 0.0, 1.0)
+        return integer(file, *numbers)
+
+    monkeypatch.setattr(library, "IntegerNode", node)
+    names = ("colorRed", "colorGreen", "colorBlue")
+    monkeypatch.setattr(
+        pye57.e57,
+        "SUPPORTED_POINT_FIELDS",
+        {**pye57.e57.SUPPORTED_POINT_FIELDS, **dict.fromkeys(names, {"u2": "H", "f4": "f"}[kind])},
+    )
+    file = pye57.E57(str(tmp_path / "a.e57"), mode="w")
+    data = {f"cartesian{axis}": coord[:, i] for i, axis in enumerate("XYZ")}
+    file.write_scan_raw(data | {name: values[:, i] for i, name in enumerate(names)})
+    file.close()
+    scan = read_scan(tmp_path / "a.e57")
+    np.testing.assert_allclose(scan.coord, coord, atol=1e-9)
+    np.testing.assert_allclose(np.asarray(scan.color, int), color, atol=1)
+
+
+def test_labels_that_are_none_hinder_no_prediction(tmp_path: Path) -> None:
+    """A scan whose own labels are -1, 300 or 12.5 is labelled all the same, and keeps them; a data set refuses it."""
+    coord, color = lattice(300)
+    odd = np.resize([-1.0, 300.0, 12.5], 300)
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 300\n"
+    head += "".join(f"property double {name}\n" for name in ("x", "y", "z", "red", "green", "blue", "label"))
+    table = np.column_stack([coord, color, odd])
+    (tmp_path / "a.ply").write_bytes(head.encode() + b"end_header\n" + table.astype("<f8").tobytes())
+    np.savetxt(tmp_path / "a.txt", table, "%.4f %.4f %.4f %d %d %d %.1f")
+    np.save(tmp_path / "a.npy", table)
+    write_las(tmp_path / "a.las", coord, color)
+    las = laspy.read(tmp_path / "a.las")
+    las.add_extra_dim(laspy.ExtraBytesParams("label", np.dtype("f4")))
+    las["label"] = odd
+    las.write(str(tmp_path / "a.las"))
+    for suffix in ("ply", "txt", "npy", "las"):
+        path, out = tmp_path / f"a.{suffix}", tmp_path / f"out.{suffix}"
+        with pytest.raises(InputError, match="not a label"):
+            read_scan(path)
+        predict_scan(path, out, ColorModel(), PredictSettings(unit="m"))
+        (tmp_path / "out.instances.json").unlink()
+    np.testing.assert_array_equal(np.load(tmp_path / "out.npy")[:, 6:8], np.column_stack([odd, color[:, 0] // 64]))
+    np.testing.assert_array_equal(laspy.read(tmp_path / "out.las")["label"], odd)
+
+
 def test_classes_are_summed_kept_and_doubted(tmp_path: Path) -> None:
-    """Components sum into any table, ASPRS codes go into LAS' own field, and what is unsure or not wanted is 255."""
+    """Components sum into any table, ASPRS codes go into LAS' own field, and what is unsure or unwanted is 255."""
     model = ColorModel(("ground", "column", "pier_cap", "deck_slab"), "falsework")
     table = np.array([[0.1, 0.3, 0.3, 0.3]], np.float32)
     total = sum_classes(model.classes, "falsework", "asprs", ())
@@ -277,6 +336,11 @@ def test_classes_are_summed_kept_and_doubted(tmp_path: Path) -> None:
     deck = color[:, 0] // 64 == 3
     np.testing.assert_array_equal(las["predicted_class"], np.where(deck, 17, 255))
     np.testing.assert_array_equal(las.classification, np.where(deck, 17, 1))
+    for least, kept in ((0.69, True), (0.71, False)):  # the model is as sure as 0.7 of every point
+        made = predict_scan(source, tmp_path / "c.las", model, PredictSettings(min_confidence=least, fewest=1))
+        classes = np.asarray(laspy.read(tmp_path / "c.las")["predicted_class"])
+        assert ((classes != 255) == kept).all()
+        assert (made.unlabelled, made.instances > 0) == (0 if kept else len(classes), kept)
     with pytest.raises(InputError, match="too coarse"):
         sum_classes(("deck",), "kim2023", "falsework", ())
     with pytest.raises(InputError, match=r"unknown table .*'kim'"):
@@ -354,6 +418,9 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         ((folder, "-o", tmp_path / "c.laz", "--model", "json:dumps"), "model"),
         ((folder, "-o", tmp_path / "c.laz", *model, "--table", "falsework"), "too coarse"),
         ((folder, "-o", tmp_path / "c.laz", *model, "--link", "0.01"), "smaller than the model's voxel"),
+        ((folder, "-o", tmp_path / "c.laz", *model, "--unit", "m", "--scale", "2.0"), "both a unit and a scale"),
+        ((folder, "-o", tmp_path / "c.laz", *model, "--min-confidence", "1.5"), "less than or equal to 1"),
+        ((folder, "-o", tmp_path / "c.laz", "--model", "builtins:dict"), "does not return a model"),
     ]
     for words, said in cases:
         assert run(*words) == 2, words
@@ -369,3 +436,5 @@ def test_another_unit_than_the_scans_is_doubted() -> None:
     assert contradiction(None, Frame(0.3048, turn)) == ""
     assert contradiction(1200 / 3937, Frame(0.3048, turn)) == ""
     assert "the scan says 1 m a unit and you say 0.3048 m" in contradiction(1.0, Frame(0.3048, turn))
+    with pytest.raises(InputError, match="longitudes and latitudes"):
+        choose_frame(0.0, PredictSettings(), "scan.laz")

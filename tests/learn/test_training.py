@@ -14,11 +14,13 @@ from groundwork.errors import InputError
 from groundwork.progress import Silent
 from learn.metrics import confusion, scores
 from learn.trained import FACTS, WEIGHTS, read_facts, read_network, read_weights
+from learn.training.event_file import EVENTS
 from learn.training.loader import EpochOrder, hold_out
 from learn.training.settings import TrainSettings
-from learn.training.train import TrainingData, train_network
+from learn.training.train import TrainingData, begin_with, train_network
 from tests.learn.toy import CLASSES, ToyBridges
 
+LOG = "log.csv"
 SMALL: dict[str, Any] = {"counts": (64, 16), "unit": 2.0}
 
 
@@ -63,7 +65,7 @@ def score(folder: Path) -> float:
 def test_a_training_learns_what_can_be_learnt(trained: Path) -> None:
     """The mean IoU on bridges never seen is far above that of chance, a fifth."""
     assert score(trained) > 0.8
-    assert sorted(path.name for path in trained.iterdir()) == ["log.csv", FACTS, WEIGHTS]
+    assert sorted(path.name for path in trained.iterdir()) == [LOG, EVENTS, FACTS, WEIGHTS]
 
 
 def test_shuffled_labels_teach_nothing(tmp_path: Path) -> None:
@@ -74,7 +76,7 @@ def test_shuffled_labels_teach_nothing(tmp_path: Path) -> None:
 def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(trained: Path, tmp_path: Path) -> None:
     """Weights, facts and log, bit by bit."""
     again, other = train(tmp_path / "again"), train(tmp_path / "other", settings(seed=4))
-    for name in (WEIGHTS, FACTS, "log.csv"):
+    for name in (WEIGHTS, FACTS, LOG, EVENTS):
         assert (again / name).read_bytes() == (trained / name).read_bytes()
     assert (other / WEIGHTS).read_bytes() != (trained / WEIGHTS).read_bytes()
 
@@ -85,8 +87,19 @@ def test_a_stopped_training_goes_on_to_the_same_bytes(trained: Path, tmp_path: P
     assert not (tmp_path / WEIGHTS).exists()
     assert len((tmp_path / "log.csv").read_text().splitlines()) == 3
     train(tmp_path)
-    for name in (WEIGHTS, FACTS, "log.csv"):
+    for name in (WEIGHTS, FACTS, LOG, EVENTS):
         assert (tmp_path / name).read_bytes() == (trained / name).read_bytes()
+
+
+def test_bfloat16_learns_as_well_and_gives_the_same_bytes(tmp_path: Path) -> None:
+    """Mixed precision on a CPU: far above chance, the weights stay float32, and a second training equals the first."""
+    found = []
+    for name in ("a", "b"):
+        folder = train(tmp_path / name, settings(precision="bf16-mixed"))
+        found.append((folder / WEIGHTS).read_bytes())
+        assert {weight.dtype for weight in read_weights(folder).values()} <= {torch.float32, torch.int64}
+    assert found[0] == found[1]
+    assert score(folder) > 0.7
 
 
 def test_what_another_training_left_is_not_gone_on_from(tmp_path: Path, trained: Path) -> None:
@@ -132,6 +145,8 @@ def test_a_training_begins_with_a_model_and_leaves_its_encoder_alone(trained: Pa
     assert all(torch.equal(before[name], after[name]) for name in down)
     assert not torch.equal(before["up.0.0.linear.weight"], after["up.0.0.linear.weight"])
     assert after["head.2.weight"].shape[0] == 4
+    with pytest.raises(InputError, match="the --init model has other inputs"):
+        begin_with(torch.nn.Identity(), trained, ("red", "green", "blue"), classes)
 
 
 def test_a_model_is_refused_where_it_does_not_fit(trained: Path, tmp_path: Path) -> None:

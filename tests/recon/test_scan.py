@@ -139,6 +139,63 @@ def test_ply_whose_columns_are_spread_over_elements(tmp_path: Path) -> None:
     np.testing.assert_array_equal(scan.segment, label)
 
 
+@pytest.mark.parametrize("name", ["scalar_Label", "Classification", "scalar_class", "Label", "segment"])
+def test_labels_are_found_under_the_names_of_other_programs(name: str, tmp_path: Path) -> None:
+    """In capitals or not, behind CloudCompare's `scalar_` or not; a name of our own counts before the others."""
+    rng = np.random.default_rng(1)
+    labels = rng.integers(0, 9, 30)
+    head = "ply\nformat ascii 1.0\nelement vertex 30\nproperty double x\nproperty double y\nproperty double z\n"
+    head += f"property float scalar_Intensity\nproperty float {name}\nend_header\n"
+    rows = "".join(f"{row} 2 3 0.5 {label}.0\n" for row, label in enumerate(labels))
+    (tmp_path / "a.ply").write_text(head + rows)
+    scan = read_scan(tmp_path / "a.ply")
+    np.testing.assert_array_equal(scan.segment, labels)
+    np.testing.assert_array_equal(scan.intensity, np.full(30, 0.5))
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    for extra in dict.fromkeys((name, "segment") if name != "Classification" else ("Segment",)):
+        header.add_extra_dim(laspy.ExtraBytesParams(extra, np.dtype("u1")))
+    record = laspy.LasData(header)
+    record.x, record.y, record.z = rng.uniform(0, 9, (3, 30))
+    record["Segment" if name == "Classification" else "segment"] = labels
+    record.write(str(tmp_path / "a.las"))
+    np.testing.assert_array_equal(read_scan(tmp_path / "a.las").segment, labels)
+
+
+def test_pts_has_the_intensity_before_the_colour(tmp_path: Path) -> None:
+    """A count, then x y z intensity r g b, as scanners write it; the same numbers in .txt are colour and label."""
+    (tmp_path / "a.pts").write_text("2\n1.5 2 3 -1240 10 20 30\n4 5 6 2047 40 50 60\n")
+    scan = read_scan(tmp_path / "a.pts")
+    np.testing.assert_array_equal(scan.coord, [[1.5, 2, 3], [4, 5, 6]])
+    np.testing.assert_array_equal(scan.color, [[10, 20, 30], [40, 50, 60]])
+    np.testing.assert_array_equal(scan.intensity, [-1240, 2047])
+    assert scan.segment is None
+    (tmp_path / "a.txt").write_text("1.5 2 3 10 20 30 7\n4 5 6 40 50 60 8\n")
+    scan = read_scan(tmp_path / "a.txt")
+    np.testing.assert_array_equal(scan.color, [[10, 20, 30], [40, 50, 60]])
+    np.testing.assert_array_equal(scan.segment, [7, 8])
+
+
+def test_text_that_is_no_scan_says_why(tmp_path: Path) -> None:
+    """Nothing in it, five columns without names, colours that are none: one line each."""
+    for text, reason in (
+        ("", "holds no points"),
+        ("1 2 3 4 5\n", "columns without names"),
+        ("1 2 3 -4 0 0\n", "not a colour"),
+        ("1 2 3 70000 0 0\n", "not a colour"),
+        ("x y y z\n1 2 3 4\n", "a duplicate column"),
+    ):
+        (tmp_path / "a.xyz").write_text(text)
+        with pytest.raises(InputError, match=reason) as error:
+            read_scan(tmp_path / "a.xyz")
+        assert "\n" not in str(error.value)
+    head = "ply\nformat ascii 1.0\nelement vertex 1\n"
+    head += "".join(f"property float {name}\n" for name in ("x", "y", "z", "red", "green", "blue")) + "end_header\n"
+    for color in ("-1 0 0", "nan 0 0", "70000 0 0"):
+        (tmp_path / "a.ply").write_text(f"{head}1 2 3 {color}\n")
+        with pytest.raises(InputError, match="not a colour"):
+            read_scan(tmp_path / "a.ply")
+
+
 def put(at: int, form: str, *values: float) -> Damage:
     """Overwrite numbers in a file."""
     return lambda data: data[:at] + struct.pack(form, *values) + data[at + struct.calcsize(form) :]
