@@ -26,9 +26,7 @@ __all__ = [
 ]
 
 
-def read_scan(
-    path: Path, most_points: int = MOST_POINTS, progress: Progress = SILENT, *, labels: bool = True
-) -> Scan:
+def read_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = SILENT, *, labels: bool = True) -> Scan:
     """Read a scan; its format is detected by its first bytes, not by its name, except for text.
 
     Counts, sizes, finiteness and bounds are checked before anything is allocated; LAZ and E57 are unpacked in a child
