@@ -7,37 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from falsework.children.products import ADDRESS_LIMIT
+from falsework.children.shown_triangles import shown_triangles
 from groundwork.child import answer_parent
 from groundwork.progress import Progress
 
 SMALL = 64  # [px] to which a texture is reduced for its mean
 GRAY = (0.5, 0.5, 0.5)
-NEAR = 10.0  # [m] distances below this to the most important part count as equal
 
-F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
-
-
-def reduced(corners: F64, level: NDArray[np.int64], most: int, reach: float = np.inf) -> NDArray[np.int64]:
-    """Choose triangles: the lowest levels first, and within a level those that appear largest from the lowest one.
-
-    Args:
-        corners: Corner positions [m], shape (T, 3, 3), float64.
-        level: 0 for the most important triangles, shape (T,), int64.
-        most: Largest number of triangles.
-        reach: Largest distance of other triangles to the middle of the most important ones [m].
-
-    Returns:
-        Their rows in ascending order, shape (K,), int64.
-    """
-    if not len(corners) or (len(corners) <= most and np.isinf(reach)):
-        return np.arange(len(corners))
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    middle = np.median(corners[level == level.min()].reshape(-1, 3), axis=0)
-    away = ((corners.mean(axis=1) - middle) ** 2).sum(axis=1)
-    order = np.lexsort((np.arange(len(area)), -area / (away + NEAR**2), level))
-    order = order[(away[order] <= reach**2) | (level[order] == level.min())]
-    return np.sort(order[:most])
 
 
 def material_color(material: Any) -> tuple[float, float, float]:
@@ -120,11 +97,9 @@ def _answer(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     bridge = [row.id for row in scene.instances if row.class_name not in ("background", "unlabelled", "")]
     plants = [row.id for row in scene.instances if row.component == "vegetation"]
     level = np.where(np.isin(ids, bridge), 0, np.where(np.isin(ids, plants), 2, 1))
-    chosen = reduced(corners, level, int(request["most"]), float(request["reach"] or np.inf))
+    shown, chosen = shown_triangles(corners, level, rows, int(request["most"]), float(request["reach"] or np.inf))
     colors = _colors(scene, rows)[chosen]
-    np.savez(
-        request["file"], corners=corners[chosen].astype(np.float32), colors=colors
-    )  # not atomic: a temporary folder of the parent
+    np.savez(request["file"], corners=shown, colors=colors)  # not atomic: a temporary folder of the parent
     return {"variants": _variants(stage), "triangles": len(corners)}
 
 

@@ -41,19 +41,21 @@ def write_page(path: Path, template: str, *, title: str, lead: str, **values: An
         values: Values of the template.
     """
     body = _environment().get_template(template).render(title=title, lead=lead, **values)
-    scripts = [_template("space.js")] if 'class="card space"' in body else []
-    if 'class="figure"' in body:
+    spaces, figures = 'class="card space"' in body, 'class="figure"' in body
+    names = ["later.js"] * (spaces or figures) + ["space.js"] * spaces + ["figures.js"] * figures + ["page.js"]
+    scripts, plotly = [_template(name) for name in names], ""
+    if figures:
         from plotly.offline import get_plotlyjs  # imported only for pages with figures
 
-        scripts += [get_plotlyjs(), _template("figures.js")]
-    scripts.append(_template("page.js"))
+        plotly = get_plotlyjs()
     frame = _environment().get_template("frame.html.j2")
     page = frame.render(
         signature=SIGNATURE,
-        policy=_policy(scripts),
+        policy=_policy([*scripts, plotly] if plotly else scripts),
         title=title,
         style=Markup(_template("style.css")),
         body=Markup(body),
+        plotly=Markup(plotly),  # text until a figure needs it
         scripts=[Markup(script) for script in scripts],
     )
     write_text(path, page)

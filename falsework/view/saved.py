@@ -1,7 +1,6 @@
 """The viewer as one page without a server: stage, cameras, pictures and a cloud, with facts of each point."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,17 +11,42 @@ from falsework.report.page import file_link, write_page
 from falsework.view.subject import Subject
 from falsework.view.surfaces import read_surfaces
 from groundwork.errors import InputError
+from groundwork.files import read_json
 from groundwork.progress import Progress
+from recon.cloud import (
+    COLUMNS,
+    LIDAR_AIRBORNE,
+    LIDAR_MOBILE,
+    LIDAR_TERRESTRIAL,
+    MESH,
+    SFM_DENSE,
+    SFM_SPARSE,
+    Cloud,
+    read_cloud,
+    without_observations,
+)
 from render.capture import read_capture, read_truth
 from usd_schemas.components import UNLABELED
-
-if TYPE_CHECKING:
-    from recon.cloud import Cloud
 
 CORNERS = 6000  # points that represent a stage without flight and cloud
 POINTS, VIEWS = 50_000, 8  # of the page, which stays below 10 MB
 TRIANGLES = 150_000
 REACH = 200.0  # [m] around the bridge; 1/65,535 of twice that is 6 mm
+PLACES = {
+    "none": "",
+    "countryside": "in the countryside",
+    "city": "in a city",
+    "lakeside": "by a lake",
+    "hillside": "on a hillside",
+}
+SOURCES = {
+    SFM_SPARSE: "points that its photographs have in common",
+    SFM_DENSE: "points reconstructed from its photographs",
+    MESH: "points on the surface",
+    LIDAR_TERRESTRIAL: "points of a laser scanner on the ground",
+    LIDAR_MOBILE: "points of a laser scanner on a vehicle",
+    LIDAR_AIRBORNE: "points of a laser scanner in the air",
+}
 
 
 def save_view(path: Path, subject: Subject, cloud_name: str, place: str, progress: Progress) -> None:
@@ -38,8 +62,6 @@ def save_view(path: Path, subject: Subject, cloud_name: str, place: str, progres
     Raises:
         InputError: No such cloud, or neither a cloud nor a flight over a bridge.
     """
-    from recon.cloud import read_cloud
-
     if cloud_name and cloud_name not in subject.clouds:
         raise InputError(
             "no such cloud", field="--cloud", value=cloud_name, allowed=", ".join(subject.clouds) or "none"
@@ -60,17 +82,52 @@ def save_view(path: Path, subject: Subject, cloud_name: str, place: str, progres
         if surfaces is None:
             raise InputError("neither a cloud nor a stage", where=path, hint="Name a scene of a run, or a cloud")
         drawn = corner_cloud(surfaces)
-    words = f"{len(cloud):,} points of {cloud.source}" if cloud is not None else "no cloud: points on the surface"
     write_page(
         path,
         "view.html.j2",
-        title=f"{subject.name}{f', {name}' if name and name != subject.name else ''}",
-        lead=words,
+        title=title_words(subject),
+        lead=lead_words(subject, name, cloud, "" if capture_folder is None else capture_folder.name),
         view=cloud_view(drawn, flight, Shown(POINTS, VIEWS), surfaces),
     )
 
 
-def corner_cloud(surfaces: Surfaces) -> "Cloud":
+def title_words(subject: Subject) -> str:
+    """Say in a few words what is shown: the kind of bridge and where it stands, as far as its manifest tells.
+
+    Args:
+        subject: What is shown.
+    """
+    if subject.stage is None:
+        return f"{'Point cloud' if subject.clouds else 'Flight'} {subject.name}"
+    manifest = subject.stage.parent / "manifest.json"
+    try:
+        settings = read_json(manifest)["settings"] if manifest.is_file() else {}
+        family, world = str(settings["bridge"]["family"]), str(settings["background"]["name"])
+    except (KeyError, TypeError, InputError):  # of another program, or damaged: its name has to do
+        return f"Bridge {subject.name}"
+    where = PLACES.get(world, f"in the world {Path(world).name}")
+    return " ".join([f"{family.replace('_', '-').capitalize()} bridge", *([where] if where else [])])
+
+
+def lead_words(subject: Subject, name: str, cloud: Cloud | None, flight: str) -> str:
+    """List what is shown together.
+
+    Args:
+        subject: What is shown.
+        name: Name of the cloud, or empty.
+        cloud: The cloud, or None.
+        flight: Name of the capture, or empty.
+    """
+    parts = ["model"] if subject.stage is not None else []
+    parts += [f"cameras of the flight {flight}"] if flight else []
+    of = f" (cloud {name})" if name not in ("", flight, subject.name) else ""
+    parts += ["no cloud"] if cloud is None else [f"{len(cloud):,} {SOURCES[cloud.source]}{of}"]
+    words = ", ".join(parts)
+    scene = f"; scene {subject.name}" if subject.captures and subject.stage is not None else ""
+    return f"{words[:1].upper()}{words[1:]}{scene}"
+
+
+def corner_cloud(surfaces: Surfaces) -> Cloud:
     """Make points from some corners of a surface, so that a stage without a cloud can be framed.
 
     Args:
@@ -79,8 +136,6 @@ def corner_cloud(surfaces: Surfaces) -> "Cloud":
     Returns:
         Points without class and instance.
     """
-    from recon.cloud import COLUMNS, MESH, Cloud, without_observations
-
     every = max(-(-len(surfaces.corners) // CORNERS), 1)
     coord, color = surfaces.corners[::every, 0], surfaces.colors[::every]
     count = len(coord)

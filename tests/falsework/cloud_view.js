@@ -1,4 +1,5 @@
 // Works every control of the first card, then says what it held after each, and what its canvas showed.
+dispatchEvent(new Event("beforeprint"));  // draws what is out of sight, too
 const card = document.querySelector(".card.space"), space = card.space, told = { drawn: {} };
 const change = (control, name = "change") => control.dispatchEvent(new Event(name));
 const box = (name) => card.querySelector(`input[name=${name}]`);

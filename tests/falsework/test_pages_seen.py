@@ -7,13 +7,16 @@ from pathlib import Path
 import pytest
 
 from falsework.report.report import write_report
+from falsework.report.survey_page import write_survey_page
 from recon.cloud import write_cloud
 from tests.falsework.browser import needs_browser, open_page
+from tests.falsework.flight_rows import judged_flight
 from tests.falsework.test_cloud_view import VIEWS, small_cloud
 from tests.falsework.test_report_pages import KINDS, elements_of, pages_of
 from tests.recon.conftest import poses_on_arc, write_capture
 
 FLIGHTS = """
+dispatchEvent(new Event("beforeprint"));  // draws what is out of sight, too
 const card = document.querySelector(".card.space"), { space } = card, { gl } = space.pen;
 card.querySelector("input[name=cameras]").checked = false;
 space.draw();
@@ -28,6 +31,7 @@ return { painted, colors: colors.size, cameras: space.told.flight.cameras.length
 
 
 PHONE = """
+dispatchEvent(new Event("beforeprint"));  // draws what is out of sight, too
 document.body.style.width = "390px";
 dispatchEvent(new Event("resize"));
 await new Promise((go) => setTimeout(go, 1000));
@@ -51,6 +55,22 @@ return { narrow: innerWidth <= 560, ...found };
 """
 
 
+LATER = """
+const cards = [...document.querySelectorAll(".card.space")], figures = [...document.querySelectorAll(".figure")];
+const drawn = () => figures.filter((one) => one.drawn).length;
+const state = () => [cards.map((card) => Boolean(card.space)), drawn(), Boolean(window.Plotly)];
+const told = { first: state() };
+document.documentElement.style.scrollBehavior = "auto";
+cards[2].scrollIntoView();
+while (!cards[2].space) await new Promise((go) => setTimeout(go, 20));
+told.scrolled = cards.map((card) => Boolean(card.space))[2];
+dispatchEvent(new Event("beforeprint"));
+told.printed = state();
+told.svg = figures.every((one) => one.querySelector(".main-svg"));
+return told;
+"""
+
+
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Give a page of each kind, with plain names."""
@@ -70,6 +90,19 @@ def test_the_page_of_flights_shows_bridge_and_cameras(pages: dict[str, Path], tm
     for words in ("enough (from 70 %)", "too little (from 90 %)", "2.0 mm", "– at the 95th", "poorly", "well"):
         assert words in text, words
     assert "30 images more would show 1 of these 2: falsework survey plan plain --kind inspection" in text
+
+
+@needs_browser
+def test_what_is_out_of_sight_is_drawn_later(tmp_path: Path) -> None:
+    """At first nothing below the window, and no Plotly; a view when it is scrolled to; all before printing."""
+    page = tmp_path / "page.html"
+    write_survey_page(page, [judged_flight(word) for word in ("global", "local", "grid")], "scene.usda")
+    told = open_page(page, LATER).told
+    assert told["first"][0][1:] == [False, False]
+    assert told["first"][1:] == [0, False]
+    assert told["scrolled"]
+    assert told["printed"] == [[True, True, True], 6, True]
+    assert told["svg"]
 
 
 @needs_browser

@@ -69,7 +69,7 @@ class Elements(HTMLParser):
         self.names.append(tag)
         self.handlers += [name for name in told if name.startswith("on")]
         self.addresses += [str(told[name]) for name in ("src", "href") if told.get(name)]
-        self._runs = tag == "script" and "type" not in told
+        self._runs = tag == "script" and told.get("type") in (None, "text/plain")  # the latter is run by the others
         if told.get("http-equiv") == "Content-Security-Policy":
             self.policy = str(told["content"])
 

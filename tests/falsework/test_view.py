@@ -1,5 +1,6 @@
 """`falsework view`: which point a click means and what is told of it, what is shown, and what a browser makes of it."""
 
+import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -8,13 +9,14 @@ import cv2
 import numpy as np
 import pytest
 
-from falsework.children.surface_work import reduced
 from falsework.view.points import PAINTS, as_code, picked_row, point_colors, point_facts, shown_rows
+from falsework.view.saved import SOURCES, lead_words, title_words
 from falsework.view.subject import Subject, find_subject
 from falsework.view.viewer import LOOPBACK, Viewer, rotation_quaternion, sighting_crops
 from groundwork.errors import FalseworkError
 from groundwork.progress import SILENT
-from recon.cloud import Cloud, write_cloud
+from recon.cloud import SFM_DENSE, Cloud, write_cloud
+from recon.cloud import SOURCES as CLOUD_SOURCES
 from render.capture import read_capture
 from tests.falsework.browser import needs_browser
 from tests.falsework.live_browser import open_tab
@@ -93,24 +95,6 @@ def test_slider_and_switches_choose_points() -> None:
     assert {paint: point_colors(cloud, paint).shape for paint in PAINTS} == dict.fromkeys(PAINTS, (600, 3))
     assert len(np.unique(point_colors(cloud, "uncertainty"), axis=0)) > 100
     assert len(np.unique(point_colors(cloud, "instance"), axis=0)) == len(np.unique(cloud.columns["instance"]))
-
-
-def test_triangles_of_the_bridge_stay_and_far_ones_go() -> None:
-    """All of the lowest level, then of the next those that look largest from it, none beyond the reach."""
-    rng = np.random.default_rng(1)
-    middle = np.concatenate([rng.uniform(-5, 5, (50, 3)), rng.uniform(-300, 300, (500, 3))])
-    corners = middle[:, None] + rng.uniform(-1, 1, (550, 3, 3))
-    level = np.repeat([0, 1], [50, 500])
-    kept = reduced(corners, level, 120, 200.0)
-    assert set(range(50)) <= set(kept.tolist())
-    assert len(kept) == 120
-    away = np.linalg.norm(corners.mean(axis=1) - np.median(corners[:50].reshape(-1, 3), axis=0), axis=1)
-    assert away[kept].max() <= 200.0
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    weight = area / (away**2 + 100.0)
-    left = [row for row in range(50, 550) if row not in kept and away[row] <= 200.0]
-    assert weight[[row for row in kept if row >= 50]].min() >= weight[left].max()
-    assert reduced(corners, level, 550).tolist() == list(range(550))
 
 
 def test_the_viewer_answers_clicks_and_controls(subject: Subject) -> None:
@@ -196,6 +180,37 @@ def test_what_there_is_to_look_at(subject: Subject, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(FalseworkError, match="nothing here to show"):
         find_subject(tmp_path / "empty")
+
+
+def test_the_title_is_words(tmp_path: Path) -> None:
+    """Of a scene: kind of bridge and where it stands; without a manifest, or with a damaged one, its name."""
+
+    def title(text: str) -> str:
+        (tmp_path / "manifest.json").write_text(text)
+        return title_words(Subject("0000", tmp_path / "scene.usda", {}, {}))
+
+    for family, world, words in (
+        ("beam", "countryside", "Beam bridge in the countryside"),
+        ("cable_stayed", "none", "Cable-stayed bridge"),
+        ("arch", "../worlds/zurich", "Arch bridge in the world zurich"),
+    ):
+        settings = {"bridge": {"family": family}, "background": {"name": world}}
+        assert title(json.dumps({"settings": settings})) == words
+    for damaged in ("{}", "[1]", '{"settings": {"bridge": 3}}', "{"):
+        assert title(damaged) == "Bridge 0000"
+    assert title_words(Subject("carpet", None, {}, {"carpet": tmp_path})) == "Point cloud carpet"
+    assert title_words(Subject("local", None, {"local": tmp_path}, {})) == "Flight local"
+
+
+def test_the_lead_lists_what_is_shown(tmp_path: Path) -> None:
+    """Model, flight and cloud, each in words; every source of a cloud has some."""
+    assert set(SOURCES) == set(CLOUD_SOURCES)
+    scene = Subject("0000", tmp_path / "scene.usda", {"global": tmp_path}, {"global+dense": tmp_path})
+    assert lead_words(scene, "global+dense", replace(carpet(), source=SFM_DENSE), "global") == (
+        "Model, cameras of the flight global, 3,600 points reconstructed from its photographs (cloud global+dense); "
+        "scene 0000"
+    )
+    assert lead_words(replace(scene, captures={}), "", None, "") == "Model, no cloud"
 
 
 def test_mistakes_are_one_line(

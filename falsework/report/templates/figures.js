@@ -42,10 +42,19 @@
       if (!layout[name]) layout[name] = { automargin: true, gridcolor: line, linecolor: line, zerolinecolor: line };
     }
     if (narrow.matches) fold(told);
+    if (!window.Plotly) run(document.querySelector("script.plotly").textContent);
     Plotly.react(place.querySelector(".plot"), told.data, layout, options);
+    place.drawn = true;
   }
-  const all = () => document.querySelectorAll(".figure").forEach(draw);
-  dark.addEventListener("change", all);
-  narrow.addEventListener("change", all);
-  all();
+
+  // Plotly takes half a second to start: it waits as text until the first figure is drawn. The page's policy knows its hash.
+  function run(text) {
+    const script = document.createElement("script");
+    script.textContent = text;
+    document.head.append(script);
+  }
+  const again = () => [...document.querySelectorAll(".figure")].filter((place) => place.drawn).forEach(draw);
+  dark.addEventListener("change", again);
+  narrow.addEventListener("change", again);
+  later(document.querySelectorAll(".figure"), draw);
 })();

@@ -37,7 +37,9 @@ void main() { color = vec4(picking > 0.5 ? number : texture(sheet, at).rgb, 1.0)
 };
 
 function unpacked(text, Kind) {
-  return new Kind(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
+  const letters = atob(text), bytes = new Uint8Array(letters.length);
+  for (let i = 0; i < bytes.length; i += 1) bytes[i] = letters.charCodeAt(i);
+  return new Kind(bytes.buffer);
 }
 
 function lengthInWords(meters) {
@@ -119,8 +121,7 @@ class Eye {
 class Pen {
   constructor(canvas) {
     this.gl = canvas.getContext("webgl2", { antialias: true, alpha: true });
-    if (!this.gl) return;
-    this.programs = Object.fromEntries(Object.entries(SHADERS).map(([name, parts]) => [name, this.program(parts)]));
+    this.programs = {};
   }
 
   program(parts) {
@@ -157,7 +158,7 @@ class Pen {
   }
 
   use(name, columns, numbers) {  // columns: name → [buffer, width, type, scaled to 1]
-    const { gl } = this, program = this.programs[name];
+    const { gl } = this, program = this.programs[name] ||= this.program(SHADERS[name]);
     gl.useProgram(program);
     for (const [column, [buffer, width, type, scaled]] of Object.entries(columns)) {
       const place = gl.getAttribLocation(program, column);
@@ -497,4 +498,4 @@ class Space {
   }
 }
 
-for (const card of document.querySelectorAll(".card.space")) card.space = new Space(card);
+later(document.querySelectorAll(".card.space"), (card) => { card.space = new Space(card); });
