@@ -102,11 +102,14 @@ def title_words(subject: Subject) -> str:
     manifest = subject.stage.parent / "manifest.json"
     try:
         settings = read_json(manifest)["settings"] if manifest.is_file() else {}
-        family, world = str(settings["bridge"]["family"]), str(settings["background"]["name"])
+        family, world = settings["bridge"]["family"], str(settings["background"]["name"])
     except (KeyError, TypeError, InputError):  # of another program, or damaged: its name has to do
         return f"Bridge {subject.name}"
     where = PLACES.get(world, f"in the world {Path(world).name}")
-    return " ".join([f"{family.replace('_', '-').capitalize()} bridge", *([where] if where else [])])
+    kind = (
+        f"{family.replace('_', '-').capitalize()} bridge" if isinstance(family, str) else "Bridge"
+    )  # drawn by weights
+    return " ".join([kind, *([where] if where else [])])
 
 
 def lead_words(subject: Subject, name: str, cloud: Cloud | None, flight: str) -> str:

@@ -193,6 +193,7 @@ def test_the_title_is_words(tmp_path: Path) -> None:
         ("beam", "countryside", "Beam bridge in the countryside"),
         ("cable_stayed", "none", "Cable-stayed bridge"),
         ("arch", "../worlds/zurich", "Arch bridge in the world zurich"),
+        ({"slab": 1.0, "beam": 1.0}, "city", "Bridge in a city"),
     ):
         settings = {"bridge": {"family": family}, "background": {"name": world}}
         assert title(json.dumps({"settings": settings})) == words
