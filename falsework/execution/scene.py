@@ -1,6 +1,7 @@
 """Runs the steps of one scene in order, each from verified inputs."""
 
 import time
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -270,10 +271,8 @@ def steps_of(chain: Chain, keep: tuple[str, ...]) -> dict[str, int]:
         chain: The steps of the scene.
         keep: Stages whose results are kept.
     """
-    flights = len(chain.flights)
-    return {
-        **({} if chain.stage is None else {"stage": 1}),
-        "capture": flights,
-        "cloud": flights,
-        **({"report": 1} if "report" in keep else {}),
-    }
+    wanted = wanted_steps(chain, keep)
+    steps = [step for step in chain.steps if step.link in wanted]
+    if "report" in keep:
+        steps.append(chain.report())
+    return dict(Counter(step.task.stage for step in steps))

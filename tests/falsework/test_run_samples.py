@@ -13,6 +13,7 @@ from falsework.commands.repair import repair
 from falsework.commands.verbs import report_scene
 from falsework.execution import chain
 from falsework.execution.chain import Chain, read_sources, scene_chain
+from falsework.execution.scene import steps_of
 from falsework.pipeline import run_scenario
 from falsework.scenario import Scenario, load_scenario, scene_seed
 from falsework.store.store import Store
@@ -60,6 +61,15 @@ def test_a_sample_changes_no_other_result(chained: Any) -> None:
     ]
     assert len({row["seed"] for row in settings}) == 4
     assert all({**row, "seed": 0} == {**settings[0], "seed": 0} for row in settings)
+
+
+def test_every_result_of_a_scene_is_counted(chained: Any) -> None:
+    """The table of a run and its time left expect models, samples and both clouds of a flight, too."""
+    both = chained(sample=[MESH, TRIPOD], recon={"mode": "both"})
+    flights = len(both.flights)
+    counted = {"stage": 1, "capture": flights, "model": flights, "cloud": 2 * flights, "sample": 2}
+    assert steps_of(both, ("stage", "cloud")) == counted
+    assert steps_of(both, ("stage", "report")) == {**counted, "report": 1}
 
 
 def test_without_samples_the_scenario_is_written_as_ever() -> None:
