@@ -30,7 +30,7 @@ def shown_triangles(
         reach: Largest distance of others to the box of the most important ones [m]; land is cut there.
 
     Returns:
-        Corner positions, shape (K, 3, 3), float64; row of each triangle in `corners`, shape (K,), int64.
+        Corner positions [m], shape (K, 3, 3), float64; row of each triangle in `corners`, shape (K,), int64.
     """
     if not len(corners):
         return corners, np.zeros(0, np.int64)
