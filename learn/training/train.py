@@ -23,6 +23,7 @@ from learn.models.registry import build_network
 from learn.sample import UNLABELED, SampleSource
 from learn.trained import ModelFacts, as_probabilities, load_weights, read_facts, read_weights, write_model
 from learn.training.calibration import MOST_POINTS, fit_temperature
+from learn.training.checkpoint import read_checkpoint
 from learn.training.loader import EpochOrder, Loaded, collate, count_labels, expected_counts, hold_out
 from learn.training.settings import TrainSettings, recipe_of
 
@@ -272,6 +273,8 @@ def _fit(
     from learn.training.module import LAST, Segmentation, TrainingPlan, keeper
 
     continued = (folder / LAST).is_file() and _former(folder) == task.request
+    if continued:
+        read_checkpoint(folder / LAST)  # Lightning reads it again, and checks nothing
     write_text(folder / _REQUEST, canonical_json(task.request))
     recipe = recipe_of(settings)
     loader, fixed = _loaders(network, task, settings)
