@@ -96,8 +96,6 @@ def page(found: dict[str, Difference], own: Difference, commit: str) -> str:
             "|---|---|---|---|",
             *rows,
             "",
-            "- Yanx27 computes squared distances as |a|² + |b|² - 2ab. In float32 this has errors of 1e-7, which the",
-            "  weights of the interpolation show; float64 does not.",
             "- Open3D-ML's RandLA-Net has a slope of 0.01 in the activation after each residual sum, the authors'",
             "  program and ours have 0.2. The table was made with 0.2 in both; with its own slope Open3D-ML differs by",
             f"  {own.single:.1e}. Its attention has a bias, which the softmax over the neighbours cancels.",
@@ -117,7 +115,7 @@ def yanx27_difference(name: str, folder: Path, points: int = POINTS) -> Differen
     """
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
-    search = importlib.import_module("models.pointnet2_utils")
+    search: Any = importlib.import_module("models.pointnet2_utils")
     theirs = importlib.import_module(YANX27[name]).get_model(CLASSES).eval()
     ours = randomized(build_network(name, {}, 9, CLASSES))
     into_yanx27(ours, theirs)

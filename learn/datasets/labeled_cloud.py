@@ -43,6 +43,8 @@ class SourceFacts:
         evaluate_only: Whether it must not be used for training.
         licence: Terms, as its class map states them.
         test: Whether its publishers reserve it for the test.
+        seed: Seed of its scene; None where it is unknown.
+        look: Hash of the files of its scene's looks; empty where it is unknown.
     """
 
     name: str
@@ -52,6 +54,8 @@ class SourceFacts:
     evaluate_only: bool = False
     licence: str = ""
     test: bool = False
+    seed: int | None = None
+    look: str = ""
 
 
 @dataclass(frozen=True, eq=False)
