@@ -116,6 +116,7 @@ def yanx27_difference(name: str, folder: Path, points: int = POINTS) -> Differen
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
     search: Any = importlib.import_module("models.pointnet2_utils")
+    torch.manual_seed(1)
     theirs = importlib.import_module(YANX27[name]).get_model(CLASSES).eval()
     ours = randomized(build_network(name, {}, 9, CLASSES))
     into_yanx27(ours, theirs)
@@ -142,6 +143,7 @@ def open3d_difference(
         slope: Slope of the activation after each residual sum [1]; None leaves Open3D-ML's own.
         points: Points of a cloud.
     """
+    torch.manual_seed(1)
     theirs: Any = open3d_randlanet()(
         num_neighbors=16,
         num_layers=len(widths),
