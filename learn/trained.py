@@ -30,6 +30,9 @@ FORMAT = "falsework.model"
 FORMAT_VERSION = 1
 FACTS, WEIGHTS = "model.json", "model.safetensors"
 FOREST = "forest"
+LEAST_SHARE = 1e-4
+"""Share of a class that no tree has seen at a leaf [1]: logits of zero would not be finite, and a forest of a hundred
+trees cannot tell rarer classes."""
 _POSITIONS = ("x", "y", "z")
 
 
@@ -137,7 +140,22 @@ class TrainedForest:
         for sample in samples:
             check_channels(sample, self.facts.channels)
         scales = tuple(int(scale) for scale in self.facts.settings["scales"])
-        return [forest_probabilities(self.arrays, forest_inputs(sample, scales)) for sample in samples]
+        shares = [forest_probabilities(self.arrays, forest_inputs(sample, scales)) for sample in samples]
+        if self.facts.temperature == 1.0:
+            return shares
+        return [as_probabilities(share_logits(rows), None, self.facts.temperature).numpy() for rows in shares]
+
+
+def share_logits(shares: F32) -> Tensor:
+    """Convert the mean shares of a forest's trees to logits, whose softmax is the shares again.
+
+    Args:
+        shares: Of each class [1], shape (N, K), float32; none counts as less than `LEAST_SHARE`.
+
+    Returns:
+        Logits [1], shape (N, K), float64.
+    """
+    return torch.from_numpy(shares).double().clamp(min=LEAST_SHARE).log()
 
 
 def forest_inputs(sample: Sample, scales: Sequence[int]) -> F32:

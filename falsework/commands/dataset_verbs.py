@@ -10,6 +10,7 @@ from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import need_folder
 from falsework.commands.given_settings import given_settings
+from falsework.commands.origins import origin_of
 from groundwork.errors import InputError, MissingError
 from groundwork.output_folder import fresh_output
 from groundwork.output_reading import reading
@@ -163,7 +164,7 @@ def _build(
             "one name is needed for each source", field="--bridge", value=len(bridges), allowed=str(len(paths))
         )
     named = [
-        Source(path, None if path.is_dir() else known, name)
+        Source(path, None if path.is_dir() else known, name, *origin_of(path))
         for path, name in zip(paths, bridges or [""] * len(paths), strict=True)
     ]
 

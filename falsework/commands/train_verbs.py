@@ -118,7 +118,9 @@ def _fit(dataset: Path, output: Path, settings: "TrainSettings", channels: tuple
             fresh_output(
                 output,
                 "model",
-                lambda folder: train_forest(source, settings, folder, progress, _facts(source)),
+                lambda folder: train_forest(
+                    source, settings, folder, progress, _facts(source), held=held if len(held) else None
+                ),
                 inputs=inputs,
                 asked=asked,
             )

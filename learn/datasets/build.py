@@ -27,7 +27,7 @@ from learn.datasets.labeled_cloud import (
 from learn.datasets.layout import MANIFEST, DatasetFacts, PieceRow, manifest_record, write_piece
 from learn.datasets.patch import Patch, Scaling
 from learn.datasets.settings import DatasetSettings
-from learn.datasets.split import SPLITS, TRAIN, split_at_random, split_bridges
+from learn.datasets.split import SPLITS, TEST, TRAIN, split_at_random, split_bridges
 from learn.datasets.tiles import cut_tiles, thin, with_heights
 from learn.datasets.windows import cut_windows
 
@@ -48,11 +48,15 @@ class Source:
         path: Folder of a cloud, or file of a scan.
         class_map: Meaning of the class numbers of a scan; None for a cloud.
         bridge: Name of its bridge, for a scan that does not state it.
+        seed: Seed of its scene; None where it is unknown.
+        look: Hash of the files of its scene's looks; empty where it is unknown.
     """
 
     path: Path
     class_map: ClassMap | None = None
     bridge: str = ""
+    seed: int | None = None
+    look: str = ""
 
 
 def build_dataset(
@@ -75,7 +79,7 @@ def build_dataset(
     settings = _with_own_classes(settings, sources)
     own = settings.table == OWN
     table = own_table(list(settings.own)) if own else class_table(settings.table, settings.noisy_class)
-    known = [identify(source.path, source.class_map, source.bridge) for source in sources]
+    known = [_identified(source) for source in sources]
     _check_sources(sources, known)
     splits = split_bridges(known, settings)
     progress.stage("data set", len(sources))
@@ -96,6 +100,7 @@ def build_dataset(
             raise
         progress.advance(number + 1)
     _note_empty(pieces, splits, settings, progress)
+    _note_shared(pieces, known, settings, progress)
     if not any(row.split == TRAIN for row in pieces) and not all(facts.evaluate_only for facts in known):
         raise InputError(
             "no piece is left to train on",
@@ -113,6 +118,11 @@ def build_dataset(
     return whole
 
 
+def _identified(source: Source) -> SourceFacts:
+    facts = identify(source.path, source.class_map, source.bridge)
+    return replace(facts, seed=source.seed, look=source.look)
+
+
 def _note_empty(
     pieces: Sequence[PieceRow], splits: Mapping[str, str], settings: DatasetSettings, progress: Progress
 ) -> None:
@@ -121,6 +131,20 @@ def _note_empty(
         if not any(row.split == split for row in pieces):
             wanted = "" if share else ", as shares has it"
             progress.note(f"{split} is empty: the sources show {len(splits)} bridge(s){wanted}; {_WITHOUT[split]}")
+
+
+def _note_shared(
+    pieces: Sequence[PieceRow], known: Sequence[SourceFacts], settings: DatasetSettings, progress: Progress
+) -> None:
+    """Report seeds and looks that occur both in the test and in training or validation, though the bridges differ."""
+    if settings.split == "random":  # all is shared
+        return
+    used = [{row.source for row in pieces if (row.split == TEST) is held} for held in (True, False)]
+    for words, key in (("a seed", "seed"), ("a look", "look")):
+        held, seen = ({getattr(known[number], key) for number in numbers} - {None, ""} for numbers in used)
+        names = sorted(known[number].name for number in used[0] if getattr(known[number], key) in held & seen)
+        if names:
+            progress.note(f"the test has {words} of the training: {', '.join(names)}; its scores may be too good")
 
 
 def _with_own_classes(settings: DatasetSettings, sources: Sequence[Source]) -> DatasetSettings:

@@ -19,6 +19,8 @@ from usd_schemas.taxonomies import BASE, RESERVED, TAXONOMIES, taxonomy
 
 U8 = NDArray[np.uint8]
 
+SEGMENT, CLASSIFICATION = "segment", "classification"
+
 
 class CodeRow(Settings):
     """Meaning of one number in a file."""
@@ -37,8 +39,11 @@ class ClassMapFile(Settings):
     title: str = Field(default="", description="Name for people")
     source: str = Field(default="", description="Where the numbers come from")
     licence: str = Field(default="", description="Terms of the data")
-    column: Literal["segment", "classification"] = Field(
-        default="segment", description="A column of labels, or what LAS calls classification"
+    column: str = Field(
+        default=SEGMENT,
+        min_length=1,
+        description="Column of the numbers: segment (labels under any usual name), classification (LAS' own field), or "
+        "the name of any other column",
     )
     use: Literal["train", "evaluate"] = Field(default="train", description="What the data may be used for")
     table: str = Field(default="", description="A table of ours that has the same numbers")

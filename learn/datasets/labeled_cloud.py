@@ -13,7 +13,7 @@ from groundwork.canonical import digest, file_digest
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json
 from groundwork.progress import SILENT, Progress
-from learn.datasets.class_map import ClassMap
+from learn.datasets.class_map import CLASSIFICATION, SEGMENT, ClassMap
 from learn.datasets.class_tables import ClassTable, class_table, labels_of_cloud
 from recon.cloud import Cloud, read_cloud
 from recon.formats.scan import read_scan
@@ -43,6 +43,8 @@ class SourceFacts:
         evaluate_only: Whether it must not be used for training.
         licence: Terms, as its class map states them.
         test: Whether its publishers reserve it for the test.
+        seed: Seed of its scene; None where it is unknown.
+        look: Hash of the files of its scene's looks; empty where it is unknown.
     """
 
     name: str
@@ -52,6 +54,8 @@ class SourceFacts:
     evaluate_only: bool = False
     licence: str = ""
     test: bool = False
+    seed: int | None = None
+    look: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,13 +186,14 @@ def read_labeled(
         )
         return found if moving else _still(found, cloud, progress)
     assert class_map is not None
-    scan = read_scan(path, progress=progress)
-    codes = scan.classification if class_map.facts.column == "classification" else scan.segment
+    column = class_map.facts.column
+    scan = read_scan(path, progress=progress, labels=True if column in (SEGMENT, CLASSIFICATION) else column)
+    codes = scan.classification if column == CLASSIFICATION else scan.segment
     if codes is None:
         raise InputError(
             "has no labels",
             where=path,
-            field=class_map.facts.column,
+            field=column,
             hint="Name another class map, or write the column into the file",
         )
     unknown = sorted({int(code) for code in np.unique(codes)} - class_map.codes.keys())

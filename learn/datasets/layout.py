@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -149,7 +150,7 @@ def _column(path: Path, name: str, count: int) -> NDArray[Any]:
         mapped = np.load(path, mmap_mode="r", allow_pickle=False)
     except MissingError:
         raise MissingError("a column is missing", where=path, hint="Make the data set again") from None
-    except (OSError, ValueError, EOFError) as error:
+    except (OSError, ValueError, OverflowError, EOFError, TokenError) as error:  # the last of a header
         raise InputError(f"damaged: {error}", where=path, hint="Make the data set again") from None
     if not isinstance(mapped, np.ndarray) or mapped.shape != shape or mapped.dtype != np.dtype(dtype):
         raise InputError(

@@ -16,6 +16,7 @@ F32 = NDArray[np.float32]
 
 STEM = 8
 HEAD = (64, 32)
+WIDEST = 2048  # four times the published one; a number in a damaged file must not fill the memory
 SLOPE = 0.2
 _EPSILON, _MOMENTUM = 1e-6, 0.01  # of the published batch normalisation; a momentum of 0.99 there is 0.01 here
 
@@ -38,8 +39,8 @@ class RandlaNetSettings(Settings):
 
     @model_validator(mode="after")
     def _as_many(self) -> "RandlaNetSettings":
-        if len(self.widths) != len(self.ratios) or any(width % 2 or width < 2 for width in self.widths):
-            raise ValueError("widths and ratios need the same length, and widths are even")
+        if len(self.widths) != len(self.ratios) or any(width % 2 or not 2 <= width <= WIDEST for width in self.widths):
+            raise ValueError(f"widths and ratios need the same length, and widths are even, from 2 to {WIDEST}")
         if any(ratio < 1 for ratio in self.ratios):
             raise ValueError("a ratio is 1 or more")
         return self

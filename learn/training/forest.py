@@ -1,6 +1,6 @@
 """Training of a random forest on covariance features, which is often better than a network with little data."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +11,10 @@ from pydantic import Field
 from groundwork.errors import InputError
 from groundwork.progress import Progress
 from groundwork.settings import Settings, parse_settings
-from learn.models.forest import grow_forest
+from learn.models.forest import Arrays, forest_probabilities, grow_forest
 from learn.sample import UNLABELED, SampleSource
-from learn.trained import FOREST, ModelFacts, forest_inputs, write_model
+from learn.trained import FOREST, ModelFacts, as_probabilities, forest_inputs, share_logits, write_model
+from learn.training.calibration import MOST_POINTS, fit_temperature
 from learn.training.settings import TrainSettings
 
 
@@ -36,10 +37,12 @@ def train_forest(
     folder: Path,
     progress: Progress,
     data: Mapping[str, Any] | None = None,
+    *,
+    held: SampleSource | None = None,
 ) -> None:
     """Train a forest and write it as a model.
 
-    No epoch is chosen by validation, so no bridge is held out.
+    No epoch is chosen by validation, so no bridge is held out of `source`.
 
     Args:
         source: Training samples, each drawn once.
@@ -47,6 +50,7 @@ def train_forest(
         folder: Folder of the model.
         progress: Listener.
         data: How the samples were made; stored with the model.
+        held: Samples of other bridges, on which the temperature of the confidence is fitted; None leaves it at 1.
 
     Raises:
         InputError: No samples, an unknown setting, or only one class.
@@ -80,10 +84,32 @@ def train_forest(
         classes=source.classes,
         channels=channels,
         data=data or {},
-        training={
-            "settings": settings.model_dump(mode="json"),
-            "training_bridges": sorted({source.bridge(row) for row in range(len(source))}),
-        },
+        temperature=_temperature(arrays, held, chosen.scales),
+        training={"settings": settings.model_dump(mode="json"), "training_bridges": _bridges(source)}
+        | ({} if held is None else {"validation_bridges": _bridges(held)}),
     )
     write_model(folder, facts, {name: torch.from_numpy(np.ascontiguousarray(rows)) for name, rows in arrays.items()})
     progress.advance(1)
+
+
+def _bridges(source: SampleSource) -> list[str]:
+    return sorted({source.bridge(row) for row in range(len(source))})
+
+
+def _temperature(arrays: Arrays, held: SampleSource | None, scales: Sequence[int]) -> float:
+    """Fit the temperature on the labelled points of held-out bridges; 1 without any."""
+    if held is None:
+        return 1.0
+    shares, labels, count = [], [], 0
+    for row in range(len(held)):
+        sample = held.sample(row, 0)
+        known = sample.labels != UNLABELED
+        shares.append(forest_probabilities(arrays, forest_inputs(sample, scales)[known]))
+        labels.append(sample.labels[known].astype(np.int64))
+        count += len(labels[-1])
+        if count >= MOST_POINTS:
+            break
+    if not count:
+        return 1.0
+    scores, truth = share_logits(np.concatenate(shares)), torch.from_numpy(np.concatenate(labels))
+    return fit_temperature(scores, truth, lambda logits, by: as_probabilities(logits, None, by))

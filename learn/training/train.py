@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 from torch import Tensor, nn
 from torch.utils.data import DataLoader
 
@@ -23,12 +22,13 @@ from learn.losses import class_weights
 from learn.models.registry import build_network
 from learn.sample import UNLABELED, SampleSource
 from learn.trained import ModelFacts, as_probabilities, load_weights, read_facts, read_weights, write_model
+from learn.training.calibration import MOST_POINTS, fit_temperature
+from learn.training.checkpoint import read_checkpoint
 from learn.training.loader import EpochOrder, Loaded, collate, count_labels, expected_counts, hold_out
 from learn.training.settings import TrainSettings, recipe_of
 
 NOISY = "noisy_point"
 _REQUEST = "request.json"
-_CALIBRATION_POINTS = 200_000
 
 I64 = NDArray[np.int64]
 
@@ -273,6 +273,8 @@ def _fit(
     from learn.training.module import LAST, Segmentation, TrainingPlan, keeper
 
     continued = (folder / LAST).is_file() and _former(folder) == task.request
+    if continued:
+        read_checkpoint(folder / LAST)  # Lightning reads it again, and checks nothing
     write_text(folder / _REQUEST, canonical_json(task.request))
     recipe = recipe_of(settings)
     loader, fixed = _loaders(network, task, settings)
@@ -344,7 +346,7 @@ def _best_weights(folder: Path) -> dict[str, Tensor]:
 
 
 def _temperature(network: Any, task: _Task) -> float:
-    """Fit the temperature that maximizes the likelihood of the labelled validation points, to three digits."""
+    """Fit the temperature on the labelled points of the validation."""
     samples, logits, labels, count = Loaded(task.validation, network.eval(), task.channels, 0), [], [], 0
     for row in task.held:
         item = collate([samples[0, row]])
@@ -354,15 +356,10 @@ def _temperature(network: Any, task: _Task) -> float:
         logits.append(found[known].double())
         labels.append(item["labels"][0][known])
         count += int(known.sum())
-        if count >= _CALIBRATION_POINTS:
+        if count >= MOST_POINTS:
             break
     if not count:
         return 1.0
-    scores, target = torch.cat(logits), torch.cat(labels)[:, None]
-
-    def loss(power: float) -> float:
-        likely = as_probabilities(scores, task.noisy, float(np.exp(power))).gather(1, target)
-        return -float(likely.clamp(min=1e-12).log().mean())
-
-    found_power = minimize_scalar(loss, bounds=(np.log(0.05), np.log(20.0)), method="bounded").x
-    return float(f"{np.exp(found_power):.3g}")
+    return fit_temperature(
+        torch.cat(logits), torch.cat(labels), lambda scores, by: as_probabilities(scores, task.noisy, by)
+    )

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from groundwork.child import run_child
 from groundwork.errors import ChildError, InputError
 from groundwork.progress import SILENT, Progress
-from recon.formats.scan_points import Scan, as_ids, check_coordinates, check_count, column_named
+from recon.formats.scan_points import Scan, as_ids, check_coordinates, check_count, column_named, label_names
 
 F64 = NDArray[np.float64]
 
@@ -72,19 +72,20 @@ class LasHeader:
     records: dict[tuple[str, int], bytes]
 
 
-def read_las(path: Path, most_points: int, progress: Progress = SILENT) -> Scan:
+def read_las(path: Path, most_points: int, progress: Progress = SILENT, labels: bool | str = True) -> Scan:
     """Read LAS or LAZ.
 
     Args:
         path: The file.
         most_points: Points above which it is refused.
         progress: Listener.
+        labels: Read the columns of labels; or the name of the column of class ids.
 
     Raises:
         InputError: Damaged, cut off, lying about its contents, or too large.
     """
     with open_las(path, most_points, progress) as rows:
-        return rows.decode(0, rows.header.count)
+        return rows.decode(0, rows.header.count, labels)
 
 
 @contextmanager
@@ -271,13 +272,13 @@ class LasRows:
         ]
         return np.concatenate(parts)
 
-    def decode(self, first: int, last: int, labels: bool = True) -> Scan:
+    def decode(self, first: int, last: int, labels: bool | str = True) -> Scan:
         """Decode a range of points into columns.
 
         Args:
             first: First point.
             last: Point behind the last one.
-            labels: Read the columns of labels, and refuse those that hold none.
+            labels: Read the columns of labels, and refuse those that hold none; or the name of the column of class ids.
 
         Raises:
             InputError: A position is invalid, or outside the bounds that the header states.
@@ -298,10 +299,12 @@ class LasRows:
             self._column(16, "u1", first, last) if new else np.bitwise_and(self._column(15, "u1", first, last), 0x1F)
         )
         found: dict[str, NDArray[Any]] = {}
-        for field, names, kind in (("segment", _LABELS, np.uint8), ("instance", _INSTANCES, np.uint32)):
-            known = column_named(names, header.extra)
+        columns = {"user_data": (17, "u1"), "point_source_id": (20 if new else 18, "<u2"), **header.extra}
+        segments = label_names(labels, _LABELS)
+        for field, names, kind in (("segment", segments, np.uint8), ("instance", _INSTANCES, np.uint32)):
+            known = column_named(names, columns)
             if labels and known is not None:
-                found[field] = as_ids(self.path, known, self._column(*header.extra[known], first, last), kind)
+                found[field] = as_ids(self.path, known, self._column(*columns[known], first, last), kind)
         return Scan(
             coord,
             color,

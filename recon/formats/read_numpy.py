@@ -1,6 +1,7 @@
 """Read points from a NumPy array: a table of numbers, or records with named fields; pickled objects are refused."""
 
 from pathlib import Path
+from tokenize import TokenError
 
 import numpy as np
 
@@ -25,7 +26,7 @@ def open_array(path: Path) -> np.ndarray:
     """
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError, SyntaxError) as error:
+    except (OSError, ValueError, OverflowError, EOFError, SyntaxError, TokenError) as error:
         raise InputError(f"not readable as an array: {str(error)[:80]}", where=path, hint="Write it again") from None
     if not isinstance(array, np.ndarray):
         raise InputError("an archive, not an array", where=path)
@@ -41,13 +42,13 @@ def open_array(path: Path) -> np.ndarray:
     return array
 
 
-def read_numpy(path: Path, most_points: int, labels: bool = True) -> Scan:
+def read_numpy(path: Path, most_points: int, labels: bool | str = True) -> Scan:
     """Read the points of an array; columns are interpreted as those of a text file, fields by their names.
 
     Args:
         path: The file.
         most_points: Points above which it is refused.
-        labels: Read the columns of labels, and refuse those that hold none.
+        labels: Read the columns of labels, and refuse those that hold none; or the name of the column of class ids.
 
     Raises:
         InputError: Damaged, not a table of points, or too many.

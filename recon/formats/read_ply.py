@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from recon.formats.scan_points import Scan, as_ids, check_coordinates, check_count, column_named
+from recon.formats.scan_points import Scan, as_ids, check_coordinates, check_count, column_named, label_names
 
 MAGIC = b"ply"
 _HEADER = 1 << 16  # [bytes] the longest header that is read
@@ -58,13 +58,13 @@ class Element:
     properties: tuple[tuple[str, str | None], ...]
 
 
-def read_ply(path: Path, most_points: int, labels: bool = True) -> Scan:
+def read_ply(path: Path, most_points: int, labels: bool | str = True) -> Scan:
     """Read the points of a PLY file.
 
     Args:
         path: The file.
         most_points: Points above which it is refused.
-        labels: Read the columns of labels, and refuse those that hold none.
+        labels: Read the columns of labels, and refuse those that hold none; or the name of the column of class ids.
 
     Raises:
         InputError: Damaged, cut off, lying about its contents, without points, or too large.
@@ -208,7 +208,7 @@ def _numbers(path: Path, words: list[bytes]) -> NDArray[np.float64]:
         raise InputError(f"not a number: {str(error)[-60:]}", where=path) from None
 
 
-def _scan(path: Path, columns: dict[str, NDArray[Any]], labels: bool) -> Scan:
+def _scan(path: Path, columns: dict[str, NDArray[Any]], labels: bool | str) -> Scan:
     missing = [name for name in "xyz" if name not in columns]
     if missing:
         raise InputError("a point without a position", where=path, field=missing[0], allowed="x, y and z")
@@ -220,7 +220,8 @@ def _scan(path: Path, columns: dict[str, NDArray[Any]], labels: bool) -> Scan:
     trio = next((names for names in _COLORS if all(name in columns for name in names)), None)
     color = _color(path, np.column_stack([columns[name] for name in trio])) if trio else None
     found: dict[str, Any] = {}
-    for field, names, kind in (("segment", _LABELS, np.uint8), ("instance", _INSTANCES, np.uint32)):
+    segments = label_names(labels, _LABELS)
+    for field, names, kind in (("segment", segments, np.uint8), ("instance", _INSTANCES, np.uint32)):
         known = column_named(names, columns)
         if labels and known is not None:
             found[field] = as_ids(path, known, columns[known], kind)

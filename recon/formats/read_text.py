@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from recon.formats.scan_points import Scan, as_colors, as_ids, check_coordinates, check_count
+from recon.formats.scan_points import Scan, as_colors, as_ids, check_coordinates, check_count, column_named, label_names
 
 SUFFIXES = (".xyz", ".txt", ".csv", ".asc", ".pts")
 _MOST_TEXT = 2_000_000_000  # [bytes]
@@ -37,7 +37,7 @@ LAYOUTS: dict[int, tuple[str, ...]] = {
 _PTS = {7: ("x", "y", "z", "intensity", "red", "green", "blue")}  # as laser scanners' programs write .pts
 
 
-def read_text(path: Path, most_points: int, labels: bool = True) -> Scan:
+def read_text(path: Path, most_points: int, labels: bool | str = True) -> Scan:
     """Read lines of numbers, separated by blanks, tabs, commas or semicolons.
 
     A first line of names says what the columns are; without one their number does: three are x y z, four have
@@ -46,7 +46,7 @@ def read_text(path: Path, most_points: int, labels: bool = True) -> Scan:
     Args:
         path: The file.
         most_points: Points above which it is refused.
-        labels: Read the columns of labels, and refuse those that hold none.
+        labels: Read the columns of labels, and refuse those that hold none; or the name of the column of class ids.
 
     Raises:
         InputError: Not lines of numbers, or too many.
@@ -108,14 +108,14 @@ def first_line(path: Path, head: list[bytes]) -> tuple[int, tuple[str, ...], str
     return int(len(words) == 1 and words[0].isdigit() and len(second.split()) > 1), (), mark  # .pts: a count
 
 
-def scan_of_columns(path: Path, columns: dict[str, NDArray[Any]], labels: bool) -> Scan:
+def scan_of_columns(path: Path, columns: dict[str, NDArray[Any]], labels: bool | str) -> Scan:
     """Make a scan of named columns.
 
     Args:
         path: File, for the error.
         columns: Columns by name, shape (N,) each: x, y, z, and optionally red, green, blue, nx, ny, nz, segment,
             instance and intensity; others are ignored.
-        labels: Read segment and instance, and refuse values that are none.
+        labels: Read segment and instance, and refuse values that are none; or the name of the column of class ids.
 
     Raises:
         InputError: No position, or a column whose values are invalid for its name.
@@ -130,9 +130,12 @@ def scan_of_columns(path: Path, columns: dict[str, NDArray[Any]], labels: bool) 
         found["color"] = as_colors(path, np.column_stack([columns[name] for name in ("red", "green", "blue")]))
     if all(name in columns for name in ("nx", "ny", "nz")):
         found["normal"] = np.column_stack([columns[name] for name in ("nx", "ny", "nz")]).astype(np.float32)
-    for name, kind in (("segment", np.uint8), ("instance", np.uint32)):
-        if labels and name in columns:
-            found[name] = as_ids(path, name, columns[name], kind)
+    (asked,) = label_names(labels, ("segment",))
+    segments = (asked, _NAMES.get(asked, asked))
+    for field, names, kind in (("segment", segments, np.uint8), ("instance", ("instance",), np.uint32)):
+        known = column_named(names, columns)
+        if labels and known is not None:
+            found[field] = as_ids(path, known, columns[known], kind)
     if "intensity" in columns:
         found["intensity"] = columns["intensity"].astype(np.float32)
     return Scan(coord, **found)

@@ -26,7 +26,9 @@ __all__ = [
 ]
 
 
-def read_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = SILENT, *, labels: bool = True) -> Scan:
+def read_scan(
+    path: Path, most_points: int = MOST_POINTS, progress: Progress = SILENT, *, labels: bool | str = True
+) -> Scan:
     """Read a scan; its format is detected by its first bytes, not by its name, except for text.
 
     Counts, sizes, finiteness and bounds are checked before anything is allocated; LAZ and E57 are unpacked in a child
@@ -36,8 +38,8 @@ def read_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = S
         path: LAS, LAZ, PLY, E57, NPY or text file, or the folder of a cloud.
         most_points: Points above which a file is refused.
         progress: Listener.
-        labels: Read the columns of labels, and refuse those that hold none, such as -1; those of LAS and of our clouds
-            are always read.
+        labels: Read the columns of labels, and refuse those that hold none, such as -1; those of our clouds are always
+            read. Or the name of the column of class ids: a property, field, named column, or dimension of LAS.
 
     Raises:
         MissingError: There is no such file.
@@ -55,7 +57,7 @@ def read_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = S
     try:
         magic = magic_of(path)
         if magic == read_las.MAGIC:
-            return read_las.read_las(path, most_points, progress)
+            return read_las.read_las(path, most_points, progress, labels)
         if magic[:3] == read_ply.MAGIC:
             return read_ply.read_ply(path, most_points, labels)
         if magic == read_e57.MAGIC:

@@ -137,6 +137,19 @@ def as_colors(path: Path, values: NDArray[Any]) -> NDArray[np.uint8]:
     return (values if values.max() <= 255 else values / 257).astype(np.uint8)
 
 
+def label_names(labels: bool | str, usual: Sequence[str]) -> Sequence[str]:
+    """Choose the names that the column of class ids may have.
+
+    Args:
+        labels: Name of the column, or whether columns of labels are read.
+        usual: Names in lower case where none is given.
+
+    Returns:
+        Names for `column_named`.
+    """
+    return (labels.lower().removeprefix("scalar_"),) if isinstance(labels, str) else usual
+
+
 def column_named(names: Sequence[str], columns: Iterable[str]) -> str | None:
     """Find the column with one of some names, in capitals or not, also behind the `scalar_` that CloudCompare adds.
 

@@ -8,11 +8,14 @@ import struct
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+import torch
 
 from authoring.imported.cityjson import read_cityjson
 from authoring.light.daylight import encode_exr
@@ -23,6 +26,11 @@ from authoring.scenes.manifest import changed_files, read_recipe
 from falsework.scenario import load_scenario
 from falsework.store.artefact import read_manifest, seal
 from groundwork.files import write_json
+from learn.models.forest import forest_probabilities, grow_forest
+from learn.models.registry import build_network
+from learn.trained import FACTS, FOREST, WEIGHTS, ModelFacts, TrainedForest, write_model
+from learn.trained import read_model as read_trained
+from learn.training.checkpoint import read_checkpoint
 from recon.cloud import read_cloud, write_cloud
 from recon.formats.laz import write_laz
 from recon.formats.ply import write_ply
@@ -65,7 +73,7 @@ def make_samples(home: Path) -> dict[str, Sample]:
     Args:
         home: Empty folder.
     """
-    return {**_captures(home), **_clouds(home), **_worlds(home), **_plain(home)}
+    return {**_captures(home), **_clouds(home), **_tables(home), **_models(home), **_worlds(home), **_plain(home)}
 
 
 def _captures(home: Path) -> dict[str, Sample]:
@@ -120,6 +128,70 @@ def _clouds(home: Path) -> dict[str, Sample]:
         "ply scan": Sample(home / "a.ply", lambda: read_scan(home / "a.ply").coord),
         "colmap": Sample(model / "images.bin", lambda: read_model(model).poses),
     }
+
+
+def _tables(home: Path) -> dict[str, Sample]:
+    """Scans without a format of their own for labels, and E57 where its package is installed."""
+    rng = np.random.default_rng(5)
+    place, color = rng.uniform(0.0, 20.0, (60, 3)).round(3), rng.integers(0, 256, (60, 3))
+    table = np.column_stack([place, color, rng.integers(0, 9, 60)])
+    np.save(home / "a.npy", table)
+    records = np.zeros(60, [("x", "f8"), ("y", "f8"), ("z", "f8"), ("label", "u1")])
+    records["x"], records["y"], records["z"] = place.T
+    np.save(home / "b.npy", records)
+    np.savetxt(home / "a.txt", table, "%.3f %.3f %.3f %d %d %d %d")
+
+    def read(name: str) -> Any:
+        return vars(read_scan(home / name))
+
+    found = {
+        "array": Sample(home / "a.npy", lambda: read("a.npy")),
+        "records": Sample(home / "b.npy", lambda: read("b.npy")),
+        "text": Sample(home / "a.txt", lambda: read("a.txt")),
+    }
+    if not find_spec("pye57"):
+        return found
+    file = import_module("pye57").E57(str(home / "a.e57"), mode="w")
+    columns = dict(zip(("cartesianX", "cartesianY", "cartesianZ"), place.T, strict=True))
+    columns |= dict(zip(("colorRed", "colorGreen", "colorBlue"), color.T.astype(np.uint8), strict=True))
+    file.write_scan_raw(columns)
+    file.close()
+    return {**found, "e57": Sample(home / "a.e57", lambda: read("a.e57"), sealed=True)}
+
+
+def _models(home: Path) -> dict[str, Sample]:
+    """A network, a forest, and the checkpoint of a training."""
+    settings = {"widths": [8, 16], "ratios": [4, 4]}
+    network: Any = build_network("randlanet", settings, 3, 4)
+    facts = ModelFacts("randlanet", settings, ("a", "b", "c", "d"), ("x", "y", "z"), {})
+    write_model(home / "network", facts, network.state_dict())
+    rng = np.random.default_rng(6)
+    features = rng.random((80, 8)).astype(np.float32)
+    arrays = grow_forest(features, np.arange(80) % 4, 4, trees=3, depth=4, seed=0)
+    trees = ModelFacts(FOREST, {"scales": [10]}, ("a", "b", "c", "d"), ("x", "y", "z"), {})
+    write_model(home / "forest", trees, {name: torch.from_numpy(rows) for name, rows in arrays.items()})
+    checkpoint = home / "last.ckpt"
+    torch.save({"epoch": 3, "state_dict": network.state_dict()}, checkpoint)
+
+    def read(folder: Path) -> Any:
+        model = read_trained(folder)
+        if isinstance(model, TrainedForest):
+            return vars(model.facts), forest_probabilities(model.arrays, features)
+        return vars(model.facts), _arrays(model.module.state_dict())
+
+    return {
+        "model": Sample(home / "network" / FACTS, lambda: read(home / "network")),
+        "weights": Sample(home / "network" / WEIGHTS, lambda: read(home / "network")),
+        "forest": Sample(home / "forest" / WEIGHTS, lambda: read(home / "forest")),
+        "checkpoint": Sample(checkpoint, lambda: _arrays(read_checkpoint(checkpoint)), sealed=True),
+    }
+
+
+def _arrays(value: Any) -> Any:
+    """Turn the tensors of nested tables into arrays."""
+    if isinstance(value, dict):
+        return {key: _arrays(one) for key, one in value.items()}
+    return value.numpy() if isinstance(value, torch.Tensor) else value
 
 
 def _worlds(home: Path) -> dict[str, Sample]:

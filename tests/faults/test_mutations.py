@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from collections import Counter
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,7 @@ def test_damaged_files_are_refused_or_read(tmp_path: Path, proof_count: Count, r
     count = proof_count(290, 2000)
     rows = read_mutated(tmp_path, count, SEED)
     assert len(rows) == count
-    assert {row["format"] for row in rows} == set(FORMATS)
+    assert {row["format"] for row in rows} == set(FORMATS) - ({"e57"} if not find_spec("pye57") else set())
     bad = [row for row in rows if row["outcome"] not in (REFUSED, SAME, OTHER, DIED)]
     assert not bad, "\n".join(f"{row['format']} {row['number']}: {row['outcome'][-1500:]}" for row in bad[:5])
     assert max(row["seconds"] for row in rows) < LONGEST

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from groundwork.errors import InputError
+from learn.compare import noise
 from learn.compare.noise import CUBE, fit_noise, noise_from_json, sensor_places, with_noise
 from recon.cloud import COLUMNS, Cloud, without_observations, write_cloud
 from usd_schemas.components import class_rows
@@ -30,12 +31,38 @@ def floor_cloud(seed: int, count: int, *, measured: bool = False) -> Cloud:
         coord, distance = coord[kept], distance[kept]
         off = 0.002 * distance * rng.standard_normal(len(coord))
         coord[:, 2] += off
+    return cloud_of(coord, off, np.tile([0.0, 0.0, 1.0], (len(coord), 1)), measured=measured)
+
+
+def ring_cloud(seed: int, count: int, *, measured: bool = False) -> Cloud:
+    """Draw points of a floor about a tripod and of a round wall that faces it, all between 8 and 16 m away.
+
+    As measured, the wall (less than 18 degrees off its normal) has an error of 10 mm and a third of its points, the
+    floor (more than 70 degrees off) an error of 80 mm and a twelfth.
+    """
+    rng = np.random.default_rng(seed)
+    angle, wall = rng.uniform(0.0, 2.0 * np.pi, count), rng.random(count) < 0.5
+    away = np.where(wall, 10.0, np.sqrt(rng.uniform(8.0**2, 15.0**2, count)))
+    height = np.where(wall, rng.uniform(1.5, 6.0, count), 0.25)
+    ways = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(count)])
+    coord = away[:, None] * ways + height[:, None] * [0.0, 0.0, 1.0]
+    normal, off = np.where(wall[:, None], -ways, [0.0, 0.0, 1.0]), np.zeros(count)
+    if measured:
+        kept = rng.random(count) < np.where(wall, 1 / 3, 1 / 12)
+        coord, normal, wall = coord[kept], normal[kept], wall[kept]
+        off = np.where(wall, 0.01, 0.08) * rng.standard_normal(len(coord))
+        coord = coord + off[:, None] * normal
+    return cloud_of(coord, off, normal, measured=measured)
+
+
+def cloud_of(coord: np.ndarray, off: np.ndarray, normal: np.ndarray, *, measured: bool) -> Cloud:
+    """Make a cloud of positions, their distances to the surface, and its normals."""
     columns = {
         name: np.zeros((len(coord), row.width) if row.width > 1 else len(coord), row.dtype)
         for name, row in COLUMNS.items()
     }
     columns |= {"coord": coord, "surface_distance": np.abs(off).astype(np.float32) * np.ones(len(coord), np.float32)}
-    columns["normal"][:, 2] = 1.0
+    columns["normal"][:] = normal
     facts = {"stations": [STATION.tolist()]} if measured else {}
     source = "lidar-terrestrial" if measured else "mesh"
     return Cloud(columns, without_observations(len(coord)), ("",), class_rows(), {}, (), facts, source, "b")
@@ -58,11 +85,11 @@ def test_what_was_fitted_comes_back(tmp_path: Path) -> None:
     """Error by range, density and gaps of new points are those of the sensor, within what so many points can tell."""
     exact = floor_cloud(1, 60_000)
     pair = written(tmp_path / "exact", exact), written(tmp_path / "like", floor_cloud(2, 60_000, measured=True))
-    noise = fit_noise([pair])
-    again = noise_from_json(noise.as_json())
-    assert all((getattr(again, name) == values).all() for name, values in vars(noise).items())
+    fitted = fit_noise([pair])
+    again = noise_from_json(fitted.as_json())
+    assert all((getattr(again, name) == values).all() for name, values in vars(fitted).items())
     other = floor_cloud(3, 60_000)
-    rows, coord = with_noise(other, noise, STATION[None], seed=5)
+    rows, coord = with_noise(other, fitted, STATION[None], seed=5)
     truth = floor_cloud(4, 60_000, measured=True).columns["coord"]
     at = other.columns["coord"][rows]
     assert (coord[:, :2] == at[:, :2]).all()  # along the normal alone
@@ -75,10 +102,35 @@ def test_what_was_fitted_comes_back(tmp_path: Path) -> None:
     far = [far_cubes(points) for points in (at, truth, other.columns["coord"])]
     assert len(far[1]) / len(far[2]) == pytest.approx(0.5, abs=0.05)  # half of the cubes are empty
     assert len(far[0]) / len(far[2]) == pytest.approx(0.5, abs=0.05)
-    same = with_noise(other, noise, STATION[None], seed=5)
+    same = with_noise(other, fitted, STATION[None], seed=5)
     assert (same[0] == rows).all()
     assert (same[1] == coord).all()
-    assert not np.array_equal(with_noise(other, noise, STATION[None], seed=6)[0], rows)
+    assert not np.array_equal(with_noise(other, fitted, STATION[None], seed=6)[0], rows)
+
+
+def told_apart(folder: Path) -> dict[str, tuple[float, float]]:
+    """Fit and apply the noise of a ring; return the share and the spread [m] of the points of wall and floor."""
+    folder.mkdir()
+    exact, like = ring_cloud(1, 180_000), ring_cloud(2, 180_000, measured=True)
+    fitted = fit_noise([(written(folder / "exact", exact), written(folder / "like", like))])
+    other = ring_cloud(3, 180_000)
+    rows, coord = with_noise(other, fitted, STATION[None], seed=5)
+    normal = other.columns["normal"].astype(np.float64)
+    off = np.einsum("ni,ni->n", coord - other.columns["coord"][rows], normal[rows])
+    upright = np.abs(normal[:, 2]) < 0.5
+    faces = {"wall": upright, "floor": ~upright}
+    return {name: (float(face[rows].sum() / face.sum()), float(off[face[rows]].std())) for name, face in faces.items()}
+
+
+def test_the_incidence_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two faces at the same distance, one seen from the front, keep the errors and densities that the sensor had."""
+    found = told_apart(tmp_path / "a")
+    for name, share, spread in (("wall", 1 / 3, 0.01), ("floor", 1 / 12, 0.08)):
+        assert found[name] == pytest.approx((share, spread), rel=0.1)
+    monkeypatch.setattr(noise, "COSINES", (0.0,))
+    mixed = told_apart(tmp_path / "b")  # with a single bin of incidence, the wall has errors of the floor
+    assert mixed["wall"][1] > 2 * found["wall"][1]
+    assert mixed["floor"][0] > 2 * found["floor"][0]
 
 
 def test_where_the_sensor_stood(tmp_path: Path) -> None:

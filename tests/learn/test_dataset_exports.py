@@ -151,6 +151,41 @@ def test_text_and_asprs(tmp_path: Path) -> None:
         assert found[0] == found[1] == found[99] == {""}
 
 
+def test_a_class_map_names_any_column(tmp_path: Path) -> None:
+    """A property of PLY, a dimension or a standard field of LAS, a field of an array, a named column of text."""
+    rng = np.random.default_rng(4)
+    places, codes = np.round(rng.uniform(0, 9, (50, 3)), 3), rng.integers(0, 4, 50)
+    table = np.column_stack([places, codes, np.full(50, 9)])
+    names = ("x", "y", "z", "Strata", "label")
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 50\n"
+    head += "".join(f"property double {name}\n" for name in names)
+    (tmp_path / "a.ply").write_bytes((head + "end_header\n").encode() + table.tobytes())
+    np.savetxt(tmp_path / "a.csv", table, "%.3f", ",", header=",".join(names), comments="")
+    records = np.zeros(50, [(name, "f8") for name in names])
+    for name, values in zip(names, table.T, strict=True):
+        records[name] = values
+    np.save(tmp_path / "a.npy", records)
+    for number in (3, 7):
+        header = laspy.LasHeader(point_format=number, version="1.4")
+        header.scales = np.full(3, 0.001)
+        header.add_extra_dim(laspy.ExtraBytesParams("Strata", np.dtype("u2")))
+        record = laspy.LasData(header)
+        record.x, record.y, record.z = places.T
+        record["Strata"], record.user_data, record.point_source_id = codes, codes, codes + 1
+        record.write(str(tmp_path / f"{number}.las"))
+    (tmp_path / "m.toml").write_text('column = "strata"\ntable = "kim2023"\n')
+    known, wanted = read_class_map(str(tmp_path / "m.toml")), class_table("kim2023")
+    for name in ("a.ply", "a.csv", "a.npy", "3.las", "7.las"):
+        np.testing.assert_array_equal(read_labeled(tmp_path / name, known, wanted).labels, codes)
+    for number in (3, 7):
+        for column, added in (("user_data", 0), ("point_source_id", 1)):
+            found = read_scan(tmp_path / f"{number}.las", labels=column).segment
+            np.testing.assert_array_equal(found, codes + added)
+    (tmp_path / "m.toml").write_text('column = "layer"\ntable = "kim2023"\n')
+    with pytest.raises(InputError, match="layer: has no labels"):
+        read_labeled(tmp_path / "a.ply", read_class_map(str(tmp_path / "m.toml")), wanted)
+
+
 def test_maps_of_the_package_and_of_users(tmp_path: Path) -> None:
     """Every map of the package is whole; what a user's map gets wrong is one line."""
     assert set(map_names()) == {"asprs", "kim2023", "parts5", "semanticbridge"}

@@ -13,8 +13,12 @@ from scipy.spatial.transform import Rotation
 from sklearn.ensemble import RandomForestClassifier
 
 from groundwork.errors import InputError
+from groundwork.progress import Silent
 from learn.models.covariance import NAMES, covariance_features
 from learn.models.forest import forest_probabilities, grow_forest
+from learn.trained import LEAST_SHARE, TrainedForest, forest_inputs, read_model
+from learn.training.forest import train_forest
+from learn.training.settings import TrainSettings
 from tests.learn.toy import ToyBridges
 
 
@@ -50,6 +54,35 @@ def test_a_forest_learns_what_can_be_learnt() -> None:
     arrays = grow_forest(features, labels, 3, trees=20, depth=10, seed=0)
     others, truth = toy(30)
     assert (forest_probabilities(arrays, others).argmax(axis=1) == truth).mean() > 0.9
+
+
+def test_the_confidence_of_a_forest_is_fitted_on_other_bridges(tmp_path: Path) -> None:
+    """Likelier labels on bridges of neither set, the same classes; without held-out bridges nothing changes."""
+    chosen = TrainSettings(model="forest", network={"trees": 12, "depth": 5, "scales": (10, 30)})
+    train_forest(ToyBridges(4), chosen, tmp_path / "plain", Silent())
+    train_forest(ToyBridges(4), chosen, tmp_path / "fitted", Silent(), held=ToyBridges(3, first=20))
+    plain, fitted = (read_model(tmp_path / name) for name in ("plain", "fitted"))
+    assert plain.facts.temperature == 1.0
+    assert fitted.facts.temperature != 1.0
+    assert fitted.facts.training is not None
+    assert fitted.facts.training["validation_bridges"] == sorted(
+        {ToyBridges(3, first=20).bridge(row) for row in range(len(ToyBridges(3, first=20)))}
+    )
+    sample = ToyBridges(1, first=40).sample(0, 0)
+    (before,), (after,) = plain.probabilities([sample]), fitted.probabilities([sample])
+    assert isinstance(plain, TrainedForest)
+    assert np.array_equal(before, forest_probabilities(plain.arrays, forest_inputs(sample, (10, 30))))
+    assert np.allclose(after.sum(axis=1), 1.0, atol=1e-5)
+    known = sample.labels != 255
+    truth = sample.labels[known].astype(int)
+    losses = [
+        -float(np.log(np.maximum(found[known][np.arange(len(truth)), truth], LEAST_SHARE)).mean())
+        for found in (before, after)
+    ]
+    assert losses[1] < losses[0]
+    top = np.sort(before, axis=1)
+    clear = top[:, -1] > top[:, -2] + 1e-3
+    assert np.array_equal(before.argmax(axis=1)[clear], after.argmax(axis=1)[clear])
 
 
 def test_a_torn_forest_is_refused_before_it_is_walked() -> None:

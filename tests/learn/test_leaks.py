@@ -10,13 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from authoring.scenes.manifest import SceneRecipe, write_scene_manifest
+from authoring.settings import AuthoringSettings
 from falsework.cli import main
+from falsework.scenario import load_scenario, scene_seed
 from groundwork.canonical import folder_digest
 from learn.datasets.labeled_cloud import SourceFacts
 from learn.datasets.layout import MANIFEST, read_facts, read_piece
 from learn.datasets.settings import dataset_settings
 from learn.datasets.split import split_bridges
 from learn.trained import FACTS, WEIGHTS
+from tests.house.house import ROOT
 from tests.learn.toy_bridge import write_toy
 
 CUT = (
@@ -121,3 +125,60 @@ def test_a_model_knows_its_bridges_and_evaluate_says_so(chains: Path, capsys: py
         capsys.readouterr()
         assert call("evaluate", chains / "net0", chains / "set0", "--split", split) == 0
         assert ("was trained on" in capsys.readouterr().err) is told
+
+
+def write_run(folder: Path, scenes: list[tuple[str, int, str]]) -> Path:
+    """Write a run of toys.
+
+    Args:
+        folder: Folder to make.
+        scenes: Of each scene the bridge, the seed and the text of its look.
+    """
+    for number, (bridge, seed, look) in enumerate(scenes):
+        scene = folder / "scenes" / f"{number:04d}"
+        for sensor in range(2):
+            write_toy(scene / "cloud" / f"c{sensor}", 10 * number + sensor, 1500, bridge)
+        (scene / "stage/bridge/looks/aged").mkdir(parents=True)
+        (scene / "stage/bridge/looks/aged/look.usda").write_text(look)
+        (scene / "stage/bridge/bridge.usda").write_text("the same in all scenes")
+        write_scene_manifest(SceneRecipe(AuthoringSettings(), seed), scene / "stage")
+    return folder
+
+
+def test_no_look_and_no_seed_of_the_test_is_in_training(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The manifest of a data set says the seed and the looks of each scene of a run; those of the test are its own."""
+    run = write_run(tmp_path / "run", [(f"b{i}", 100 + i, f"look {i}") for i in range(5)])
+    assert call("dataset", "local", run, "-o", tmp_path / "set", *CUT) == 0
+    assert "may be too good" not in capsys.readouterr().err
+    facts = read_facts(tmp_path / "set")
+    parts = {split: [row.source for row in facts.pieces if row.split == split] for split in ("train", "val", "test")}
+    assert all(parts.values())
+    for key in ("seed", "look"):
+        sets = [{facts.sources[number][key] for number in numbers} for numbers in parts.values()]
+        assert all(sets)
+        assert not {None, ""} & set().union(*sets)
+        assert sum(map(len, sets)) == len(set().union(*sets)) == 5
+    assert {facts.sources[number]["seed"] for number in parts["test"]} == {104}
+
+
+def test_a_shared_seed_or_look_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Where another bridge has the seed or the look of the test, `dataset` says so; clouds without a run state none."""
+    scenes = [(f"b{i}", 100 + i, f"look {i}") for i in range(4)]
+    for words, seed, look in (("a seed", 100, "its own"), ("a look", 104, "look 0")):
+        run = write_run(tmp_path / words, [*scenes, ("b4", seed, look)])
+        assert call("dataset", "local", run, "-o", tmp_path / f"set {words}", *CUT) == 0
+        (line,) = [line for line in capsys.readouterr().err.splitlines() if "may be too good" in line]
+        assert f"the test has {words} of the training: 0004/c0, 0004/c1" in line
+    plain = [write_toy(tmp_path / f"{i}", i, 1500, f"b{i}") for i in range(5)]
+    assert call("dataset", "local", *plain, "-o", tmp_path / "plain", *CUT) == 0
+    assert {(source["seed"], source["look"]) for source in read_facts(tmp_path / "plain").sources} == {(None, "")}
+
+
+def test_no_scenario_of_a_test_has_a_seed_of_the_training() -> None:
+    """Every scene of the scenarios that learning uses has a seed of its own."""
+    seeds: list[int] = []
+    for name in ("learning", "pseudo-korea", "pseudo-illinois", "paper-local", "paper-global"):
+        scenario = load_scenario(ROOT / "scenarios" / f"{name}.toml")
+        seeds += [scene_seed(scenario.seed, index) for index in range(scenario.scenes)]
+    assert len(seeds) > 600
+    assert len(set(seeds)) == len(seeds)

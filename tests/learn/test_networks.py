@@ -261,6 +261,8 @@ def test_an_unknown_network_or_setting_is_refused() -> None:
         build_network("pointnet2-ssg", {"cuonts": (1, 2)}, 3, 4)
     with pytest.raises(InputError, match="same length"):
         build_network("randlanet", {"widths": (8, 16)}, 3, 4)
+    with pytest.raises(InputError, match="from 2 to 2048"):
+        build_network("randlanet", {"widths": (33000000000000, 16), "ratios": (4, 4)}, 3, 4)
 
 
 def test_a_cloud_too_small_for_its_network_is_refused() -> None:

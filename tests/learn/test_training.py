@@ -91,6 +91,35 @@ def test_a_stopped_training_goes_on_to_the_same_bytes(trained: Path, tmp_path: P
         assert (tmp_path / name).read_bytes() == (trained / name).read_bytes()
 
 
+def test_a_damaged_checkpoint_is_refused(tmp_path: Path) -> None:
+    """A flipped bit that PyTorch does not see, a torn file, a foreign object: one line, and nothing executes."""
+    train(tmp_path, stop_after=1)
+    path = tmp_path / "last.ckpt"
+    whole = path.read_bytes()
+    flipped, middle = bytearray(whole), len(whole) // 2
+    flipped[middle] ^= 1
+    path.write_bytes(flipped)
+    torch.load(path, weights_only=True)
+    torch.save({"state_dict": Marker(tmp_path / "executed")}, tmp_path / "foreign")
+    for data in (bytes(flipped), whole[:middle], (tmp_path / "foreign").read_bytes(), b"\x80\x04."):
+        path.write_bytes(data)
+        with pytest.raises(InputError, match=r"damaged checkpoint.*Remove it"):
+            train(tmp_path)
+    assert not (tmp_path / "executed").exists()
+
+
+class Marker:
+    """An object that writes a file where it is unpickled."""
+
+    def __init__(self, path: Path) -> None:
+        """Remember the file."""
+        self.path = path
+
+    def __reduce__(self) -> Any:
+        """Name the call."""
+        return Path.touch, (self.path,)
+
+
 def test_bfloat16_learns_as_well_and_gives_the_same_bytes(tmp_path: Path) -> None:
     """Mixed precision on a CPU: far above chance, the weights stay float32, and a second training equals the first."""
     found = []

@@ -1,0 +1,99 @@
+"""Scans whose colours or labels are not the usual ones are read right, and predicted all the same."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import laspy
+import numpy as np
+import pytest
+
+from groundwork.errors import InputError
+from learn.predict.predict import predict_scan
+from learn.predict.settings import PredictSettings
+from recon.formats.scan import read_scan
+from tests.learn.oracle_model import ColorModel
+from tests.learn.test_predict import lattice, write_las
+
+
+def test_e57(tmp_path: Path) -> None:
+    """Scans of an E57 file are read each at its place, in metres as its standard has it, and labelled as a new LAZ."""
+    pye57 = pytest.importorskip("pye57")
+    coord, color = lattice(400)
+    file = pye57.E57(str(tmp_path / "a.e57"), mode="w")
+    for part in (slice(0, 150), slice(150, 400)):
+        shift = coord[part].mean(axis=0)
+        data = {f"cartesian{axis}": coord[part, i] - shift[i] for i, axis in enumerate("XYZ")}
+        data |= {name: color[part, i] for i, name in enumerate(("colorRed", "colorGreen", "colorBlue"))}
+        data["intensity"] = np.ones(len(coord[part]))
+        file.write_scan_raw(data, translation=shift)
+    file.close()
+    scan = read_scan(tmp_path / "a.e57")
+    np.testing.assert_allclose(scan.coord, coord, atol=1e-6)
+    np.testing.assert_array_equal(scan.color, color)
+    predict_scan(tmp_path / "a.e57", tmp_path / "packed.laz", ColorModel(), PredictSettings(unit="m"))
+    np.testing.assert_array_equal(laspy.read(tmp_path / "packed.laz")["predicted_class"], color[:, 0] // 64)
+    predict_scan(tmp_path / "a.e57", tmp_path / "metric.laz", ColorModel(), PredictSettings())
+    assert (tmp_path / "metric.laz").read_bytes() == (tmp_path / "packed.laz").read_bytes()
+    whole = (tmp_path / "a.e57").read_bytes()
+    (tmp_path / "torn.e57").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match="not readable as E57"):
+        read_scan(tmp_path / "torn.e57")
+
+
+@pytest.mark.parametrize(("most", "kind"), [(65535, "u2"), (1, "f4")])
+def test_e57_with_colours_of_other_ranges(
+    most: int, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Colours of 16 bits and from 0 to 1 are brought to 8 bits; the package alone reads them wrong."""
+    pye57 = pytest.importorskip("pye57")
+    library = pye57.libe57
+    coord, color = lattice(300)
+    values = (color.astype(np.float64) / 255 * most).astype(kind)
+    integer, real = library.IntegerNode, library.FloatNode
+
+    def node(file: Any, *numbers: int) -> Any:
+        if numbers == (0, 0, 255):  # what the package writes for a colour
+            return integer(file, 0, 0, most) if kind == "u2" else real(file, 0.0, library.E57_SINGLE, 0.0, 1.0)
+        return integer(file, *numbers)
+
+    monkeypatch.setattr(library, "IntegerNode", node)
+    names = ("colorRed", "colorGreen", "colorBlue")
+    monkeypatch.setattr(
+        pye57.e57,
+        "SUPPORTED_POINT_FIELDS",
+        {**pye57.e57.SUPPORTED_POINT_FIELDS, **dict.fromkeys(names, {"u2": "H", "f4": "f"}[kind])},
+    )
+    file = pye57.E57(str(tmp_path / "a.e57"), mode="w")
+    data = {f"cartesian{axis}": coord[:, i] for i, axis in enumerate("XYZ")}
+    file.write_scan_raw(data | {name: values[:, i] for i, name in enumerate(names)})
+    file.close()
+    scan = read_scan(tmp_path / "a.e57")
+    np.testing.assert_allclose(scan.coord, coord, atol=1e-9)
+    np.testing.assert_allclose(np.asarray(scan.color, int), color, atol=1)
+
+
+def test_labels_that_are_none_hinder_no_prediction(tmp_path: Path) -> None:
+    """A scan whose own labels are -1, 300 or 12.5 is labelled all the same, and keeps them; a data set refuses it."""
+    coord, color = lattice(300)
+    odd = np.resize([-1.0, 300.0, 12.5], 300)
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 300\n"
+    head += "".join(f"property double {name}\n" for name in ("x", "y", "z", "red", "green", "blue", "label"))
+    table = np.column_stack([coord, color, odd])
+    (tmp_path / "a.ply").write_bytes(head.encode() + b"end_header\n" + table.astype("<f8").tobytes())
+    np.savetxt(tmp_path / "a.txt", table, "%.4f %.4f %.4f %d %d %d %.1f")
+    np.save(tmp_path / "a.npy", table)
+    write_las(tmp_path / "a.las", coord, color)
+    las = laspy.read(tmp_path / "a.las")
+    las.add_extra_dim(laspy.ExtraBytesParams("label", np.dtype("f4")))
+    las["label"] = odd
+    las.write(str(tmp_path / "a.las"))
+    for suffix in ("ply", "txt", "npy", "las"):
+        path, out = tmp_path / f"a.{suffix}", tmp_path / f"out.{suffix}"
+        with pytest.raises(InputError, match="not a label"):
+            read_scan(path)
+        predict_scan(path, out, ColorModel(), PredictSettings(unit="m"))
+        (tmp_path / "out.instances.json").unlink()
+    np.testing.assert_array_equal(np.load(tmp_path / "out.npy")[:, 6:8], np.column_stack([odd, color[:, 0] // 64]))
+    np.testing.assert_array_equal(laspy.read(tmp_path / "out.las")["label"], odd)
