@@ -3,11 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-LAND = 30.0  # [m] what extends so far in plan is a surface that others stand on: ground, a road, water
+LAND = 30.0  # [m] what extends so far in plan is a surface that others stand on, whatever it is called
+LAND_PARTS = ("ground", "road", "rail_bed", "water", "embankment", "riverbank")  # component kinds that are one, too
 NEAR = 10.0  # [m] distances below this from the most important part count as equal
 SIDES = 24  # of the outline of the land
 CELL = 0.25  # [m] width near the most important part of the first cells in which corners are merged
 GROWTH = 2**0.5  # of the cells from one attempt to the next
+LEAST_LAND = 0.2  # share of all triangles that land may always have: with fewer it would be in tatters [1]
 COARSEST = 50.0  # [m] land that is still too much with such cells near the most important part is left out
 
 F64 = NDArray[np.float64]
@@ -15,7 +17,12 @@ I64 = NDArray[np.int64]
 
 
 def shown_triangles(
-    corners: F64, level: I64, draw: NDArray[np.uint32], most: int, reach: float = np.inf
+    corners: F64,
+    level: I64,
+    draw: NDArray[np.uint32],
+    most: int,
+    reach: float = np.inf,
+    known: NDArray[np.bool_] | None = None,
 ) -> tuple[F64, I64]:
     """Choose what is shown: the most important objects, then the land, then other objects as long as they fit.
 
@@ -26,8 +33,9 @@ def shown_triangles(
         corners: Corner positions [m], shape (T, 3, 3), float64.
         level: 0 for the most important objects, shape (T,), int64.
         draw: Number of the object of each triangle, shape (T,), uint32.
-        most: Largest number of triangles.
+        most: Largest number of triangles; land may have a fifth of it beyond that.
         reach: Largest distance of others to the box of the most important ones [m]; land is cut there.
+        known: Triangles that are known to be land, shape (T,), bool; None: those of wide objects alone are.
 
     Returns:
         Corner positions [m], shape (K, 3, 3), float64; row of each triangle in `corners`, shape (K,), int64.
@@ -38,17 +46,18 @@ def shown_triangles(
     low, high = corners[first].min(axis=(0, 1)), corners[first].max(axis=(0, 1))
     away = _away(corners.mean(axis=1), low, high)
     objects, number = np.unique(draw, return_inverse=True)
-    land = ~first & _wide(corners, number, len(objects))[number]
+    land = _wide(corners, number, len(objects))[number]
+    land = ~first & (land if known is None else land | known)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     weight = area / (away**2 + NEAR**2)
 
     rows = _whole(np.flatnonzero(first), number, weight, level, most)
     ground, of_ground = _cut(corners[land], np.flatnonzero(land), low, high, reach)
-    kept = _coarsened(ground, low, high, most - len(rows))
+    kept = _coarsened(ground, low, high, max(most - len(rows), round(LEAST_LAND * most)))
     others = np.flatnonzero(~first & ~land)
     outside = np.bincount(number, away, len(objects)) > reach * np.bincount(number, minlength=len(objects))
     others = others[~outside[number[others]]]
-    rows = np.concatenate([rows, _whole(others, number, weight, level, most - len(rows) - len(kept[0]))])
+    rows = np.concatenate([rows, _whole(others, number, weight, level, max(most - len(rows) - len(kept[0]), 0))])
     return np.concatenate([corners[rows], kept[0]]), np.concatenate([rows, of_ground[kept[1]]])
 
 

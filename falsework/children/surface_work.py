@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from falsework.children.products import ADDRESS_LIMIT
-from falsework.children.shown_triangles import shown_triangles
+from falsework.children.shown_triangles import LAND_PARTS, shown_triangles
 from groundwork.child import answer_parent
 from groundwork.progress import Progress
 
@@ -97,7 +97,9 @@ def _answer(request: dict[str, Any], progress: Progress) -> dict[str, Any]:
     bridge = [row.id for row in scene.instances if row.class_name not in ("background", "unlabelled", "")]
     plants = [row.id for row in scene.instances if row.component == "vegetation"]
     level = np.where(np.isin(ids, bridge), 0, np.where(np.isin(ids, plants), 2, 1))
-    shown, chosen = shown_triangles(corners, level, rows, int(request["most"]), float(request["reach"] or np.inf))
+    land = np.isin(ids, [row.id for row in scene.instances if row.component in LAND_PARTS])
+    most, reach = int(request["most"]), float(request["reach"] or np.inf)
+    shown, chosen = shown_triangles(corners, level, rows, most, reach, land)
     colors = _colors(scene, rows)[chosen]
     np.savez(request["file"], corners=shown, colors=colors)  # not atomic: a temporary folder of the parent
     return {"variants": _variants(stage), "triangles": len(corners)}

@@ -61,6 +61,24 @@ def test_land_has_no_hole_and_a_clean_outline(cells: int) -> None:
     assert set(np.unique((np.r_[0, 0, tile])[rows[mine]])) == {1, 2}
 
 
+def test_small_tiles_of_land_are_land_and_have_triangles_beside_a_large_bridge() -> None:
+    """Land in tiles of 20 m, beside a bridge that takes all: it is coarsened as one surface, not left out."""
+    land = hills(400.0, 120)
+    tile = (np.floor(land[..., :2].mean(axis=1) / 20.0).astype(int) @ [100, 1] + 5000).astype(np.uint32)
+    corners, level, draw = bridge_and(land, tile)
+    known = level > 0
+    _, rows = shown_triangles(corners, level, draw, 2, 200.0)
+    assert rows.tolist() == [0, 1]
+    shown, rows = shown_triangles(corners, level, draw, 2 * MOST, 200.0, known)
+    ends = edge_ends(shown[rows >= 2])
+    assert np.linalg.norm(np.maximum(np.abs(ends[..., :2]) - 5.0, 0.0), axis=-1).min() > 170.0
+    bridge = np.repeat(corners[:2], MOST, axis=0)
+    whole = np.concatenate([bridge, land])
+    level, draw = np.r_[np.zeros(2 * MOST, np.int64), level[2:]], np.r_[np.zeros(2 * MOST, np.uint32), draw[2:]]
+    _, rows = shown_triangles(whole, level, draw, 2 * MOST, 200.0, level > 0)
+    assert 300 < (rows >= 2 * MOST).sum() <= 0.2 * 2 * MOST
+
+
 def test_objects_are_shown_whole_or_not() -> None:
     """The bridge always; of others those that look largest as long as they fit; far ones never; rows are theirs."""
     rng, count = np.random.default_rng(1), 400
