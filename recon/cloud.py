@@ -285,7 +285,7 @@ def _load(path: Path) -> Column:
         return np.array(mapped)
     except FileNotFoundError:
         raise MissingError("a column is missing", where=path, hint="Reconstruct again") from None
-    except (OSError, ValueError, EOFError, TokenError) as error:  # the last one from the text of a header
+    except (OSError, ValueError, OverflowError, EOFError, TokenError) as error:  # the last of a header
         raise InputError(f"damaged: {error}", where=path, hint="Reconstruct again") from None
 
 

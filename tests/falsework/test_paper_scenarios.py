@@ -80,6 +80,8 @@ def test_pseudo_illinois_shares_nothing_of_the_way_it_is_made() -> None:
     ours, theirs = (load_scenario(SCENARIOS / f"{name}.toml") for name in ("learning", "pseudo-illinois"))
     assert (ours.recon.mode, theirs.recon.mode) == ("both", "dense")
     flight, other_flight = ours.survey[0], theirs.survey[0]
+    assert flight.kind == "local"
+    assert other_flight.kind == "local"
     for one, other in (
         (flight.camera, other_flight.camera),
         (ours.light, theirs.light),

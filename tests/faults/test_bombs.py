@@ -281,13 +281,14 @@ def test_images_of_the_truth_are_of_its_size_and_kind(capture: Path) -> None:
 
 @pytest.mark.faults
 def test_a_cloud_that_claims_more_than_it_holds_is_refused(tmp_path: Path) -> None:
-    """A column that is a pipe, one that claims 33 TiB, and a class whose name is no line of text."""
+    """Columns that are a pipe, or claim 33 TiB or less than nothing, and a class whose name is no line of text."""
     write_cloud(tmp_path, small_cloud())
     column = tmp_path / "coord.npy"
     data = column.read_bytes()
-    column.write_bytes(data.replace(b"(300, 3), }", b"(3023656976384, 3), }", 1)[: len(data)])
-    with pytest.raises(InputError, match="damaged"):
-        read_cloud(tmp_path)
+    for rows in (b"3023656976384", b"-30"):
+        column.write_bytes(data.replace(b"(300, 3), }", b"(%s, 3), }" % rows, 1)[: len(data)])
+        with pytest.raises(InputError, match="damaged"):
+            read_cloud(tmp_path)
     column.unlink()
     os.mkfifo(column)
     with pytest.raises(InputError, match="is a pipe, not a file"):
