@@ -355,6 +355,7 @@ READ_SAFELY_ANYHOW = {
     "run_facts._failures",
     "run_facts._scene",
     "run_facts.run_facts",
+    "saved.title_words",
     "training_page._model",
     "training_page.read_evaluation",
     "costs._stored_sizes",
