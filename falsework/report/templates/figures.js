@@ -27,6 +27,11 @@
       if (Array.isArray(trace.y) && trace.y.some((value) => typeof value === "string")) {
         trace.y = trace.y.map((value) => (typeof value === "string" ? broken(value, LABEL) : value));
       }
+      if (Array.isArray(trace.x) && trace.x.some((value) => typeof value === "string")) {
+        trace.x = trace.x.map((value) => (typeof value === "string" ? broken(value, LABEL) : value));
+        const axis = (trace.xaxis || "x").replace("x", "xaxis");
+        told.layout[axis] = { ...told.layout[axis], tickangle: -90 }; // a slanted label would leave the page
+      }
     }
     if (told.layout.margin) told.layout.margin = { ...told.layout.margin, l: 45, r: 8 };
   }
