@@ -4,7 +4,7 @@ Usage: python -m benchmarks.learn.experiments RUN… -o OUT [--only NAME…] [--
 
 A RUN is the output folder of a run of `scenarios/learning.toml`. OUT keeps every result: the same command goes on where
 it was stopped. Writes `docs/experiments/NAME.md` for each experiment of `benchmarks/learn/experiment`. Networks may be
-trained on another machine first: `benchmarks.learn.elsewhere`, with OUT/NAME and the same `--set`.
+trained on another machine first: `benchmarks.learn.remote_training`, with OUT/NAME and the same `--set`.
 """
 
 import argparse

@@ -32,7 +32,7 @@ from learn.compare.selection import (
     windows_of,
     windows_to_test,
 )
-from learn.compare.sources import HeldWindows, SampleSettings, TrainingWindows, WindowPlace
+from learn.compare.sources import HeldWindows, TrainingWindows, WindowPlace
 from learn.compare.trial import SCORES, check_models, score_trial, train_trial
 from learn.datasets.class_tables import class_table
 from learn.datasets.split import TRAIN, VAL
@@ -226,7 +226,7 @@ class Experiment:
         data = data_facts(self.settings, self.settings.kept(arm))
         settings = {
             "train": train.model_dump(mode="json"),
-            "sampling": _spelt(sampling),
+            "sampling": sampling.record(),
             "count": count,
             "data": data,
             "windows": _named(chosen[TRAIN], keys),
@@ -249,7 +249,7 @@ class Experiment:
     ) -> Job:
         source = HeldWindows(places, self.settings.sampling, self.settings.test_draws)
         settings = {
-            "sampling": _spelt(source.settings),
+            "sampling": source.settings.record(),
             "windows": _named(places, keys),
             "platform": _platform(),
             "draws": self.settings.test_draws,
@@ -370,17 +370,6 @@ def _fit(pairs: Sequence[tuple[Path, Path]], folder: Path) -> None:
 
 def _score(model: Path, source: HeldWindows, folder: Path, progress: Progress, accelerator: Device) -> None:
     score_trial(model, source, folder, progress, accelerator)
-
-
-def _spelt(sampling: SampleSettings) -> dict[str, Any]:
-    return {
-        "classes": sampling.classes,
-        "channels": sampling.channels,
-        "scaling": vars(sampling.scaling),
-        "points": sampling.points,
-        "noisy": str(sampling.noisy),
-        "augment": sampling.augment.model_dump(mode="json"),
-    }
 
 
 def _named(places: Sequence[WindowPlace], keys: Mapping[Path, str]) -> dict[str, Any]:

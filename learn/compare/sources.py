@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +55,17 @@ class SampleSettings:
     points: int
     noisy: float
     augment: AugmentSettings
+
+    def record(self) -> dict[str, Any]:
+        """Return all of it as JSON, for the key of a result and for a training on another machine."""
+        return {
+            "classes": self.classes,
+            "channels": self.channels,
+            "scaling": vars(self.scaling),
+            "points": self.points,
+            "noisy": str(self.noisy),
+            "augment": self.augment.model_dump(mode="json"),
+        }
 
 
 @dataclass(frozen=True)

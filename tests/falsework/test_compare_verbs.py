@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.learn.elsewhere import described, experiment_here, fill, pieces_of, read_pack, train, write_pack
+from benchmarks.learn.remote_training import described, experiment_here, fill, pieces_of, read_pack, train, write_pack
 from falsework.store.store import Store
 from learn.compare.preset import preset_names
 from learn.metrics import mean_iou

@@ -1,13 +1,14 @@
 """Train and test the networks of a comparison on another machine, one with a GPU, and put the results into its store.
 
-Usage: python -m benchmarks.learn.elsewhere pack SOURCE… -o OUT --preset EXPERIMENT --set accelerator=gpu --pack FILE
-       python -m benchmarks.learn.elsewhere train FILE… --results FOLDER [--processes NUMBER] [--minutes NUMBER]
-       python -m benchmarks.learn.elsewhere fill SOURCE… -o OUT --preset EXPERIMENT --set … --results FOLDER
+Usage: python -m benchmarks.learn.remote_training pack SOURCE… -o OUT --preset EXPERIMENT --set … --pack FILE
+       python -m benchmarks.learn.remote_training train FILE… --results FOLDER [--processes NUMBER] [--minutes NUMBER]
+       python -m benchmarks.learn.remote_training fill SOURCE… -o OUT --preset EXPERIMENT --set … --results FOLDER
 
 `pack` cuts the bridges as `falsework compare` does, and writes the windows of the networks' trainings and tests into
-one file of few bytes, byte for byte what is read here. `train` needs PyTorch, Lightning, SciPy, Numba, Pydantic and
-safetensors only; each training is a process, and a second call trains what is missing. After `fill`, the same
-`falsework compare` finds these results, and makes the others and the tables. `train` runs there, the others here.
+one file of few bytes, byte for byte what is read here; give it `--set accelerator=gpu`. `train` runs on the other
+machine, and needs PyTorch, Lightning, SciPy, Numba, Pydantic, isal and safetensors only; each training is a process,
+and a second call trains what is missing. After `fill`, the same `falsework compare` finds these results, and makes the
+others and the tables.
 """
 
 import argparse
@@ -86,30 +87,14 @@ def described(trial: "TrialJobs", names: Mapping[Path, str]) -> dict[str, Any]:
         "about": f"{trial.model}, {trial.training.about}",
         "settings": settings.model_dump(mode="json"),
         "data": trial.training.make.keywords["data"],  # type: ignore[attr-defined]
-        "sampling": spelt(source.settings),
+        "sampling": source.settings.record(),
         "count": source.count,
         "windows": placed(source.windows, names),
-        "validation": {"sampling": spelt(checked.settings), "windows": placed(checked.windows, names)},
+        "validation": {"sampling": checked.settings.record(), "windows": placed(checked.windows, names)},
         "tests": [
-            {"key": key, "draws": one.draws, "sampling": spelt(one.settings), "windows": placed(one.windows, names)}
+            {"key": key, "draws": one.draws, "sampling": one.settings.record(), "windows": placed(one.windows, names)}
             for key, one in held.values()
         ],
-    }
-
-
-def spelt(sampling: "SampleSettings") -> dict[str, Any]:
-    """Write how samples are drawn.
-
-    Args:
-        sampling: The settings.
-    """
-    return {
-        "classes": list(sampling.classes),
-        "channels": list(sampling.channels),
-        "scaling": vars(sampling.scaling),
-        "points": sampling.points,
-        "noisy": str(sampling.noisy),
-        "augment": sampling.augment.model_dump(mode="json"),
     }
 
 
@@ -271,7 +256,7 @@ def read_sampling(values: Mapping[str, Any]) -> "SampleSettings":
     """Read how samples are drawn.
 
     Args:
-        values: Of `spelt`.
+        values: Of `SampleSettings.record`.
     """
     from learn.compare.sources import SampleSettings
     from learn.datasets.patch import Scaling
