@@ -47,7 +47,7 @@ def along_axis(offsets: F64) -> F64:
     return np.column_stack([along, offsets[:, 1] * ACROSS, offsets[:, 2] * UPWARDS])
 
 
-def drawn_to_lines(offsets: F64, targets: F64, lines: F64) -> F64:
+def drawn_to_lines(offsets: F64, targets: F64, lines: F64, steadiness: float = STEADINESS) -> F64:
     """Turn low cameras back to the bearing line that they passed last, which a square view leaves out of the frame.
 
     On the other side of the bridge the flight passes the lines the other way, so that each is seen from both of its
@@ -57,6 +57,7 @@ def drawn_to_lines(offsets: F64, targets: F64, lines: F64) -> F64:
         offsets: Camera centres of a closed flight in the axes of the box [m], shape (N, 3), float64.
         targets: Points of interest without the turn [m], shape (N, 3), float64.
         lines: Distance along the box and height of each line, in order [m], shape (L, 2), float64.
+        steadiness: Standard deviation of the smoothing of the gaze, in images [1].
 
     Returns:
         Points of interest [m], shape (N, 3), float64.
@@ -71,7 +72,7 @@ def drawn_to_lines(offsets: F64, targets: F64, lines: F64) -> F64:
     low = np.clip((passed[:, 1] + RISE - offsets[:, 2]) / RISE, 0.0, 1.0) * inside
     aimed = np.column_stack([passed[:, 0], targets[:, 1], passed[:, 1]])
     turned = targets + PULL * low[:, None] * (aimed - targets)
-    return gaussian_filter1d(turned, STEADINESS, axis=0, mode="wrap")
+    return gaussian_filter1d(turned, steadiness, axis=0, mode="wrap")
 
 
 def aim(positions: F64, targets: F64) -> F64:

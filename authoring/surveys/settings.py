@@ -68,6 +68,12 @@ class GlobalSettings(SurveySettings):
     spacing: float = Field(
         default=3.5, ge=0.3, le=50.0, description="Greatest distance between neighbouring images [m]"
     )
+    turn: float = Field(
+        default=20.0,
+        ge=5.0,
+        le=180.0,
+        description="Greatest angle between the viewing directions of neighbouring images of a loop [deg]",
+    )
     stand_off: tuple[Reach, Reach] = Field(
         default=(6.5, 8.5), description="Range of the distance to the bridge's sides [m]"
     )

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from authoring.surveys.box import OrientedBox, oriented_box
-from authoring.surveys.gaze import aim, along_axis, drawn_to_lines, inner_box
+from authoring.surveys.gaze import STEADINESS, aim, along_axis, drawn_to_lines, inner_box
 from authoring.surveys.rings import draw_rings, extended_box
 from authoring.surveys.settings import GlobalSettings
 from authoring.surveys.subject import Subject
@@ -25,6 +25,8 @@ BEYOND = (-1.5, 0.5)  # [m] past the ends of the bridge, whose wing walls reach 
 # there is hundreds of metres away, and one side came to lie 18 m off.
 CROSSING = 3.0  # [m] before the ends of the bridge where a crossing of the road begins
 CROSSING_DENSITY = 1.8  # images a metre there, over those along the sides
+ROUNDS = 12  # of placing images where cameras turn too far; 4 suffice for most flights
+STEADIER = 1.2  # times the smoothing of the gaze in each further round [1]
 CLIMB = 3.0  # [m] that the crossings fly higher, so that the road is seen from above
 POINTS_OF_INTEREST = {"box50": inner_box, "axis": along_axis}
 
@@ -55,18 +57,65 @@ def fly_whole(settings: GlobalSettings, subject: Subject, rng: np.random.Generat
         )
         length = float(np.linalg.norm(np.diff(route, axis=0), axis=1).sum())
         positions = np.round(equal_steps(route, min(settings.spacing, length / (settings.images - 1))), DECIMALS)
-        local, middle = box.to_local(positions), np.zeros(3)
-    else:
-        route = clear_route(draw_route(settings, box, lines[:, 0], subject, rng), box, subject, settings.safety)
-        crossing = np.abs(box.to_local(route)[:, 0]) > box.half[0] - CROSSING
-        density = np.where(crossing, CROSSING_DENSITY, 1.0)
-        positions = np.round(place_images(route, density, settings.images, settings.spacing), DECIMALS)
-        local = box.to_local(positions)
-        middle = np.array([0.0, 0.0, (local[:, 2].min() + local[:, 2].max()) / 2])
+        return aim(positions, np.round(box.to_world(targets_of(settings, box, lines, positions)), DECIMALS))
+    route = clear_route(draw_route(settings, box, lines[:, 0], subject, rng), box, subject, settings.safety)
+    crossing = np.abs(box.to_local(route)[:, 0]) > box.half[0] - CROSSING
+    return _fly_loop(settings, box, lines, route, np.where(crossing, CROSSING_DENSITY, 1.0))
+
+
+def targets_of(
+    settings: GlobalSettings, box: OrientedBox, lines: F64, positions: F64, steadiness: float = STEADINESS
+) -> F64:
+    """Choose where each camera looks.
+
+    Args:
+        settings: Settings of the scenario.
+        box: The bridge's box.
+        lines: Distance along the box and height of each bearing line [m], shape (L, 2), float64.
+        positions: Camera centers [m], shape (N, 3), float64.
+        steadiness: Standard deviation of the smoothing of the gaze, in images [1].
+
+    Returns:
+        Points of interest in the axes of the box [m], shape (N, 3), float64.
+    """
+    local, middle = box.to_local(positions), np.zeros(3)
+    if settings.tour == "loop":
+        middle[2] = (local[:, 2].min() + local[:, 2].max()) / 2
     targets = middle + POINTS_OF_INTEREST[settings.poi](local - middle)
     if settings.poi == "axis" and settings.tour == "loop":
-        targets = drawn_to_lines(local, targets, lines)
-    return aim(positions, np.round(box.to_world(targets), DECIMALS))
+        targets = drawn_to_lines(local, targets, lines, steadiness)
+    return targets
+
+
+def _fly_loop(settings: GlobalSettings, box: OrientedBox, lines: F64, route: F64, density: F64) -> F64:
+    """Place images on the route and aim them; place more wherever a camera turns too far to the next one."""
+    least, spacing, steadiness, poses = settings.images, settings.spacing, STEADINESS, np.zeros((0, 4, 4))
+    for _ in range(ROUNDS):
+        positions, stretch = place_images(route, density, least, spacing)
+        positions = np.round(positions, DECIMALS)
+        targets = targets_of(settings, box, lines, positions, steadiness)
+        poses = aim(positions, np.round(box.to_world(targets), DECIMALS))
+        excess = np.round(turns_to_next(poses) / settings.turn, DECIMALS)
+        if excess.max() <= 1.0:
+            break
+        least, spacing = 1, arc_of(route, density)[-1] / len(positions)  # elsewhere the steps stay as they are
+        density = density * np.maximum(excess, 1.0)[stretch]
+        steadiness *= STEADIER  # where the gaze changes its target, more images alone turn no less
+    return poses
+
+
+def turns_to_next(poses: F64) -> F64:
+    """Measure the angle between the viewing directions of each camera of a closed flight and the next [deg].
+
+    Args:
+        poses: camera_to_world [m], shape (N, 4, 4), float64.
+
+    Returns:
+        Angles, that from the last camera to the first included [deg], shape (N,), float64.
+    """
+    forward = poses[:, :3, 2]
+    cosine = np.sum(forward * np.roll(forward, -1, axis=0), axis=1)
+    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
 def bearing_lines(seats: F64) -> F64:
@@ -153,7 +202,7 @@ def clear_route(route: F64, box: OrientedBox, subject: Subject, safety: float) -
     )
 
 
-def place_images(route: F64, density: F64, least: int, spacing: float) -> F64:
+def place_images(route: F64, density: F64, least: int, spacing: float) -> tuple[F64, NDArray[np.int64]]:
     """Place images on a closed route at steps that are equal where its density is.
 
     Args:
@@ -163,14 +212,29 @@ def place_images(route: F64, density: F64, least: int, spacing: float) -> F64:
         spacing: Greatest step [m].
 
     Returns:
-        Camera centres [m], shape (N, 3), float64.
+        Camera centres [m], shape (N, 3), float64; and the image behind each point of the route, shape (M,), int64.
     """
     closed = np.concatenate([route, route[:1]])
-    weight = (density + np.roll(density, -1)) / 2
-    arc = np.concatenate([[0.0], np.cumsum(weight * np.linalg.norm(np.diff(closed, axis=0), axis=1))])
+    arc = arc_of(route, density)
     count = max(least, int(np.ceil(arc[-1] / spacing)))
     stations = np.arange(count) * arc[-1] / count
-    return np.column_stack([np.interp(stations, arc, closed[:, axis]) for axis in range(3)])
+    places = np.column_stack([np.interp(stations, arc, closed[:, axis]) for axis in range(3)])
+    return places, np.searchsorted(stations, arc[:-1], side="right") - 1
+
+
+def arc_of(route: F64, density: F64) -> F64:
+    """Measure the way along a closed route, stretched where images shall be denser.
+
+    Args:
+        route: Closed route [m], shape (M, 3), float64.
+        density: Images a metre at each point of the route, over those where it is 1 [1], shape (M,), float64.
+
+    Returns:
+        Way to each point, and back to the first [m], shape (M + 1,), float64.
+    """
+    weight = (density + np.roll(density, -1)) / 2
+    steps = np.linalg.norm(np.diff(np.concatenate([route, route[:1]]), axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(weight * steps)])
 
 
 def _dive_ends(lines: F64, length: float) -> F64:

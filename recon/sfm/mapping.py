@@ -14,8 +14,10 @@ from groundwork.progress import Progress
 from recon.photos.photos import FOCAL_GUESSED
 from recon.settings import SparseSettings
 from recon.sfm.colmap_model import check_whole
+from recon.sfm.contradicted import contradicted_pairs
 from recon.sfm.database import DATABASE
 from recon.sfm.growth import MOST_MOVED, grow
+from recon.sfm.misplaced import Fixes
 from recon.sfm.runaways import leave_out, runaways
 from recon.sfm.tie_points import write_tie_points
 from render.capture import Capture
@@ -48,7 +50,8 @@ def map_images(
         `mapper`; `tie_points`: whether the mapper used tie points instead of all matches; `models`: number of images
         and points of each, largest first (of those that are not kept, of tie points alone); `elsewhere`: files of the
         images that are in a smaller model; where images were missing, `growth`: see `grow`; `runaways`: files of the
-        images whose cameras were removed as runaways.
+        images whose cameras were removed as runaways; `contradicted`: number of pairs that were not used, because GPS
+        contradicts them.
     """
     models, final, ties = folder / _MODELS, folder / MODEL, folder / _TIES
     for path in (models, final):
@@ -58,7 +61,8 @@ def map_images(
     kind = choose_mapper(capture, settings)
     run = _map_globally if kind == "global" else _map_incrementally
     progress.stage("tie points", 0)
-    thinned = write_tie_points(matches / DATABASE, ties, settings.tie_points, seed)
+    wrong = _contradicted(capture, matches / DATABASE, progress)
+    thinned = write_tie_points(matches / DATABASE, ties, settings.tie_points, seed, wrong)
     source = ties if thinned else matches / DATABASE
     ranked = _ranked(run(capture, source, models, settings, seed, progress))
     growth: dict[str, float] = {}
@@ -89,7 +93,19 @@ def map_images(
         "elsewhere": sorted(in_any - in_largest),
         **({"growth": growth} if growth else {}),
         **({"runaways": sorted(away)} if away else {}),
+        **({"contradicted": len(wrong)} if wrong else {}),
     }
+
+
+def _contradicted(capture: Capture, database: Path, progress: Progress) -> set[int]:
+    wrong = contradicted_pairs(database, _fixes(capture))
+    if wrong:
+        progress.note(f"{len(wrong)} pairs of images left out: by GPS they show two places that look alike")
+    return wrong
+
+
+def _fixes(capture: Capture) -> Fixes:
+    return {image.file: image.gps for image in capture.images if image.gps is not None}
 
 
 def _leave_runaways_out(model: pycolmap.Reconstruction, settings: SparseSettings, progress: Progress) -> set[str]:
@@ -208,7 +224,7 @@ def _grow_largest(
 ) -> dict[str, float]:
     """Where images are missing, replace the largest model by the grown one; return the figures of `grow`."""
     total = len(capture.images)
-    fixes = {image.file: image.gps for image in capture.images if image.gps is not None}
+    fixes = _fixes(capture)
     if not ranked or ranked[0].num_reg_images() == total or not ranked[0].num_points3D() or not fixes:
         return {}
     progress.stage("mapping, by fewer matches", 0)

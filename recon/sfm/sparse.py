@@ -24,7 +24,7 @@ _CHILD = "recon.sfm.sparse_child"
 _SECTION = "recon.sparse"
 _MODEL = "model"  # the name that the child uses; importing it from there would load COLMAP
 _VERSION = 6  # raise it whenever the same settings would give another model
-_MAPPING_VERSION = 4  # the same, of the mapper alone
+_MAPPING_VERSION = 5  # the same, of the mapper alone
 _SLACK = 120.0  # [s] beside the time per image
 _LOOK = 0.5  # [s] how often progress is read from the database
 _FEW_KEYPOINTS = 50
@@ -97,7 +97,7 @@ def run_sparse(capture: Capture, work: Path, settings: ReconSettings, progress: 
         "mapper": mapped.result["mapper"],
         "tie_points": mapped.result["tie_points"],
         "models": mapped.result["models"],
-        **{key: mapped.result[key] for key in ("growth", "runaways") if key in mapped.result},
+        **{key: mapped.result[key] for key in ("growth", "runaways", "contradicted") if key in mapped.result},
         "model_sha256": folder_digest(mapped.folder / _MODEL),
     }
     reasons = absent_reasons(capture, keypoints, matches.result["overlapping"], mapped.result["elsewhere"])

@@ -6,7 +6,7 @@ Source: tie point limits of photogrammetry packages; Cui et al., "Tracks selecti
 large-scale structure from motion" (2017).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -79,7 +79,7 @@ def choose_tie_points(matches: Matches, limit: int, rng: np.random.Generator) ->
     return stays[joined]
 
 
-def write_tie_points(database: Path, out: Path, limit: int, seed: int) -> bool:
+def write_tie_points(database: Path, out: Path, limit: int, seed: int, without: Set[int] = frozenset()) -> bool:
     """Write a database of tie points only, without descriptors, if there are more matches than needed.
 
     Args:
@@ -87,6 +87,7 @@ def write_tie_points(database: Path, out: Path, limit: int, seed: int) -> bool:
         out: Database to create.
         limit: Approximate number of tie points per image.
         seed: Seed of the random choice.
+        without: Ids of pairs that the mapper must not use; they are not written.
 
     Returns:
         Whether it was written; if not, the mapper can use all matches.
@@ -94,14 +95,16 @@ def write_tie_points(database: Path, out: Path, limit: int, seed: int) -> bool:
     with pycolmap.Database.open(database) as source:
         images = sorted(source.read_all_images(), key=lambda image: image.image_id)
         keypoints = {image.image_id: source.read_keypoints(image.image_id) for image in images}
-        numbers, geometries = source.read_two_view_geometries()
-        pairs = [pycolmap.pair_id_to_image_pair(number) for number in numbers]
-        if not pairs:
+        verified = zip(*source.read_two_view_geometries(), strict=True)
+        kept = {number: found for number, found in verified if number not in without}
+        if not kept:
             return False
+        pairs, geometries = [pycolmap.pair_id_to_image_pair(number) for number in kept], list(kept.values())
         matches = _gather(source.read_all_cameras(), images, keypoints, pairs, geometries)
-        if len(np.unique(np.concatenate([matches.first, matches.second]))) <= limit * len(images):
+        few = len(np.unique(np.concatenate([matches.first, matches.second]))) <= limit * len(images)
+        if few and not without:
             return False
-        stays = choose_tie_points(matches, limit, np.random.default_rng(seed))
+        stays = choose_tie_points(matches, limit, np.random.default_rng(seed)) | few
         with pycolmap.Database.open(out) as thin:
             _copy_images(source, thin, images, keypoints)
             start = 0

@@ -21,7 +21,7 @@ from authoring.surveys.registry import plan_survey
 from authoring.surveys.rings import draw_rings, extended_box
 from authoring.surveys.settings import GlobalSettings
 from authoring.surveys.subject import Subject, make_subject, piece_corners
-from authoring.surveys.whole import bearing_lines, clear_route, draw_route, place_images
+from authoring.surveys.whole import bearing_lines, clear_route, draw_route, place_images, turns_to_next
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
 from tests.authoring.boxes import box, box_bridge, flat_site
@@ -63,12 +63,26 @@ def test_images_stand_at_equal_steps() -> None:
     turns = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
     circle = np.column_stack([10 * np.cos(turns), 10 * np.sin(turns), np.zeros(4000)])
     even = np.ones(len(circle))
-    placed = place_images(circle, even, least=30, spacing=100.0)
+    placed, _ = place_images(circle, even, least=30, spacing=100.0)
     chords = np.linalg.norm(np.roll(placed, -1, axis=0) - placed, axis=1)
     np.testing.assert_allclose(chords, 20 * np.sin(np.pi / 30), rtol=1e-5)
-    assert len(place_images(circle, even, least=8, spacing=1.0)) == int(np.ceil(2 * np.pi * 10))
-    twice = place_images(circle, np.where(circle[:, 1] > 0, 2.0, 1.0), least=30, spacing=100.0)
+    assert len(place_images(circle, even, least=8, spacing=1.0)[0]) == int(np.ceil(2 * np.pi * 10))
+    twice, _ = place_images(circle, np.where(circle[:, 1] > 0, 2.0, 1.0), least=30, spacing=100.0)
     assert (twice[:, 1] > 0).sum() == pytest.approx(20, abs=1)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_cameras_of_a_loop_turn_gently(subject: Subject, seed: int) -> None:
+    """Where a camera would turn too far to the next, there are more images; elsewhere the flight stays as it is."""
+    wide, gentle = (
+        plan_survey(GlobalSettings(images=8, spacing=9.0, turn=turn), subject, seed).poses for turn in (180.0, 20.0)
+    )
+    assert turns_to_next(wide).max() > 30.0
+    assert turns_to_next(gentle).max() <= 20.0 + 1e-3
+    assert len(wide) < len(gentle) < 3 * len(wide)
+    usual = GlobalSettings(images=90, spacing=3.5)
+    held = usual.model_copy(update={"turn": turns_to_next(plan_survey(usual, subject, seed).poses).max() + 0.01})
+    np.testing.assert_array_equal(plan_survey(held, subject, seed).poses, plan_survey(usual, subject, seed).poses)
 
 
 def test_half_box_rule_is_exact(subject: Subject) -> None:
