@@ -60,7 +60,6 @@ def map_images(
     _clear_ties(folder)
     kind = choose_mapper(capture, settings)
     run = _map_globally if kind == "global" else _map_incrementally
-    progress.stage("tie points", 0)
     wrong = _contradicted(capture, matches / DATABASE, progress)
     thinned = write_tie_points(matches / DATABASE, ties, settings.tie_points, seed, wrong)
     source = ties if thinned else matches / DATABASE
@@ -70,7 +69,7 @@ def map_images(
         growth = _grow_largest(capture, source, models, ranked, _mapper_options(settings, seed), progress)
     _clear_ties(folder)
     in_largest, away = set[str](), set[str]()
-    in_any = {image.name for model in ranked for image in model.images.values() if image.has_pose}
+    in_any = {name for model in ranked for name in _registered(model)}
     if ranked:
         largest = ranked[0]
         progress.stage("last adjustment", 0)
@@ -81,10 +80,10 @@ def map_images(
             adjust_robustly(largest, _threads(settings))
             ranked[0] = largest
         away = _leave_runaways_out(largest, settings, progress)
-        in_any -= away - {image.name for model in ranked[1:] for image in model.images.values() if image.has_pose}
+        in_any -= away - {name for model in ranked[1:] for name in _registered(model)}
         largest.write_binary(final)
         check_whole(final)
-        in_largest = {image.name for image in largest.images.values() if image.has_pose}
+        in_largest = _registered(largest)
     shutil.rmtree(models)
     return {
         "mapper": kind,
@@ -98,6 +97,7 @@ def map_images(
 
 
 def _contradicted(capture: Capture, database: Path, progress: Progress) -> set[int]:
+    progress.stage("tie points", 0)
     wrong = contradicted_pairs(database, _fixes(capture))
     if wrong:
         progress.note(f"{len(wrong)} pairs of images left out: by GPS they show two places that look alike")
@@ -106,6 +106,10 @@ def _contradicted(capture: Capture, database: Path, progress: Progress) -> set[i
 
 def _fixes(capture: Capture) -> Fixes:
     return {image.file: image.gps for image in capture.images if image.gps is not None}
+
+
+def _registered(model: pycolmap.Reconstruction) -> set[str]:
+    return {image.name for image in model.images.values() if image.has_pose}
 
 
 def _leave_runaways_out(model: pycolmap.Reconstruction, settings: SparseSettings, progress: Progress) -> set[str]:
