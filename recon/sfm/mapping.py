@@ -58,8 +58,7 @@ def map_images(
         shutil.rmtree(path, ignore_errors=True)
         path.mkdir()
     _clear_ties(folder)
-    kind = choose_mapper(capture, settings)
-    run = _map_globally if kind == "global" else _map_incrementally
+    run = _map_globally if (kind := choose_mapper(capture, settings)) == "global" else _map_incrementally
     wrong = _contradicted(capture, matches / DATABASE, progress)
     thinned = write_tie_points(matches / DATABASE, ties, settings.tie_points, seed, wrong)
     source = ties if thinned else matches / DATABASE
