@@ -39,6 +39,9 @@ class RecordSettings(Settings):
     )
 
 
+_TURN, _COARSE = 20.0, 10.0  # [deg], [m]
+
+
 class CameraSettings(RecordSettings):
     """Records and camera of every planned survey."""
 
@@ -68,11 +71,12 @@ class GlobalSettings(SurveySettings):
     spacing: float = Field(
         default=3.5, ge=0.3, le=50.0, description="Greatest distance between neighbouring images [m]"
     )
-    turn: float = Field(
-        default=20.0,
+    turn: float | None = Field(
+        default=None,
         ge=5.0,
         le=180.0,
-        description="Greatest angle between the viewing directions of neighbouring images of a loop [deg]",
+        description="Greatest angle between the viewing directions of neighbouring images of a loop [deg]; when left "
+        "out, 20 if spacing is at most 10 m, else any: such a flight is too coarse to be reconstructed",
     )
     stand_off: tuple[Reach, Reach] = Field(
         default=(6.5, 8.5), description="Range of the distance to the bridge's sides [m]"
@@ -95,6 +99,11 @@ class GlobalSettings(SurveySettings):
     poi: Literal["axis", "box50"] = Field(
         default="axis", description="Cameras look at the axis beside them, or at the paper's box of half the size"
     )
+
+    @property
+    def largest_turn(self) -> float:
+        """`turn`, or what holds where it is left out [deg]."""
+        return self.turn or (_TURN if self.spacing <= _COARSE else 180.0)
 
     @model_validator(mode="after")
     def _ranges_ascend(self) -> Self:

@@ -95,7 +95,7 @@ def _fly_loop(settings: GlobalSettings, box: OrientedBox, lines: F64, route: F64
         positions = np.round(positions, DECIMALS)
         targets = targets_of(settings, box, lines, positions, steadiness)
         poses = aim(positions, np.round(box.to_world(targets), DECIMALS))
-        excess = np.round(turns_to_next(poses) / settings.turn, DECIMALS)
+        excess = np.round(turns_to_next(poses) / settings.largest_turn, DECIMALS)
         if excess.max() <= 1.0:
             break
         least, spacing = 1, arc_of(route, density)[-1] / len(positions)  # elsewhere the steps stay as they are

@@ -83,6 +83,7 @@ def test_cameras_of_a_loop_turn_gently(subject: Subject, seed: int) -> None:
     usual = GlobalSettings(images=90, spacing=3.5)
     held = usual.model_copy(update={"turn": turns_to_next(plan_survey(usual, subject, seed).poses).max() + 0.01})
     np.testing.assert_array_equal(plan_survey(held, subject, seed).poses, plan_survey(usual, subject, seed).poses)
+    assert len(plan_survey(GlobalSettings(images=8, spacing=50.0), subject, seed).poses) == 8
 
 
 def test_half_box_rule_is_exact(subject: Subject) -> None:
