@@ -30,12 +30,13 @@ def write_bytes(path: Path, data: bytes, *, durable: bool = True) -> None:
 
     Raises:
         OutOfSpaceError: The disk is full.
+        InputError: Not writable, or a folder is in its place.
     """
     temporary = temporary_name(path)
     with space_errors(path):
         try:
             _write(temporary, data, durable)
-            temporary.replace(path)
+            _put_in_place(temporary, path)
         except BaseException:
             temporary.unlink(missing_ok=True)
             raise
@@ -72,6 +73,13 @@ def _write(path: Path, data: bytes, durable: bool) -> None:
             os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def _put_in_place(temporary: Path, path: Path) -> None:
+    try:
+        temporary.replace(path)
+    except IsADirectoryError:
+        raise InputError("is a folder, and a file belongs here", where=path, hint="Move it elsewhere") from None
 
 
 @contextmanager
@@ -176,7 +184,7 @@ def whole_file(path: Path, check: Callable[[], object] | None = None) -> Iterato
             sync(partial)
             if check is not None:
                 check()
-            partial.replace(path)
+            _put_in_place(partial, path)
             sync(path.parent)
         except BaseException:
             partial.unlink(missing_ok=True)
