@@ -1,5 +1,6 @@
 """The command line: one verb per room, one line for every error, and exit codes that scripts can rely on."""
 
+import errno
 import os
 import signal
 import sys
@@ -179,6 +180,11 @@ def _elsewhere(about: str) -> Callable[[], int]:
 
 
 HELP = {"-h", "--help"}
+_UNUSABLE = {
+    errno.ENAMETOOLONG: "a name or path that is too long",
+    errno.EACCES: "no permission",
+    errno.ELOOP: "is a link that leads to itself",
+}
 EXTRAS = {  # package that may be missing → extra that installs it
     **dict.fromkeys(("torch", "lightning", "safetensors", "sklearn"), "learn"),
     "viser": "view",
@@ -244,10 +250,24 @@ def main(arguments: list[str] | None = None) -> None:
     except BrokenPipeError:  # `falsework scene info SCENE | head`: the reader has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = PIPE_CLOSED
+    except OSError as error:
+        refusal = _path_error(error)
+        if refusal is None:
+            raise
+        sys.stderr.write(f"falsework: {refusal}\n")
+        code = refusal.exit_code
     except KeyboardInterrupt:
         sys.stderr.write("falsework: interrupted; the same command goes on where it stopped\n")
         code = INTERRUPTED
     sys.exit(code)
+
+
+def _path_error(error: OSError) -> InputError | None:
+    """Describe a path that cannot be used, which the user or a file of theirs named; None for any other error."""
+    about = _UNUSABLE.get(error.errno or 0)
+    if about is None or error.filename is None:
+        return None
+    return InputError(about, where=os.fsdecode(error.filename), hint="Check the path")
 
 
 def _show_examples(words: list[str]) -> None:
