@@ -19,10 +19,16 @@ from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import need_scenario
 from falsework.commands.parsing import parse, parse_verb
 from falsework.commands.render_verb import render
-from groundwork.errors import FalseworkError, InputError, MissingError, RejectedSceneError
+from groundwork.errors import (
+    TERMINATED,
+    FalseworkError,
+    InputError,
+    MissingError,
+    RejectedSceneError,
+    stop_behind,
+)
 
 INTERRUPTED = 130
-TERMINATED = 143
 PIPE_CLOSED = 141
 ABOUT = (
     "Bridges as USD stages, inspection flights around them, and annotated point clouds. Start with: falsework demo. "
@@ -227,7 +233,7 @@ def main(arguments: list[str] | None = None) -> None:
             _say(version("falsework"))
             code = 0
         else:
-            code = _call(words)()
+            code = _run(words)
     except SystemExit as left:
         if not left.code and not HELP.isdisjoint(words):
             with suppress(BrokenPipeError):  # `… --help | head`
@@ -260,6 +266,16 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stderr.write("falsework: interrupted; the same command goes on where it stopped\n")
         code = INTERRUPTED
     sys.exit(code)
+
+
+def _run(words: list[str]) -> int:
+    """Run a verb; a stop that a native library made an error of its own is a stop again."""
+    try:
+        return _call(words)()
+    except Exception as error:
+        if stop := stop_behind(error):
+            raise stop from None
+        raise
 
 
 def _path_error(error: OSError) -> InputError | None:

@@ -1,6 +1,7 @@
 """Errors that Falsework raises on purpose, each with its exit code of the command line."""
 
 import errno
+from collections.abc import Iterator
 from typing import ClassVar
 
 _PASSING = frozenset(
@@ -10,6 +11,7 @@ _PASSING = frozenset(
         *(errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EINTR, errno.ENOSPC, errno.EDQUOT),
     )
 )
+TERMINATED = 143  # exit code after SIGTERM
 _LONGEST, _LONGEST_LINE = 400, 3000  # characters of a value in an error, and of an error
 
 
@@ -135,14 +137,33 @@ def passing_code(error: BaseException) -> int:
     Returns:
         The system's error number; 0 if a retry must fail in the same way.
     """
+    codes = (one.errno for one in _with_causes(error) if isinstance(one, OSError))
+    return next((code for code in codes if code in _PASSING), 0)
+
+
+def stop_behind(error: BaseException) -> KeyboardInterrupt | SystemExit | None:
+    """Find the stop by a signal behind an error: a native library that is being imported makes it an `ImportError`.
+
+    Args:
+        error: The exception, raised from or while handling another error.
+
+    Returns:
+        The stop; None if there was none.
+    """
+    for one in _with_causes(error):
+        if isinstance(one, KeyboardInterrupt) or (isinstance(one, SystemExit) and one.code == TERMINATED):
+            return one
+    return None
+
+
+def _with_causes(error: BaseException) -> Iterator[BaseException]:
+    """List an exception and those behind it, each once."""
     seen: set[int] = set()
     behind: BaseException | None = error
     while behind is not None and id(behind) not in seen:
         seen.add(id(behind))
-        if isinstance(behind, OSError) and behind.errno in _PASSING:
-            return behind.errno
+        yield behind
         behind = behind.__cause__ or behind.__context__
-    return 0
 
 
 def _shown(value: object) -> str:

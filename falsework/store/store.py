@@ -14,7 +14,7 @@ from falsework.store.foreign import move_foreign
 from falsework.store.textures import STAGE, share_textures
 from falsework.store.verification import verify
 from falsework.store.workroom import LINKS, remove, set_aside, sweep, work_folder
-from groundwork.errors import FalseworkError, InputError, OutOfSpaceError, RejectedSceneError, passing_code
+from groundwork.errors import FalseworkError, InputError, OutOfSpaceError, RejectedSceneError, passing_code, stop_behind
 from groundwork.files import MANIFEST, commit_folder, space_errors, write_text
 from groundwork.locks import hold_lock
 
@@ -118,6 +118,8 @@ class Store:
             except OutOfSpaceError:
                 raise
             except Exception as error:
+                if stop := stop_behind(error):
+                    raise stop from None
                 if isinstance(error, RejectedSceneError) or (quarantine and _is_of_the_task(error)):
                     self._keep_failure(task, work, error, 1 if former is None else former.attempts + 1)
                 raise

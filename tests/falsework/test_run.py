@@ -239,6 +239,14 @@ def test_error_quarantines_one_scene(fault: str, run: Run, tmp_path: Path) -> No
     assert contents(tmp_path / "out").keys() - {"failed"} == contents(tmp_path / "calm").keys()
 
 
+def test_a_stop_that_a_library_turned_into_an_error_stops(run: Run, tmp_path: Path) -> None:
+    """Ctrl-C while Open3D is imported is an `ImportError`: the scene is not blamed for it, and the run ends."""
+    with pytest.raises(KeyboardInterrupt):
+        run(3, faults={"capture:0": "stopped in an import"})
+    assert not list((tmp_path / "out").glob("failed/*"))
+    assert run(3).failed == {}
+
+
 def test_killed_from_outside_is_tried_three_times(run: Run) -> None:
     """Whom somebody stopped or a disk failed leaves no record; a child that was killed is tried in two more runs."""
     for _ in range(4):
