@@ -1,5 +1,6 @@
 """The command line: one verb per room, one line for every error, and exit codes that scripts can rely on."""
 
+import errno
 import os
 import signal
 import sys
@@ -18,10 +19,10 @@ from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import need_scenario
 from falsework.commands.parsing import parse, parse_verb
 from falsework.commands.render_verb import render
+from falsework.stops import TERMINATED, stop_behind
 from groundwork.errors import FalseworkError, InputError, MissingError, RejectedSceneError
 
 INTERRUPTED = 130
-TERMINATED = 143
 PIPE_CLOSED = 141
 ABOUT = (
     "Bridges as USD stages, inspection flights around them, and annotated point clouds. Start with: falsework demo. "
@@ -179,6 +180,12 @@ def _elsewhere(about: str) -> Callable[[], int]:
 
 
 HELP = {"-h", "--help"}
+_UNUSABLE = {
+    errno.ENAMETOOLONG: "a name or path that is too long",
+    errno.EACCES: "no permission",
+    errno.EISDIR: "is a folder, and a file belongs here",
+    errno.ELOOP: "is a link that leads to itself",
+}
 EXTRAS = {  # package that may be missing → extra that installs it
     **dict.fromkeys(("torch", "lightning", "safetensors", "sklearn"), "learn"),
     "viser": "view",
@@ -221,7 +228,7 @@ def main(arguments: list[str] | None = None) -> None:
             _say(version("falsework"))
             code = 0
         else:
-            code = _call(words)()
+            code = _run(words)
     except SystemExit as left:
         if not left.code and not HELP.isdisjoint(words):
             with suppress(BrokenPipeError):  # `… --help | head`
@@ -244,10 +251,34 @@ def main(arguments: list[str] | None = None) -> None:
     except BrokenPipeError:  # `falsework scene info SCENE | head`: the reader has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = PIPE_CLOSED
+    except OSError as error:
+        refusal = _path_error(error)
+        if refusal is None:
+            raise
+        sys.stderr.write(f"falsework: {refusal}\n")
+        code = refusal.exit_code
     except KeyboardInterrupt:
         sys.stderr.write("falsework: interrupted; the same command goes on where it stopped\n")
         code = INTERRUPTED
     sys.exit(code)
+
+
+def _run(words: list[str]) -> int:
+    """Run a verb; a stop that a native library made an error of its own is a stop again."""
+    try:
+        return _call(words)()
+    except Exception as error:
+        if stop := stop_behind(error):
+            raise stop from None
+        raise
+
+
+def _path_error(error: OSError) -> InputError | None:
+    """Describe a path that cannot be used, which the user or a file of theirs named; None for any other error."""
+    about = _UNUSABLE.get(error.errno or 0)
+    if about is None or error.filename is None:
+        return None
+    return InputError(about, where=os.fsdecode(error.filename), hint="Check the path")
 
 
 def _show_examples(words: list[str]) -> None:

@@ -31,7 +31,7 @@ class Scenario(AuthoringSettings):
     """What `falsework run` makes."""
 
     seed: int = Field(7, ge=0, description="Everything that is not fixed is drawn from it")
-    scenes: int = Field(1, ge=1, description="Number of scenes, each with a seed of its own")
+    scenes: int = Field(1, ge=1, le=1_000_000, description="Number of scenes, each with a seed of its own")
     keep: tuple[Literal["stage", "capture", "model", "cloud", "report"], ...] = Field(
         ("stage", "capture", "model", "cloud", "report"),
         description="Stages whose results stay; the others go once what needs them is there; samples are clouds",

@@ -2,11 +2,11 @@
 
 import os
 from pathlib import Path
-from typing import Any
 
 from falsework.execution.chain import read_sources, scene_chain
 from falsework.pipeline import run_scenario
 from falsework.scenario import Scenario, load_scenario
+from falsework.store.foreign import move_foreign
 from falsework.store.verification import Findings, inspect
 from falsework.store.workroom import remove, set_aside, work_folder
 from groundwork.canonical import canonical_json
@@ -96,13 +96,7 @@ def _clear(root: Path, place: str, findings: Findings) -> None:
     folder = root / "store" / place
     if not os.path.lexists(folder):
         return
-    known: dict[str, Any] = findings.manifests.get(place, {}).get("files", {})
-    for path in sorted(folder.rglob("*")) if known else []:
-        name = path.relative_to(folder).as_posix()
-        if (path.is_symlink() or not path.is_dir()) and name not in known and name != MANIFEST:
-            home = root / "foreign" / place / name
-            home.parent.mkdir(parents=True, exist_ok=True)
-            path.rename(home)
+    move_foreign(root, place)
     if place in findings.manifests and not place.startswith("report/"):
         record = root / "evicted" / f"{place}.json"  # written first, so that its hashes survive a kill
         record.parent.mkdir(parents=True, exist_ok=True)

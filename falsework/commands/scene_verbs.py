@@ -14,6 +14,7 @@ from falsework.commands.edit_verbs import import_edits
 from falsework.commands.given_files import stage_file
 from groundwork.child import run_child
 from groundwork.errors import InputError
+from groundwork.output_place import output_place
 from groundwork.output_reading import reading
 
 WORKER = "falsework.children.scene_work"
@@ -179,6 +180,7 @@ def flatten(scene: File, output: Output, *, allow_root: Roots = (), as_json: AsJ
         allow_root: Folders beside that of the scene from which it may take files.
         as_json: Print one JSON object instead of lines.
     """
+    output_place(output, [scene])  # if a folder is named, its other files are inputs as well
     missing = _work("flatten", scene, {"out": str(output)}, allow_root)
     for path in missing:
         sys.stderr.write(f"texture not found: {path}\n")
@@ -205,6 +207,7 @@ def package(
         allow_root: Folders beside that of the scene from which it may take files.
         as_json: Print one JSON object instead of lines.
     """
+    output_place(output, [scene])  # if a folder is named, its other files are inputs as well
     names = _work("package", scene, {"out": str(output), "bake": bake, "texels": texels}, allow_root)
     size = output.stat().st_size
     line = f"package {output}  {size / 1e6:.1f} MB, {len(names)} entries"

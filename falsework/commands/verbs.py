@@ -76,7 +76,7 @@ def sample_file(
     Raises:
         InputError: No such file, nothing to sample, or an output folder that is not ours.
     """
-    stage = stage_file(stage)
+    named, stage = stage, stage_file(stage)
     request = {
         "kind": kind,
         "settings": settings.model_dump(mode="json"),
@@ -95,7 +95,7 @@ def sample_file(
         )
 
     with reading(stage):
-        fresh_output(out, "cloud", write, inputs=[stage])
+        fresh_output(out, "cloud", write, inputs=[named, stage])
 
 
 def render_file(
@@ -127,7 +127,7 @@ def render_file(
     Raises:
         InputError: No such file or product, nothing to render, or an output folder that is not ours.
     """
-    stage, chosen = stage_file(stage), list[str]()
+    named, stage, chosen = stage, stage_file(stage), list[str]()
     progress = DistinctNotes(progress)  # each camera would say again what is wrong with the stage
 
     def write(folder: Path) -> None:
@@ -144,7 +144,7 @@ def render_file(
             STAGES["capture"].run(request, {"stage": stage}, folder / name, progress)
 
     with reading(stage):
-        fresh_output(out, "captures", write, inputs=[stage], asked=_place(stage), resume=True)
+        fresh_output(out, "captures", write, inputs=[named, stage], asked=_place(stage), resume=True)
     return chosen
 
 

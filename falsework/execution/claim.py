@@ -1,5 +1,6 @@
 """Claiming of a run's output folder, which several processes may share."""
 
+import os
 import re
 from pathlib import Path
 
@@ -7,9 +8,12 @@ from falsework.scenario import Scenario, given_files
 from groundwork import output_folder
 from groundwork.errors import InputError
 from groundwork.files import space_errors, write_text
+from groundwork.foreign_file import is_regular, read_regular
 from groundwork.locks import hold_lock
 from groundwork.marks import MARK, TEMPORARY
 
+_FOLDERS = ("store", "work", "run", "failed", "scenes", "evicted", "foreign")  # that a run makes
+_FILES = ("scenario.toml", "run/report.html")
 _LEFT = re.compile(re.escape(TEMPORARY) + "[0-9a-f]{16}")  # temporary names of groundwork.files
 
 
@@ -27,10 +31,11 @@ def claim_run(out: Path, scenario: Scenario) -> None:
     try:
         output_folder.claim_run(out, inputs)
     except (InputError, FileNotFoundError):  # or another process removed our unfinished mark as a leftover
-        if not (out / MARK).is_file():
+        if not is_regular(out / MARK):
             raise
         output_folder.claim_run(out, inputs)  # another process has marked it meanwhile
     with space_errors(out):
+        _check_folders(out)
         (out / "run").mkdir(exist_ok=True)
         text = scenario.as_toml(out)
         with hold_lock(out / "run" / "scenario.lock") as held:
@@ -38,6 +43,16 @@ def claim_run(out: Path, scenario: Scenario) -> None:
                 _sweep_names(out)
             if not _says(out / "scenario.toml", text):
                 write_text(out / "scenario.toml", text)
+
+
+def _check_folders(out: Path) -> None:
+    """Refuse what would be in the way after hours of work."""
+    for path in (out / name for name in _FOLDERS):
+        if os.path.lexists(path) and not path.is_dir():
+            raise InputError("is in the way of a folder", where=path, hint="Move it elsewhere")
+    for path in (out / name for name in _FILES):
+        if path.is_dir():
+            raise InputError("is in the way of a file", where=path, hint="Move it elsewhere")
 
 
 def run_inputs(scenario: Scenario) -> list[Path]:
@@ -58,6 +73,6 @@ def _sweep_names(out: Path) -> None:
 
 def _says(path: Path, text: str) -> bool:
     try:
-        return path.read_text(encoding="utf-8") == text
-    except (OSError, UnicodeDecodeError):
+        return read_regular(path) == text.encode()
+    except InputError:
         return False

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from groundwork.foreign_file import is_regular
+
 
 def write_event(root: Path, event: dict[str, Any]) -> None:
     """Add one line to this process's file.
@@ -31,6 +33,8 @@ def read_events(root: Path) -> Iterator[dict[str, Any]]:
         root: Output folder of a run.
     """
     for path in sorted((root / "run").glob("*.jsonl")):
+        if not is_regular(path):  # a pipe would be waited for without end
+            continue
         for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
             event = parse_event(line)
             if event is not None:

@@ -13,6 +13,7 @@ from falsework.execution.needs import REPORT, consumers, needed_steps, wanted_st
 from falsework.execution.outcome import Outcome
 from falsework.scenario import Scenario
 from falsework.stages import STAGES
+from falsework.stops import stop_behind
 from falsework.store.failures import QuarantinedError, failure_of
 from falsework.store.store import Store
 from groundwork.errors import ChildError, FalseworkError, OutOfSpaceError, RejectedSceneError
@@ -255,6 +256,8 @@ def run_scene(
     except (ChildError, QuarantinedError) as error:
         scene.outcome.failed[chain.name] = str(error)
     except Exception as error:
+        if stop := stop_behind(error):
+            raise stop from None
         if scenario.scenes == 1:
             raise
         failure = failure_of(error, 1, store.root)  # the random choices of one scene may be inconsistent

@@ -8,8 +8,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from falsework.stops import stop_behind
 from falsework.store.artefact import Hashes, file_faults, read_manifest, seal, task_key
 from falsework.store.failures import RECORD, Failure, failure_of, read_failure, write_failure
+from falsework.store.foreign import move_foreign
 from falsework.store.textures import STAGE, share_textures
 from falsework.store.verification import verify
 from falsework.store.workroom import LINKS, remove, set_aside, sweep, work_folder
@@ -117,6 +119,8 @@ class Store:
             except OutOfSpaceError:
                 raise
             except Exception as error:
+                if stop := stop_behind(error):
+                    raise stop from None
                 if isinstance(error, RejectedSceneError) or (quarantine and _is_of_the_task(error)):
                     self._keep_failure(task, work, error, 1 if former is None else former.attempts + 1)
                 raise
@@ -146,7 +150,7 @@ class Store:
         return [f"{folder}/{line}" for line in file_faults(folder, manifest["files"], self._hashes)]
 
     def discard(self, task: Task) -> bool:
-        """Remove a damaged result, so that it is remade.
+        """Remove a damaged result, so that it is remade; files of the user in it are moved to `OUT/foreign`.
 
         Args:
             task: What made it.
@@ -158,6 +162,7 @@ class Store:
         with work_folder(self.root, task.key) as work:
             if not os.path.lexists(folder) or not self.faults(task):
                 return False
+            move_foreign(self.root, f"{task.stage}/{task.key}")
             set_aside(folder, work)
         return True
 
@@ -233,7 +238,7 @@ class Store:
             (self.root / name).unlink(missing_ok=True)
 
     def evict(self, task: Task, link: str) -> None:
-        """Evict a result that was only needed for others; its hashes are recorded.
+        """Evict a result that was only needed for others; its hashes are recorded, files of the user moved away.
 
         Args:
             task: What made it.
@@ -248,6 +253,7 @@ class Store:
             (work / RECORD).replace(record)
             remove(work)
             (self.root / link).unlink(missing_ok=True)
+            move_foreign(self.root, f"{task.stage}/{task.key}")
             set_aside(folder, work)
 
     def evicted_files(self, task: Task) -> dict[str, Any] | None:

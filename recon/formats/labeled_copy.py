@@ -12,7 +12,7 @@ from recon.formats.copy_ply import copy_ply
 from recon.formats.copy_table import copy_array, copy_text
 from recon.formats.labels import Labels
 from recon.formats.read_text import SUFFIXES
-from recon.formats.scan_stream import ScanStream
+from recon.formats.scan_stream import ScanStream, magic_of
 
 _LAS = (".las", ".laz")
 _KINDS = {
@@ -32,9 +32,9 @@ def check_copy(source: Path, out: Path) -> None:
         out: File to write.
 
     Raises:
-        InputError: A suffix that does not fit, the source itself, or a missing folder.
+        InputError: A suffix that does not fit, the source itself, a missing folder, or a scan that cannot be read.
     """
-    allowed = (*_KINDS.get(_magic(source), SUFFIXES), *_LAS)
+    allowed = (*_KINDS.get(magic_of(source), SUFFIXES), *_LAS)
     if out.suffix.lower() not in allowed:
         raise InputError(
             "another format than the scan",
@@ -82,8 +82,3 @@ def write_labeled_copy(
         copy_array(source, out, labels())
     else:
         copy_text(source, out, labels())
-
-
-def _magic(path: Path) -> bytes:
-    with path.open("rb") as file:
-        return file.read(4)

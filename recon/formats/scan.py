@@ -12,7 +12,7 @@ from recon.formats.crs_unit import meters_per_unit
 from recon.formats.labeled_copy import check_copy, write_labeled_copy
 from recon.formats.labels import Labels
 from recon.formats.scan_points import MOST_POINTS, Scan, check_coordinates
-from recon.formats.scan_stream import ScanStream
+from recon.formats.scan_stream import ScanStream, magic_of
 
 __all__ = [
     "MOST_POINTS",
@@ -100,19 +100,3 @@ def open_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = S
         # E57 is in metres by its standard
         metric = path.is_dir() or (path.is_file() and magic_of(path) == read_e57.MAGIC)
         yield ScanStream(read_scan(path, most_points, progress, labels=False), 1.0 if metric else None)
-
-
-def magic_of(path: Path) -> bytes:
-    """Read the first four bytes of a file.
-
-    Args:
-        path: The file.
-
-    Raises:
-        InputError: It cannot be read.
-    """
-    try:
-        with path.open("rb") as file:
-            return file.read(4)
-    except OSError as error:
-        raise InputError(f"not readable: {error.strerror}", where=path) from None

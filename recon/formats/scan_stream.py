@@ -2,10 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from groundwork.foreign_file import open_regular
 from recon.formats.read_las import LasRows
 from recon.formats.scan_points import Scan
 
@@ -52,3 +54,16 @@ def _part(scan: Scan, rows: slice) -> Scan:
     values: dict[str, Any] = {field.name: getattr(scan, field.name) for field in fields(scan)}
     cut: dict[str, Any] = {name: v[rows] if isinstance(v, np.ndarray) else v for name, v in values.items()}
     return Scan(**cut)
+
+
+def magic_of(path: Path) -> bytes:
+    """Read the first four bytes of a file.
+
+    Args:
+        path: The file.
+
+    Raises:
+        InputError: It cannot be read, or is not a regular file.
+    """
+    with open_regular(path) as file:
+        return file.read(4)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 
@@ -39,6 +40,29 @@ def test_wrong_words_are_one_line(words: str, capsys: pytest.CaptureFixture[str]
     printed = capsys.readouterr()
     assert printed.out == ""
     assert re.fullmatch(rf"falsework: {LINES[words]}\n", printed.err), printed.err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *("scene info {}", "verify {}", "clean {}", "plan {}", "run {} -o out", "view {}", "predict {} -o out.laz"),
+        *("render {} -o out", "reconstruct {} -o out", "export {} --to ply -o out", "report {} -o out.html"),
+        *("run {scenario} -o {}", "plan {scenario} -o {}", "train {scenario} -o {}"),
+    ],
+)
+@pytest.mark.parametrize("name", ["a" * 256, "x/" * 2100], ids=["name", "path"])
+def test_a_name_that_is_too_long_is_one_line(
+    words: str, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of what is read and of what is written: no traceback, and nothing is made."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "s.toml").write_text("seed = 1\n")
+    with pytest.raises(SystemExit) as left:
+        main(words.format(name, scenario="s.toml").split())
+    printed = capsys.readouterr()
+    assert left.value.code == 2
+    assert re.fullmatch(r"falsework: .*\n", printed.err), printed.err
+    assert [path.name for path in tmp_path.iterdir()] == ["s.toml"]
 
 
 def test_the_help_lists_every_verb_once(capsys: pytest.CaptureFixture[str]) -> None:

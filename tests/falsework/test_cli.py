@@ -38,6 +38,22 @@ def test_missing_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(("stop", "code"), [(KeyboardInterrupt(), 130), (SystemExit(143), 143)])
+def test_a_stop_during_an_import_is_a_stop(
+    stop: BaseException, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Open3D makes it an `ImportError`: the exit code is the signal's, without a traceback."""
+
+    def verb() -> int:
+        raise ImportError("initialization failed") from stop
+
+    monkeypatch.setattr("falsework.cli._call", lambda words: verb)
+    with pytest.raises(SystemExit) as caught:
+        main(["author"])
+    assert caught.value.code == code
+    assert "Traceback" not in capsys.readouterr().err
+
+
 def test_unknown_key(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The line names the file, the key and its nearest neighbour."""
     scenario = tmp_path / "s.toml"

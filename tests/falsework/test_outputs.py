@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from falsework.cli import main
 from falsework.commands.verbs import export_folder, report_scene
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
@@ -37,3 +38,19 @@ def test_an_export_does_not_replace_what_it_is_made_from(tmp_path: Path) -> None
         with pytest.raises(InputError, match="what the output is made from"):
             export_folder(cloud, "laz", out, SILENT, photographs)
     assert sorted(path.name for path in cloud.iterdir()) == [".falsework", "cloud.json"]
+
+
+@pytest.mark.parametrize("words", ["render", "sample mesh", "scene flatten", "scene package"])
+def test_nothing_is_written_into_a_scene_that_is_named(
+    words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whoever names the folder of a scene names all that lies in it: a capture there would change its hash."""
+    scene = tmp_path / "scene"
+    scene.mkdir()
+    (scene / "scene.usda").write_text("#usda 1.0\n")
+    for out in (scene / "out", scene / "out.usdz", scene / "out.usdc"):
+        with pytest.raises(SystemExit) as left:
+            main([*words.split(), str(scene), "-o", str(out)])
+        assert left.value.code == 2
+        assert "lies in what the output is made from" in capsys.readouterr().err
+    assert [path.name for path in scene.iterdir()] == ["scene.usda"]

@@ -97,6 +97,28 @@ def test_repair_brings_the_former_bytes_back(
     assert Store(out).verify() == []
 
 
+def test_files_of_the_user_outlive_the_results_that_they_lie_in(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    """Through the link of a scene they land in the store: a result that is made again or let go leaves them behind."""
+    run(1)
+    out = tmp_path / "out"
+    link = out / "scenes/0000/capture/global"
+    for text in ("first", "second"):
+        (link / "notes.txt").write_text(text)
+        assert repair(out, SILENT) == []
+    (link / "notes.txt").write_text("third")
+    shutil.rmtree(out / "store/cloud")
+    assert run(1).made == 2  # the cloud, and its capture, which is not as it was written
+    (link / "notes.txt").write_text("fourth")
+    run(1, keep=("stage", "cloud"))
+    assert not link.exists()
+    assert {path.read_text() for path in (out / "foreign").rglob("notes.txt*")} == {
+        "first",
+        "second",
+        "third",
+        "fourth",
+    }
+
+
 def test_repair_says_when_the_bytes_differ(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
     """A result that does not come back as it was is named."""
     run(2)

@@ -126,6 +126,9 @@ def test_damaged_input_is_made_again_before_use(
             _flip(path.parent / MANIFEST, 4001)
     shutil.rmtree(out / "store" / needed_by)
     assert run().made == 2
+    if damage == "extra":
+        assert [path.read_text() for path in (out / "foreign").glob("*/*/extra")] == ["no"]
+        shutil.rmtree(out / "foreign")
     assert contents(out) == whole
     assert Store(out).verify() == []
 
@@ -185,6 +188,34 @@ def test_what_stands_in_the_way_is_one_line(run: Run, tmp_path: Path) -> None:
     assert (out / "scenes/0000/stage").read_text() == "mine"
 
 
+@pytest.mark.parametrize("name", ["store", "work", "run", "failed", "scenes", "evicted", "scenario.toml"])
+def test_what_stands_in_place_of_our_own_is_said_before_the_work(name: str, run: Run, tmp_path: Path) -> None:
+    """A file for a folder, a folder for a file, and a pipe for either: no traceback, no waiting, and it stays."""
+    place = tmp_path / "out" / name
+    run()
+    if place.is_dir():
+        shutil.rmtree(place)
+        place.write_text("mine")
+    elif place.exists():
+        place.unlink()
+        place.mkdir()
+    else:
+        place.write_text("mine")
+    with pytest.raises(InputError, match=f"{name}: is in the way of a f"):
+        run(faults={"cloud:0": "reject"})
+    assert os.path.lexists(place)
+
+
+def test_a_pipe_among_the_records_is_not_waited_for(run: Run, tmp_path: Path) -> None:
+    """In place of a log of times it is left out, in place of the scenario it is replaced."""
+    run()
+    for path in (tmp_path / "out/scenario.toml", *(tmp_path / "out/run").glob("*.jsonl")):
+        path.unlink()
+        os.mkfifo(path)
+    assert run().reused == 5
+    assert (tmp_path / "out/scenario.toml").is_file()
+
+
 @pytest.mark.parametrize("fault", ["input", "child", "abort", "internal"])
 def test_error_quarantines_one_scene(fault: str, run: Run, tmp_path: Path) -> None:
     """The others go on; the record tells cause, signal, last lines and attempts; it is tried again when asked for."""
@@ -206,6 +237,14 @@ def test_error_quarantines_one_scene(fault: str, run: Run, tmp_path: Path) -> No
     assert not list((tmp_path / "out/failed").iterdir())
     run(3, tmp_path / "calm")
     assert contents(tmp_path / "out").keys() - {"failed"} == contents(tmp_path / "calm").keys()
+
+
+def test_a_stop_that_a_library_turned_into_an_error_stops(run: Run, tmp_path: Path) -> None:
+    """Ctrl-C while Open3D is imported is an `ImportError`: the scene is not blamed for it, and the run ends."""
+    with pytest.raises(KeyboardInterrupt):
+        run(3, faults={"capture:0": "stopped in an import"})
+    assert not list((tmp_path / "out").glob("failed/*"))
+    assert run(3).failed == {}
 
 
 def test_killed_from_outside_is_tried_three_times(run: Run) -> None:

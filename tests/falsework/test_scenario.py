@@ -22,6 +22,7 @@ BAD = {
     "same id twice": ("[[survey]]\nkind = 'grid'\n[[survey]]\nkind = 'grid'", ["same id", "grid, grid"]),
     "wrong type": ("seed = 'seven'", ["seed", "'seven'", "integer"]),
     "out of range": ("scenes = 0", ["scenes", "0", "greater than or equal to 1"]),
+    "endless": ("scenes = 999999999999999999", ["scenes", "less than or equal to 1000000"]),
     "wrong choice": ("[render]\nquality = 'best'", ["render.quality", "'best'", "standard"]),
     "missing stage": ("[stage]\npath = 'nowhere.usda'", ["stage.path", "nowhere.usda"]),
     "unknown variant": ("[variants]\nlook = ['shiny']", ["variants", "'shiny'", "weathered"]),

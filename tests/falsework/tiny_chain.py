@@ -162,6 +162,8 @@ def _go_wrong(stage: str, seed: int, folder: Path | None = None) -> None:
             raise ChildError("recon.child: died of SIGKILL: it printed nothing", signal="SIGKILL")
         case "internal":
             raise ValueError("a mistake of ours")
+        case "stopped in an import":
+            raise ImportError("initialization failed") from KeyboardInterrupt()
         case "space":
             raise OutOfSpaceError("no space left on the disk")
         case "full":  # the disk has no room for anything but a few bytes

@@ -20,6 +20,7 @@ from groundwork.errors import InputError
 from groundwork.files import read_json
 from groundwork.settings import read_toml
 from recon.cloud import read_cloud, write_cloud
+from recon.formats.scan import check_copy
 from recon.photos.photos import open_photographs
 from render.capture import Truth, load_image, read_capture, read_truth
 from render.images.image_files import encode_png
@@ -109,6 +110,10 @@ PARSERS: dict[str, tuple[Attack, str]] = {
     ),
     "manifest without files": (text("artefact.json", "[]", read_manifest), "artefact.json: changed"),
     "photograph pipe": (pipe("a.jpg", beside(open_photographs)), "a.jpg: is a pipe, not a file"),
+    "scan pipe": (
+        pipe("a.laz", lambda scan: check_copy(scan, scan.with_name("b.laz"))),
+        "a.laz: is a pipe, not a file",
+    ),
     "photograph device": (device("a.jpg", beside(open_photographs)), "a.jpg: is a device, not a file"),
     "zip of a file and a folder": (
         zipped({"a": b"x", "a/b.obj": b"v 0 0 0\n"}, into),

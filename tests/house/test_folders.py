@@ -99,6 +99,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     ),
     "falsework": (
         "platform.py",
+        "stops.py",
         "scenario.py",
         "report",
         "stages.py",

@@ -1,0 +1,50 @@
+"""`OUT/foreign`: files of the user that lay in a stored result when it was removed."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from groundwork.errors import InputError
+from groundwork.files import MANIFEST, read_json, space_errors
+
+FOREIGN = "foreign"  # folder of a run
+_MOST = 10_000  # files of one name
+
+
+def move_foreign(root: Path, place: str) -> None:
+    """Move the files of a stored result that Falsework did not write to `OUT/foreign`, before the result is removed.
+
+    Args:
+        root: Output folder of the run.
+        place: `<stage>/<key>` of the result. If its manifest cannot be parsed, nothing is moved.
+    """
+    folder = root / "store" / place
+    known = _listed(folder / MANIFEST)
+    if known is None or folder.is_symlink() or not folder.is_dir():
+        return
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder).as_posix()
+        if (path.is_symlink() or not path.is_dir()) and name not in known and name != MANIFEST:
+            home = root / FOREIGN / place / name
+            with space_errors(home):
+                home.parent.mkdir(parents=True, exist_ok=True)
+                path.rename(_free_name(home))
+
+
+def _listed(manifest: Path) -> set[str] | None:
+    """List the files of a manifest, also of one that was changed elsewhere."""
+    try:
+        table: Any = read_json(manifest)["files"]
+    except (InputError, OSError, json.JSONDecodeError, KeyError, TypeError):
+        return None
+    return set(table) if isinstance(table, dict) else None
+
+
+def _free_name(path: Path) -> Path:
+    """Append a number to the name if an earlier file has it."""
+    for number in range(_MOST):
+        free = path.with_name(f"{path.name}.{number}") if number else path
+        if not os.path.lexists(free):
+            return free
+    raise InputError("too many files of one name", where=path, hint="Move them elsewhere")
