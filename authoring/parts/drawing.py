@@ -59,14 +59,18 @@ def drawn(
     Returns:
         The pydantic field, default None.
     """
-    told = f"; in profile paper from {paper[0]:g} to {paper[1]:g}" if paper else ""
+    told = "" if paper is None else f"; in profile paper {_told_range(paper)}"
     return Field(
         None,
         ge=min((low, *(paper or ()))) if ge is None else ge,
         le=max((high, *(paper or ()))) if le is None else le,
-        description=f"{description}; drawn from {low:g} to {high:g}{told}",
+        description=f"{description}; drawn {_told_range((low, high))}{told}",
         json_schema_extra={"drawn": [low, high], "paper": list(paper or (low, high))},
     )
+
+
+def _told_range(ends: tuple[float, float]) -> str:
+    return f"always {ends[0]:g}" if ends[0] == ends[1] else f"from {ends[0]:g} to {ends[1]:g}"
 
 
 def draw(settings: Settings, key: str, draws: Draws) -> float:
@@ -217,9 +221,9 @@ def check_depth(field: str, depth: float, span: float, ratios: tuple[float, floa
     most = float(np.floor(100.0 * span / ratios[0] + 1e-6)) / 100.0
     if not least <= depth <= most:
         raise InputError(
-            f"incompatible with a span of {span:g} m",
+            f"does not fit a span of {span:g} m",
             field=field,
             value=depth,
             allowed=f"{least:g} to {most:g} m here, span over depth {ratios[0]:g} to {ratios[1]:g}",
-            hint=f"The nearest is {min(max(depth, least), most):g} m",
+            hint=f"The nearest valid value is {min(max(depth, least), most):g} m",
         )
