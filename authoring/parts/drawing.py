@@ -59,18 +59,14 @@ def drawn(
     Returns:
         The pydantic field, default None.
     """
-    told = "" if paper is None else f"; in profile paper {_told_range(paper)}"
+    told = f"; in profile paper from {paper[0]:g} to {paper[1]:g}" if paper else ""
     return Field(
         None,
         ge=min((low, *(paper or ()))) if ge is None else ge,
         le=max((high, *(paper or ()))) if le is None else le,
-        description=f"{description}; drawn {_told_range((low, high))}{told}",
+        description=f"{description}; drawn from {low:g} to {high:g}{told}",
         json_schema_extra={"drawn": [low, high], "paper": list(paper or (low, high))},
     )
-
-
-def _told_range(ends: tuple[float, float]) -> str:
-    return f"always {ends[0]:g}" if ends[0] == ends[1] else f"from {ends[0]:g} to {ends[1]:g}"
 
 
 def draw(settings: Settings, key: str, draws: Draws) -> float:

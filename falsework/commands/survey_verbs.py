@@ -168,8 +168,9 @@ def _tell_unseen(row: dict[str, Any], scene: Path) -> None:
     _say(f"proposed    {proposal['images']} images that show {shown} of these {shown + hidden} members; command:")
     _say(f"            falsework survey plan {scene} --kind inspection --for unseen")
     if hidden:
-        ids = " ".join(str(number) for number in proposal["hidden"][:NAMED])
-        _say(f"hidden      not visible from any free place: {ids}")
+        _say(
+            f"hidden      unseen from all free places: {' '.join(str(number) for number in proposal['hidden'][:NAMED])}"
+        )
 
 
 def _say(line: str) -> None:
