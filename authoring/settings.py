@@ -20,9 +20,9 @@ class LabelSettings(Settings):
 
     taxonomy: Literal[
         "falsework", "kim2020", "kim2023", "semanticbridge", "randla_bridgenet", "hgcnn", "ifc43", "asprs"
-    ] = Field(default="falsework", description="Table that gives the components the classes of label images and clouds")
+    ] = Field(default="falsework", description="Table that maps components to the classes of label images and clouds")
     replicator: bool = Field(
-        default=False, description="Write the labels once more in the older SemanticsAPI: compat_replicator.usda"
+        default=False, description="Write the labels also in the older SemanticsAPI, to compat_replicator.usda"
     )
 
 
@@ -30,14 +30,14 @@ class AuthoringSettings(Settings):
     """Everything that `author_scene` understands; what is left out is drawn from the seed."""
 
     bridge: BridgeSettings = Field(default_factory=BridgeSettings, description="The bridge and its alignment")
-    site: SiteSettings = Field(default_factory=SiteSettings, description="The ground that it stands on")
-    background: BackgroundSettings = Field(default_factory=BackgroundSettings, description="The world beyond")
+    site: SiteSettings = Field(default_factory=SiteSettings, description="The ground below and beside the bridge")
+    background: BackgroundSettings = Field(default_factory=BackgroundSettings, description="The world around the site")
     look: LookSettings = Field(default_factory=LookSettings, description="Materials of the bridge")
-    labels: LabelSettings = Field(default_factory=LabelSettings, description="How parts are classed")
+    labels: LabelSettings = Field(default_factory=LabelSettings, description="Classes of the parts")
     light: LightSettings = Field(default_factory=LightSettings, description="Sun and sky")
     survey: tuple[AnySurvey, ...] = Field(
         default=(GlobalSettings(),),
-        description="Inspection flights; with `[[sample]]` and no section of these, nothing is flown nor rendered",
+        description="Flights; with `[[sample]]` and without `[[survey]]`, nothing is flown or rendered",
     )
     variants: VariantSettings = Field(
         default_factory=VariantSettings, description="Other looks, backgrounds and lights of the same bridge"

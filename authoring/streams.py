@@ -52,5 +52,5 @@ def told_shares(weights: Mapping[Any, float]) -> str:
         return f"always {next(iter(parts))}"
     if len(set(parts.values())) == 1:
         *most, last = map(str, parts)
-        return f"{', '.join(most)} and {last} alike"
+        return f"{', '.join(most)} and {last} equally often"
     return ", ".join(f"{option}{':' * isinstance(option, int)} {share}" for option, share in parts.items())

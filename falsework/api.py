@@ -136,7 +136,7 @@ def reconstruct(
     wanted = _settings(settings or ReconSettings(), ReconSettings)
     if len(wanted.modes) > 1:
         raise InputError(
-            "one cloud per call",
+            "makes one cloud per call",
             field="mode",
             value=wanted.mode,
             allowed=", ".join(wanted.modes),

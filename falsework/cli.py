@@ -122,10 +122,10 @@ def gallery(
 def _check_gallery(subject: str, count: int, given: dict[str, tuple[tuple[str, ...], str]]) -> None:
     """Refuse what the sheets of this subject do not know, before anything heavy is loaded."""
     if count < 1:
-        raise InputError("nothing to show", field="--count", value=count, allowed="1 or more")
+        raise InputError("no bridge to show", field="--count", value=count, allowed="1 or more")
     for field, (names, own) in given.items():
         if names and subject != own:
-            raise InputError(f"not with {subject}", field=field, value=" ".join(names), allowed=f"with {own} alone")
+            raise InputError(f"not with {subject}", field=field, value=" ".join(names), allowed=f"only with {own}")
 
 
 def completion(shell: tyro.conf.Positional[Literal["bash", "zsh", "fish"]]) -> int:
@@ -244,7 +244,7 @@ def main(arguments: list[str] | None = None) -> None:
         if extra is None:
             raise
         sys.stderr.write(
-            f"falsework: this needs the package {error.name}. Install the extra: make .venv/.stamp-{extra}, "
+            f"falsework: this command needs the package {error.name}. Install it: make .venv/.stamp-{extra}, "
             f"or pip install 'falsework[{extra}]'\n"
         )
         code = InputError.exit_code
@@ -258,7 +258,7 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stderr.write(f"falsework: {refusal}\n")
         code = refusal.exit_code
     except KeyboardInterrupt:
-        sys.stderr.write("falsework: interrupted; the same command goes on where it stopped\n")
+        sys.stderr.write("falsework: interrupted; repeat the command: it continues\n")
         code = INTERRUPTED
     sys.exit(code)
 
@@ -294,7 +294,7 @@ def _check_here() -> None:
         Path.cwd()
     except FileNotFoundError:
         raise MissingError(
-            "the folder that you are in is no longer there", where=Path(), hint="Change to one that is"
+            "the current folder does not exist any more", where=Path(), hint="Change to an existing folder"
         ) from None
 
 

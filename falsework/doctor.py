@@ -148,8 +148,8 @@ def _extra(extra: str, packages: dict[str, str], users: str) -> Check:
 def _graphics(taken: list[str]) -> list[Check]:
     """Render a frame in a child process, unless foreign code shadows ours: its error would say nothing of drivers."""
     if taken:
-        row = f"not tried: the Python package {', '.join(taken)} is not the one of Falsework"
-        return [Check("gl", "WARN", row, "First mend what stands under package names")]
+        row = f"not tried: the Python package {', '.join(taken)} is not that of Falsework"
+        return [Check("gl", "WARN", row, "First correct the failures under package names")]
     try:
         answer = run_child(
             "render.views.probe", {"frame": True}, time_limit=FRAME_TIME_LIMIT, memory_limit=MEMORY_NEEDED
@@ -203,7 +203,7 @@ def package_names(taken: dict[str, list[Check]] | None = None) -> list[Check]:
         One or two rows for each such name, or one row if there is none.
     """
     rows = [row for found in (_taken_names() if taken is None else taken).values() for row in found]
-    return rows or [Check("package names", "OK", "no other package or folder takes the place of ours")]
+    return rows or [Check("package names", "OK", "no other package or folder hides those of Falsework")]
 
 
 def _taken_names() -> dict[str, list[Check]]:
@@ -213,11 +213,11 @@ def _taken_names() -> dict[str, list[Check]]:
     for room, found in rows.items():
         if names := sorted({owner for owner in owners.get(room, []) if owner.lower() != "falsework"}):
             hint = f"pip uninstall {' '.join(names)}"
-            found.append(Check("package names", "FAIL", f"{room} also comes from {', '.join(names)}", hint))
+            found.append(Check("package names", "FAIL", f"{room} is also in the package {', '.join(names)}", hint))
         place = _file_of(room)
         if Path(place).resolve() != home / room / "__init__.py":
-            hint = "Start Python in another folder, or rename that one"
-            found.append(Check("package names", "FAIL", f"{room} is taken from {place}", hint))
+            hint = "Start Python in another folder, or rename this one"
+            found.append(Check("package names", "FAIL", f"{room} is imported from {place}", hint))
     return {room: found for room, found in rows.items() if found}
 
 

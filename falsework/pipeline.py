@@ -56,7 +56,7 @@ def run_scenario(
             "number of workers out of range",
             field="workers",
             value=workers,
-            allowed="0 or more, and none beside a cluster",
+            allowed="0 or more; only 0 with a cluster",
         )
     indices = _wanted(scenario, scenes)
     if cluster is not None:

@@ -24,36 +24,37 @@ class StageSource(Settings):
     """An existing stage to start from instead of authoring one."""
 
     path: str = Field(description="USD file, relative to the scenario")
-    allow_root: tuple[str, ...] = Field((), description="folders beside its own from which it may take files")
+    allow_root: tuple[str, ...] = Field((), description="Other folders from which the stage may load files")
 
 
 class Scenario(AuthoringSettings):
     """What `falsework run` makes."""
 
-    seed: int = Field(7, ge=0, description="Everything that is not fixed is drawn from it")
-    scenes: int = Field(1, ge=1, le=1_000_000, description="Number of scenes, each with a seed of its own")
+    seed: int = Field(7, ge=0, description="Seed of all random values")
+    scenes: int = Field(1, ge=1, le=1_000_000, description="Number of scenes; each has its own seed")
     keep: tuple[Literal["stage", "capture", "model", "cloud", "report"], ...] = Field(
         ("stage", "capture", "model", "cloud", "report"),
-        description="Stages whose results stay; the others go once what needs them is there; samples are clouds",
+        description="Stages whose results are kept; others are removed when no later stage needs them. Samples count "
+        "as clouds",
     )
     stage: StageSource | None = Field(None, description="Start from this stage instead of authoring one")
     worlds: dict[str, str] = Field(
         default_factory=dict,
-        description="Imported worlds: a name for [background], and the path, relative to the scenario",
+        description="Imported worlds: name for `[background]` = path, relative to the scenario",
     )
     skies: dict[str, str] = Field(
         default_factory=dict,
-        description="Photographed skies: a name for `[light] sky`, and the path, relative to the scenario",
+        description="Photographed skies: name for `[light] sky` = path, relative to the scenario",
     )
     surfaces: dict[str, str] = Field(
         default_factory=dict,
-        description="Folders or zips of surfaces: a name for `[look] folders`, and the path, relative to the scenario",
+        description="Folders or zips of surfaces: name for `[look] folders` = path, relative to the scenario",
     )
-    render: ShadingSettings = Field(default_factory=ShadingSettings, description="Renderer")
-    sensor: SensorSettings = Field(default_factory=SensorSettings, description="The camera behind the lens")
-    recon: ReconSettings = Field(default_factory=ReconSettings, description="Reconstruction")
+    render: ShadingSettings = Field(default_factory=ShadingSettings, description="Settings of the renderer")
+    sensor: SensorSettings = Field(default_factory=SensorSettings, description="The sensor of the camera")
+    recon: ReconSettings = Field(default_factory=ReconSettings, description="Settings of the reconstruction")
     sample: tuple[AnySample, ...] = Field(
-        default=(), description="Clouds sampled from the surface of the stage, without any image"
+        default=(), description="Clouds sampled from the surface of the stage, without images"
     )
 
     @model_validator(mode="before")
@@ -73,11 +74,15 @@ class Scenario(AuthoringSettings):
             raise ValueError(f"two clouds have the same id; allowed: a different id each, found {', '.join(ids)}")
         for sample in self.sample if self.stage is None else ():
             if isinstance(sample, MeshSample) and sample.min_views and not self.survey:
-                raise ValueError(f"sample {sample.id} counts views (min_views); allowed: only with a [[survey]]")
+                raise ValueError(
+                    f"sample {sample.id} has min_views, which needs cameras; allowed: only with a [[survey]]"
+                )
             named = sample.survey if isinstance(sample, MeshSample) else ""
             named = sample.path if isinstance(sample, MobileSample) and sample.path != "deck" else named
             if named and named not in flown:
-                raise ValueError(f"sample {sample.id} names no survey with {named!r}; allowed: {', '.join(flown)}")
+                raise ValueError(
+                    f"sample {sample.id} names {named!r}, which is not a survey; allowed: {', '.join(flown)}"
+                )
         return self
 
     def authoring(self) -> dict[str, Any]:
@@ -137,14 +142,14 @@ def scenario_of(values: Mapping[str, Any], path: Path = Path("scenario")) -> Sce
         InputError: A key or value that is not allowed.
     """
     if not isinstance(values, Mapping):
-        raise InputError("not the sections and keys of a scenario", value=values, hint="load_scenario reads a file")
+        raise InputError("not a mapping of sections and keys", value=values, hint="To read a file, use load_scenario")
     given = parse_settings(Scenario, dict(values), path)
     try:
         return _with_stage(_with_surfaces(_with_skies(_with_worlds(given, path), path), path), path)
     except OSError as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"names a file that cannot exist: {error.strerror}", where=path, hint="Shorten it") from None
+        raise InputError(f"a path that cannot exist: {error.strerror}", where=path, hint="Shorten it") from None
 
 
 def _with_stage(scenario: Scenario, path: Path) -> Scenario:
@@ -156,7 +161,7 @@ def _with_stage(scenario: Scenario, path: Path) -> Scenario:
             "[variants] cannot be combined with an existing stage",
             where=path,
             field="variants",
-            hint="Choose there: falsework scene set SCENE look=… --variant NAME, then name variant_NAME.usda here",
+            hint="Run falsework scene set SCENE look=… --variant NAME, then use variant_NAME.usda as stage",
         )
     stage = _beside(path, scenario.stage.path)
     if not stage.exists():
@@ -187,7 +192,7 @@ def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
                 field="background.name",
                 value=background,
                 allowed=", ".join((*BACKGROUNDS, *worlds)),
-                hint="Or the path of a world: falsework background import",
+                hint="Choose one of these, or the path of a world made by falsework background import",
             )
         worlds[place.stem] = str(place)
         return place.stem
@@ -200,9 +205,9 @@ def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
         if world.is_file() and not claims_city(world):  # otherwise its whole folder would count as the world
             from authoring.variants.add import USD_FILES
 
-            hint = "Make one: falsework background import FILE -o DIR"
+            hint = "Import it with falsework background import FILE -o DIR"
             if world.suffix in USD_FILES:
-                hint += ". Or put the file round a finished scene: falsework scene set SCENE background=FILE"
+                hint += ", or add the file to a finished scene with falsework scene set SCENE background=FILE"
             raise InputError("is not an imported world", where=path, field="worlds", value=str(world), hint=hint)
     return scenario.model_copy(
         update={
@@ -245,7 +250,13 @@ def _with_surfaces(scenario: Scenario, path: Path) -> Scenario:
             (folder, surfaces[folder]) if folder in surfaces else (Path(folder).name, str(_beside(path, folder)))
         )
         if surfaces.setdefault(name, place) != place:
-            raise InputError("two folders of one name", where=path, field="look.folders", value=name, hint="Rename one")
+            raise InputError(
+                "two folders have the same name",
+                where=path,
+                field="look.folders",
+                value=name,
+                hint="Rename one of them",
+            )
         names.append(name)
     for place in surfaces.values():
         if not Path(place).exists():

@@ -142,11 +142,11 @@ def space_errors(where: Path) -> Iterator[None]:
             raise
         if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
             raise OutOfSpaceError(
-                f"{where}: no space left on the disk. Free some, then run the same command again"
+                f"{where}: no space left on the disk. Free some space, then run the same command again"
             ) from None
         if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
             raise InputError(
-                "not writable", where=where, hint="Choose another folder with -o, or change its rights"
+                "not writable", where=where, hint="Choose another folder with -o, or change its permissions"
             ) from None
         if error.errno == errno.ENAMETOOLONG:
             raise InputError("a name or path that is too long", where=where, hint="Choose a shorter one") from None

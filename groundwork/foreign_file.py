@@ -138,10 +138,10 @@ def parse_json(text: str | bytes, where: object) -> Any:
             _check_strings(value)
         return value
     except RecursionError:
-        reason = "nested too deep"
+        reason = "nested too deeply"
     except ValueError as error:  # also for invalid UTF-8, and integers beyond Python's limit
         reason = _first_sentence(error)
-    raise InputError(f"not readable as JSON: {reason}", where=where, hint="Write it anew")
+    raise InputError(f"not readable as JSON: {reason}", where=where, hint="Write the file again")
 
 
 def parse_toml(text: bytes, where: object) -> dict[str, Any]:
@@ -159,7 +159,7 @@ def parse_toml(text: bytes, where: object) -> dict[str, Any]:
         _check_strings(value)
         return value
     except RecursionError:
-        reason = "nested too deep"
+        reason = "nested too deeply"
     except ValueError as error:
         reason = _first_sentence(error)
     raise InputError(f"not readable as TOML: {reason}", where=where, hint="Correct this line")
@@ -194,7 +194,7 @@ def _check_strings(value: object) -> None:
         elif isinstance(one, list):
             pending += one
         elif isinstance(one, str) and ("\0" in one or any("\ud800" <= letter <= "\udfff" for letter in one)):
-            raise ValueError("a text with NUL or half a surrogate pair")
+            raise ValueError("a text with a null character or an unpaired surrogate")
         elif isinstance(one, int) and one.bit_length() > _MOST_BITS:
             raise ValueError("an integer of more than 64 bits")
 
@@ -214,7 +214,7 @@ def _refuse_name(path: Path, error: OSError | ValueError) -> NoReturn:
     shown = str(path).replace("\0", "\\0")
     if len(shown) > 300:
         shown = f"{shown[:100]} … {shown[-100:]}"
-    reason = error.strerror if isinstance(error, OSError) else "there is a NUL in its name"
+    reason = error.strerror if isinstance(error, OSError) else "its name has a null character"
     raise InputError(f"cannot be opened: {reason}", where=shown, hint="Check the path") from None
 
 
@@ -222,4 +222,4 @@ def _refuse_kind(path: Path, found: os.stat_result, most: int | None) -> NoRetur
     kind = _KINDS.get(stat.S_IFMT(found.st_mode))
     if kind is not None:
         raise InputError(f"is {kind}, not a file", where=path, allowed="regular files")
-    raise InputError(f"{found.st_size / 1e9:.1f} GB are too large", where=path, allowed=f"{(most or 0) / 1e9:g} GB")
+    raise InputError(f"too large: {found.st_size / 1e9:.1f} GB", where=path, allowed=f"up to {(most or 0) / 1e9:g} GB")

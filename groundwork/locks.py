@@ -95,7 +95,7 @@ def _is_at(handle: int, path: Path) -> bool:
 
 
 def _in_the_way(path: Path) -> InputError:
-    return InputError("is in the way of a lock", where=path, hint="Move it elsewhere")
+    return InputError("not a lock file of Falsework, but at its place", where=path, hint="Move it elsewhere")
 
 
 def _mount_point(path: Path) -> Path:
@@ -109,6 +109,6 @@ def _mount_point(path: Path) -> Path:
 @cache
 def _say_no_locks(mount: Path) -> None:
     sys.stderr.write(
-        f"falsework: {mount}: no locks in this file system: several processes may make the same, and what killed ones "
-        "left there stays\n"
+        f"falsework: {mount}: this file system has no file locks: several processes may make the same result, and "
+        "leftovers of killed processes stay\n"
     )

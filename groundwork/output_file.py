@@ -46,7 +46,7 @@ def check_output_file(path: Path, inputs: Iterable[Path] = (), is_ours: IsOurs =
     if place.is_dir():
         raise InputError("is a folder, not a file", where=path, hint="Name a file with -o")
     if place.exists() and not place.is_file():
-        raise InputError("is not a plain file", where=path, hint="Name another file with -o")
+        raise InputError("is not a regular file", where=path, hint="Name another file with -o")
     with space_errors(place):
         if place.exists() and place.stat().st_size and not is_ours(place):
             raise InputError(

@@ -132,7 +132,7 @@ def _refuse_filled(place: Path, kind: str, is_marked: bool) -> None:
         raise InputError(
             f"the output folder holds {found}",
             where=place,
-            allowed=f"an empty folder or a former {kind}",
+            allowed=f"an empty folder, or an earlier {kind}",
             hint=_ELSEWHERE,
         )
 

@@ -36,7 +36,9 @@ def sole_writer(place: Path) -> Iterator[Path]:
     work = place / NEXT
     handle, is_held = _enter(place, work)
     if not is_held:
-        sys.stderr.write(f"falsework: {place}: no locks in this file system: start no second command on this folder\n")
+        sys.stderr.write(
+            f"falsework: {place}: this file system has no file locks: start no second command on this folder\n"
+        )
     try:
         for folder in made:
             sync(folder.parent)
@@ -98,7 +100,9 @@ def _enter(place: Path, work: Path) -> tuple[int, bool]:
                 hint="Wait for it to end, or choose another folder with -o",
             ) from None
         except (IsADirectoryError, FileExistsError, NotADirectoryError):
-            raise InputError("is in the way", where=work, hint=f"Move it elsewhere. {_ELSEWHERE}") from None
+            raise InputError(
+                "is at the place of our work folder", where=work, hint=f"Move it elsewhere. {_ELSEWHERE}"
+            ) from None
         except OSError as error:
             if error.errno != errno.ELOOP:
                 raise

@@ -37,11 +37,11 @@ def output_place(path: Path, inputs: Iterable[Path] = ()) -> Path:
     for given in inputs:
         source = Path(os.path.realpath(given))
         if place == source:
-            raise InputError("is what the output is made from", where=path, hint=_ELSEWHERE)
+            raise InputError("is an input of this command", where=path, hint=_ELSEWHERE)
         if source in place.parents:
-            raise InputError("lies in what the output is made from", where=path, value=str(given), hint=_ELSEWHERE)
+            raise InputError("lies inside an input of this command", where=path, value=str(given), hint=_ELSEWHERE)
         if place in source.parents:
-            raise InputError("holds what the output is made from", where=path, value=str(given), hint=_ELSEWHERE)
+            raise InputError("contains an input of this command", where=path, value=str(given), hint=_ELSEWHERE)
     _check_writable(place)
     _refuse_stores(place, path)
     return place
@@ -60,7 +60,7 @@ def _check_names(path: Path) -> None:
                 "a name that is too long",
                 where=path,
                 value=f"{length} bytes",
-                allowed=f"{_LONGEST} bytes",
+                allowed=f"up to {_LONGEST} bytes",
                 hint="Choose a shorter one with -o",
             )
 
@@ -73,7 +73,7 @@ def _refuse_stores(place: Path, path: Path) -> None:
         if folder != place and mark.is_file() and read_listing(mark).kind == RUN:
             top = place.relative_to(folder).parts[0]
             if top in _OF_A_RUN:
-                raise InputError(f"lies in {top}/ of a run, which the run alone writes", where=path, hint=_ELSEWHERE)
+                raise InputError(f"lies in {top}/ of a run, where only the run writes", where=path, hint=_ELSEWHERE)
 
 
 def _check_writable(place: Path) -> None:
@@ -88,4 +88,4 @@ def _check_writable(place: Path) -> None:
     if parent != place and not parent.is_dir():
         raise InputError("is a file, not a folder", where=parent, hint="Choose another folder with -o")
     if not os.access(parent, os.W_OK):
-        raise InputError("not writable", where=parent, hint="Choose another folder with -o, or change its rights")
+        raise InputError("not writable", where=parent, hint="Choose another folder with -o, or change its permissions")

@@ -136,9 +136,9 @@ def _refuse_strangers(place: Path, new: Listing, waiting: list[str], former: Lis
 
 def _refuse(path: Path) -> None:
     raise InputError(
-        "is in the way, and Falsework did not write it",
+        "is at the place of the output, and Falsework did not write it",
         where=path,
-        hint="Move it elsewhere, then run the same command again: the finished work waits",
+        hint="Move it elsewhere, then run the same command again: the finished work is kept",
     )
 
 

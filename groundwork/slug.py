@@ -85,7 +85,7 @@ def flat_names(files: Iterable[str]) -> dict[str, str]:
     if len(set(names.values())) < len(names):
         listed = list(names.values())
         twice = next(name for name in listed if listed.count(name) > 1)
-        raise InputError("two photographs would have one name", value=twice, hint="Rename one of them")
+        raise InputError("two photographs would get the same name", value=twice, hint="Rename one of them")
     return names
 
 

@@ -22,11 +22,11 @@ def check_device(device: Device, field: str = "device") -> None:
 
     if device == "gpu" and not device_count():
         raise InputError(
-            "no GPU that torch can use",
+            "torch can use no GPU",
             field=field,
             value="gpu",
             allowed="auto, cpu",
-            hint="Install a torch that fits the driver, or use the processor: cpu",
+            hint="Install a torch that fits the driver, or choose cpu",
         )
 
 

@@ -190,7 +190,7 @@ def read_model(folder: Path, device: Device = "cpu") -> TrainedNetwork | Trained
     if not isinstance(scales, list) or not all(isinstance(scale, int) and scale > 0 for scale in scales):
         raise InputError("a damaged model", where=folder / FACTS, field="settings.scales", value=scales)
     if "share" not in arrays or arrays["share"].shape[-1] != len(facts.classes):
-        raise InputError("a damaged forest, or one of other classes", where=folder / WEIGHTS, field="share")
+        raise InputError("a damaged forest, or one with other classes", where=folder / WEIGHTS, field="share")
     return TrainedForest(facts, arrays)
 
 
@@ -221,7 +221,7 @@ def check_channels(sample: Sample, channels: tuple[str, ...]) -> None:
     """
     if sample.channels != channels:
         raise InputError(
-            "not the channels of the model",
+            "these are not the channels of the model",
             field="channels",
             value=", ".join(sample.channels),
             allowed=", ".join(channels),
@@ -267,7 +267,11 @@ def read_facts(folder: Path) -> ModelFacts:
     """
     path = folder / FACTS
     if not path.is_file():
-        raise MissingError("no model", where=folder, hint="Name a folder that falsework train has written")
+        raise MissingError(
+            f"not a model: no {FACTS}",
+            where=folder,
+            hint="Name a folder that falsework train has written",
+        )
     record = read_json(path)
     if not isinstance(record, dict) or record.get("format") != FORMAT:
         raise InputError("not a model", where=path, allowed=FORMAT)
@@ -291,7 +295,7 @@ def read_facts(folder: Path) -> ModelFacts:
             training=record["training"],
         )
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"a damaged model: {error}", where=path, hint="Train it anew, or fetch it anew") from None
+        raise InputError(f"a damaged model: {error}", where=path, hint="Train it again, or copy it again") from None
     if not facts.classes or not facts.temperature > 0 or facts.noisy not in (None, *range(len(facts.classes))):
         raise InputError("a damaged model", where=path, field="classes, noisy or temperature")
     return facts
@@ -315,7 +319,7 @@ def read_weights(folder: Path) -> dict[str, Tensor]:
     except MissingError:
         raise MissingError("no weights", where=path) from None
     except (SafetensorError, ValueError, KeyError, json.JSONDecodeError) as error:
-        raise InputError(f"not readable as safetensors: {error}", where=path, hint="Fetch it anew") from None
+        raise InputError(f"not readable as safetensors: {error}", where=path, hint="Copy it again") from None
 
 
 def read_network(folder: Path, device: Device = "cpu") -> TrainedNetwork:

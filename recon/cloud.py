@@ -48,7 +48,7 @@ class ColumnKind:
 
 
 COLUMNS: Mapping[str, ColumnKind] = {
-    "coord": ColumnKind("float64", 3, "m", "Position in the world, Z up."),
+    "coord": ColumnKind("float64", 3, "m", "Position in the world, z up."),
     "color": ColumnKind("uint8", 3, "1", "sRGB colour, mean over the views; of a sampled point: that of the material."),
     "normal": ColumnKind(
         "float32", 3, "1", "Unit normal of the surface; of a sparse point: towards the mean of its cameras."
@@ -57,7 +57,9 @@ COLUMNS: Mapping[str, ColumnKind] = {
     "instance": ColumnKind("uint32", 1, "1", "Component id by vote within the class; 0 for none."),
     "component": ColumnKind("uint16", 1, "1", "Row in the list `components` of cloud.json."),
     "confidence": ColumnKind("float32", 1, "1", "Share of the views that show the class."),
-    "label_margin_px": ColumnKind("float32", 1, "px", "Largest distance of a keypoint to a label edge over the views."),
+    "label_margin_px": ColumnKind(
+        "float32", 1, "px", "Largest distance of a keypoint to a label edge, over the views."
+    ),
     "uncertainty": ColumnKind(
         "float32", 1, "m", "Median over the views of |true depth - reconstructed depth|, aligned reconstructed pose."
     ),
@@ -76,13 +78,17 @@ COLUMNS: Mapping[str, ColumnKind] = {
 }
 
 OPTIONAL_COLUMNS: Mapping[str, ColumnKind] = {
-    "intensity": ColumnKind("float32", 1, "1", "Strength of the echo: reflectance times cosine of the incidence."),
+    "intensity": ColumnKind(
+        "float32", 1, "1", "Strength of the echo: reflectance times the cosine of the incidence angle."
+    ),
     "range": ColumnKind("float32", 1, "m", "Measured distance from the scanner."),
-    "station": ColumnKind("uint16", 1, "1", "Row in the list `stations` of the statistics: where the scanner stood."),
+    "station": ColumnKind("uint16", 1, "1", "Row in the list `stations` of the statistics: position of the scanner."),
 }
 
 OBSERVATION_COLUMNS: Mapping[str, ColumnKind] = {
-    "start": ColumnKind("int64", 1, "1", "First observation of each point and the end: one row more than points."),
+    "start": ColumnKind(
+        "int64", 1, "1", "First observation of each point, then the number of observations: one row more than points."
+    ),
     "image": ColumnKind("uint32", 1, "1", "Row in the list `cameras` of cloud.json."),
     "uv": ColumnKind(
         "float64", 2, "px", "Keypoint, or where a dense point appears; the top-left pixel's centre is (0.5, 0.5)."
@@ -152,11 +158,11 @@ def write_cloud(folder: Path, cloud: Cloud) -> None:
     kinds = _kinds(cloud.columns)
     if unknown := cloud.columns.keys() - kinds.keys():
         raise InputError(
-            "a column that the format does not have",
+            "not a column of the format",
             field="columns",
             value=sorted(unknown)[0],
             allowed=", ".join(kinds),
-            hint="Keep it in a file of your own",
+            hint="Store it in a separate file",
         )
     (folder / OBSERVATIONS).mkdir()
     for name in kinds:
@@ -308,7 +314,9 @@ def _check(folder: Path, cloud: Cloud, count: int | None = None, observation_cou
     fewest = int(cloud.source in RECONSTRUCTED)
     start, image = cloud.observations["start"], cloud.observations["image"]
     if start[0] != 0 or start[-1] != observation_count or (np.diff(start) < fewest).any():
-        raise InputError("must rise from 0 to the number of observations", where=folder / OBSERVATIONS / "start.npy")
+        raise InputError(
+            "must increase from 0 to the number of observations", where=folder / OBSERVATIONS / "start.npy"
+        )
     if observation_count and image.max() >= len(cloud.cameras):
         raise InputError("an image that is not listed", where=folder / OBSERVATIONS / "image.npy")
     if not np.isfinite(cloud.columns["coord"]).all():

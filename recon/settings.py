@@ -39,104 +39,106 @@ class SparseSettings(Settings):
     """Structure from motion: features, pairs, mapper, and the limits of its child processes."""
 
     peak_threshold: float = Field(default=0.004, ge=0.0005, le=0.05)
-    """Contrast that a SIFT keypoint needs [1]; smooth concrete wants 0.002 to 0.004."""
+    """Least contrast of a SIFT keypoint [1]; smooth concrete needs 0.002 to 0.004."""
     max_features: int = Field(default=8192, ge=256, le=65536)
-    """Strongest keypoints kept of each image."""
+    """Largest number of keypoints per image; the strongest are kept."""
     pairing: Literal["auto", "spatial", "sequential", "exhaustive"] = "auto"
-    """Which images are matched; auto: spatial with GPS that tells images apart, else exhaustive for few images and
+    """Which images are matched with each other. auto: spatial, if GPS positions differ; else exhaustive for few images,
     sequential for many."""
     neighbours: int = Field(default=20, ge=2, le=200)
-    """Nearest images by GPS that an image is matched with (spatial)."""
+    """Number of nearest images by GPS that an image is matched with (spatial)."""
     leaps_from: int = Field(default=100, ge=3, le=1_000_000)
-    """From this number of images on, every fourth is also matched with those 32, 64, 128 … further on (spatial)."""
+    """From this number of images on, every fourth image is also matched with those 32, 64, 128 … later (spatial)."""
     overlap: int = Field(default=10, ge=1, le=100)
-    """Following images that an image is matched with, and as many 2, 4, 8 … further on (sequential)."""
+    """Number of following images that an image is matched with, and as many 2, 4, 8 … later (sequential)."""
     exhaustive_below: int = Field(default=40, ge=3, le=1000)
     """Up to this many images without GPS are matched exhaustively."""
     mapper: Literal["auto", "incremental", "global"] = "auto"
-    """One image after the other, or all poses at once; auto: incremental below `global_from` images."""
+    """incremental: one image after the other; global: all poses at once; auto: incremental below `global_from`
+    images."""
     global_from: int = Field(default=400, ge=3, le=1_000_000)
-    """From this number of images on, `auto` maps globally."""
+    """From this number of images on, mapper `auto` is global."""
     tie_points: int = Field(default=1000, ge=100, le=100_000)
-    """Matched keypoints of an image that the mapper works with, about: half as many spread over the picture, and a
-    hundred of each pair; all others become points afterwards."""
+    """Approximate number of matched keypoints per image that the mapper uses: half of it spread over the image, and a
+    hundred of each pair. The others become points afterwards."""
     use_gps_in_mapping: bool = False
-    """Let the bundle adjustment pull camera centres towards their GPS positions; incremental mapper only."""
+    """Use GPS positions of the cameras in the bundle adjustment; only with the incremental mapper."""
     two_view_tracks: bool = True
-    """Make points that only two images saw; which of them stay in a sparse cloud, `max_deviation` says."""
+    """Also make points that only two images saw; `max_deviation` decides which of them stay in a sparse cloud."""
     min_triangulation_angle: float = Field(default=1.5, ge=0.1, le=30.0)
     """Smallest angle between two rays of a point [deg]."""
     deterministic: bool = True
-    """Map on one thread, so that the same images give the same bytes."""
+    """Run the mapper on one thread, so that the same images give the same bytes."""
     threads: int = Field(default=2, ge=1, le=256)
-    """Threads of the extraction, processes of the matching, and threads of the mapper when not deterministic."""
+    """Number of threads of the extraction, processes of the matching, and threads of the mapper if not
+    deterministic."""
     seconds_per_image: float = Field(default=60.0, ge=1.0, le=3600.0)
-    """Wall time that each stage may take per image, on top of two minutes [s]; the keypoints of 8 megapixels and more
-    take 20 s of a core."""
+    """Largest wall time of each step per image, in addition to two minutes [s]. Keypoints of 8 megapixels or more take
+    20 s on one core."""
     memory_limit: float = Field(default=3.0, ge=0.5, le=1024.0)
-    """Resident memory that a process may use, whatever the number of its images [GB]."""
+    """Largest resident memory of a process, independent of the number of images [GB]."""
     memory_per_image: float = Field(default=0.02, ge=0.0, le=1.0)
-    """Resident memory that a process may use for each of its images, on top of that [GB]."""
+    """Additional resident memory of a process for each of its images [GB]."""
     memory_per_megapixel: float = Field(default=0.35, ge=0.0, le=100.0)
-    """Resident memory that the extraction may use per thread and megapixel of a photograph, reduced to a longest side
-    of 3,200 px, on top of that [GB]."""
+    """Additional resident memory of the extraction per thread and megapixel of a photograph, which is reduced to a
+    longest side of 3,200 px [GB]."""
 
 
 class DenseSettings(Settings):
     """Dense matching: how depth is measured, between which images, and the limits of its child process."""
 
     method: Literal["auto", "sgm", "patchmatch", "colmap"] = "auto"
-    """How depth is measured; auto: COLMAP's PatchMatch where it has CUDA, else semi-global matching."""
+    """How depth is measured. auto: colmap, if this COLMAP has CUDA, else sgm (semi-global matching)."""
     sources: int = Field(default=4, ge=1, le=16)
-    """Images that each depth map is matched with, out of its `fusion_neighbours`; one that lies partly ahead counts for
-    the part of it that can be compared."""
+    """Number of images that each depth map is matched with, out of its `fusion_neighbours`; an image that is partly
+    ahead counts as the part of it that can be compared."""
     fusion_neighbours: int = Field(default=10, ge=2, le=32)
-    """Images whose depth maps each depth map is checked against."""
+    """Number of images with whose depth maps each depth map is compared."""
     min_angle: float = Field(default=2.5, ge=0.1, le=30.0)
-    """Angle between two rays of a point below which an image is little help [deg]."""
+    """Smallest useful angle between two rays of a point [deg]."""
     max_angle: float = Field(default=20.0, ge=2.0, le=60.0)
-    """Angle between two rays of a point above which an image is little help [deg]."""
+    """Largest useful angle between two rays of a point [deg]."""
     min_point_angle: float = Field(default=1.5, ge=0.0, le=30.0)
-    """Largest angle between the rays of a fused point below which it is dropped [deg]."""
+    """A fused point is dropped if the largest angle between its rays is smaller than this [deg]."""
     threads: int = Field(default=2, ge=1, le=256)
-    """Depth maps measured, and truth images compared, at once; any number gives the same bytes."""
+    """Number of depth maps measured, and truth images compared, at once; it does not change the result."""
     seconds_per_image: float = Field(default=600.0, ge=1.0, le=7200.0)
-    """Wall time that the dense step may take per image, on top of two minutes [s]; a photograph of 12 megapixels in
-    `high` takes one to four minutes on two cores."""
+    """Largest wall time of the dense step per image, in addition to two minutes [s]. A photograph of 12 megapixels at
+    quality `high` takes one to four minutes on two cores."""
     memory_limit: float = Field(default=2.0, ge=0.5, le=1024.0)
-    """Resident memory that the dense step may use, however small the depth maps are [GB]."""
+    """Largest resident memory of the dense step, independent of the size of the depth maps [GB]."""
     memory_per_megapixel: float = Field(default=0.7, ge=0.0, le=100.0)
-    """Resident memory that it may use per thread and megapixel of a depth map, on top of that [GB]."""
+    """Additional resident memory of the dense step per thread and megapixel of a depth map [GB]."""
 
 
 class AlignmentSettings(Settings):
     """The similarity from the reconstruction's frame to the world."""
 
     method: Literal["centres+rotations", "paper"] = "centres+rotations"
-    """Take the rotation from the cameras' rotations, or everything from their centres alone (the paper)."""
+    """centres+rotations: the rotation comes from the cameras' rotations; paper: everything comes from their centres."""
     center_limit: float | None = Field(default=None, gt=0.0, le=100.0)
     """Distance above which a camera centre is an outlier [m]; left out: 0.25 for a local survey, else 0.5 % of the
-    diagonal of the path and at most 0.5. Asked of captures with truth alone: no camera is judged by its GPS."""
+    diagonal of the path, at most 0.5. Only for captures with truth; GPS positions are not tested."""
     rotation_limit: float = Field(default=2.0, gt=0.0, le=20.0)
     """Angle above which a camera is an outlier [deg]; not used by `paper`."""
     iterations: int = Field(default=1000, ge=10, le=100_000)
-    """Samples of three cameras that RANSAC tries; with truth."""
+    """Number of samples of three cameras that RANSAC tries; only for captures with truth."""
     max_invalid_share: float = Field(default=0.40, ge=0.0, le=1.0)
-    """A scene with a greater share of unregistered and outlying cameras is rejected [1]."""
+    """A scene with a larger share of unregistered cameras and outliers is rejected [1]."""
 
 
 class ReconSettings(Settings):
     """From a capture to an annotated cloud."""
 
     mode: Literal["sparse", "dense", "both"] = "dense"
-    """Which points: those of structure from motion, or one for nearly every pixel, which small parts need to be learnt
-    from; both: a cloud of each, from one model."""
+    """sparse: the points of structure from motion; dense: a point for nearly every pixel, which networks need to learn
+    small parts; both: one cloud of each kind, from one model."""
     quality: Quality = "medium"
     """Side of a depth map's pixel in pixels of the photograph: low 8, medium 4, high 2, ultra 1. `high` has four times
-    the points of `medium`, for eight times the work."""
+    the points of `medium`, and needs eight times the work."""
     filter: Filter = "moderate"
-    """Views that must agree on a dense point, and how closely: none 2 within 2 %, mild 2 within 1 %, moderate 3 within
-    1 %, aggressive 5 within 0.5 % of the depth."""
+    """How many views must agree on a dense point, and how closely. none: 2 within 2 % of the depth; mild: 2 within 1 %;
+    moderate: 3 within 1 %; aggressive: 5 within 0.5 %."""
     sparse: SparseSettings = SparseSettings()
     """Structure from motion."""
     dense: DenseSettings = DenseSettings()
@@ -146,15 +148,15 @@ class ReconSettings(Settings):
     max_reprojection_error: float = Field(default=2.0, gt=0.0, le=20.0)
     """Mean reprojection error above which a sparse point is dropped [px]."""
     min_views: int = Field(default=2, ge=2, le=20)
-    """Valid cameras that must have seen a sparse point; for dense ones, see `filter`."""
+    """Number of valid cameras that must have seen a sparse point; for dense points, see `filter`."""
     sure_views: int | None = Field(default=None, ge=2, le=10_000)
-    """From this many valid cameras on, a sparse point stays whatever `max_deviation` says; left out: none does."""
+    """A sparse point that this many valid cameras have seen stays, whatever its deviation; left out: no exception."""
     max_deviation: float = Field(default=0.1, ge=0.0, le=1000.0)
-    """Standard deviation that the place of a sparse point may have along its worst direction [m]: told from its rays,
-    and from how far its keypoints and those of all points miss. Not asked of photographs without a GPS that fits
-    them: nothing tells metres there."""
+    """Largest standard deviation of the position of a sparse point in its worst direction [m], calculated from its rays
+    and from the residuals of its keypoints and of all points. Not used for photographs without GPS that fits them,
+    because their model has no scale."""
     seed: int = Field(default=0, ge=0, lt=2**31)
-    """Seed of every random draw in here."""
+    """Seed of every random draw of the reconstruction."""
 
     @property
     def modes(self) -> tuple[Mode, ...]:

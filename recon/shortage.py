@@ -37,7 +37,7 @@ def plain_shortage(folder: Path, section: str, more: str = "") -> Iterator[None]
         full = shutil.disk_usage(folder.parent).free < _NOTHING_LEFT
         if full or any(sign in text for sign in _DISK_SIGNS):
             raise OutOfSpaceError(
-                f"{folder.parent}: no space left on the disk. Free some, then run the same command again"
+                f"{folder.parent}: no space left on the disk. Free some space, then run the same command again"
             ) from None
         if "of memory" in text:
             raise ChildError(f"{text}: [{section}] memory_limit{more}") from None
@@ -61,5 +61,5 @@ def check_space(folder: Path, needed: int, what: str) -> None:
     if free < needed:
         raise OutOfSpaceError(
             f"{folder}: {free / 1e9:.1f} GB are free, {what} may need {needed / 1e9:.1f} GB. "
-            "Free some, then run the same command again"
+            "Free some space, then run the same command again"
         )

@@ -37,7 +37,7 @@ class CalibrationPrior(Settings):
     """Calibration from the camera's data sheet: near the truth, but not exact."""
 
     model: Literal["SIMPLE_RADIAL"] = "SIMPLE_RADIAL"
-    """Camera model that a reconstruction should start with, as COLMAP names it."""
+    """Camera model that a reconstruction should start with, by COLMAP's name."""
     focal_px: float = Field(gt=0.0)
     """Focal length [px]."""
     cx: float
@@ -50,9 +50,9 @@ class CaptureImage(Settings):
     """One photograph."""
 
     name: str
-    """Stem by which truth, poses and clouds name it."""
+    """File name without suffix; truth, poses and clouds use it."""
     file: str
-    """Path of the file from the capture's folder."""
+    """Path of the file, relative to the capture's folder."""
     gps: Triple | None = None
     """Measured position in the local frame [m]."""
     time: float | None = None
@@ -127,7 +127,7 @@ def _read_capture(folder: Path) -> Capture:
         raise InputError("an image needs a width and a height", where=path, field="size", value=list(stored.size))
     for image in stored.images:
         if image.name in ("", ".", "..") or "/" in image.name or len(image.name) > 200:  # truth has files of this name
-            raise InputError("not a name of an image", where=path, field="images.name", value=image.name)
+            raise InputError("not a valid name of an image", where=path, field="images.name", value=image.name)
         _check_file(folder, path, image.file)
     return Capture(
         folder, stored.survey, stored.size, stored.prior, stored.gps_sigma, dict(stored.facts), stored.images
@@ -151,7 +151,9 @@ def load_image(capture: Capture, index: int) -> U8:
     pixels = image_files.decode(path, capture.size)
     size = (pixels.shape[1], pixels.shape[0])
     if pixels.dtype != np.uint8:
-        raise InputError("not an image of 8 bits a colour", where=path, hint="Save it with 8 bits, or leave it out")
+        raise InputError(
+            "not an image with 8 bits per channel", where=path, hint="Save it with 8 bits, or leave it out"
+        )
     pixels = np.dstack([pixels] * 3) if pixels.ndim == 2 else pixels[:, :, :3]  # grey; or with an opacity
     if size != capture.size:
         raise InputError("not the size that cameras.json states", where=path, value=size, allowed=str(capture.size))
@@ -344,7 +346,7 @@ def _read_truth(capture: Capture) -> Truth | None:
 def _check_truth(truth: Truth, size: tuple[int, int]) -> None:
     check_camera(truth.camera, size, truth.folder)
     if len(truth.poses) != len(truth.names):
-        raise ValueError("not one pose for each image")
+        raise ValueError("poses and images differ in number")
     check_poses(truth.poses, truth.folder)
     if not all(np.isfinite(value) for value in vars(truth.distortion).values()):
         raise ValueError("a distortion that is not finite")
@@ -352,7 +354,7 @@ def _check_truth(truth: Truth, size: tuple[int, int]) -> None:
         check_bands(truth.readout.bands, truth.camera.height, truth.folder)
         check_poses(truth.readout.poses, truth.folder)
         if len(truth.readout.poses) != len(truth.names) or not 0.0 <= truth.readout.readout_time < np.inf:
-            raise ValueError("a shutter that cannot be")
+            raise ValueError("an invalid shutter")
 
 
 def _in_world(pose: F64, local: tuple[F64, F64, F64]) -> F64:
@@ -379,6 +381,6 @@ def _color(red: int, green: int, blue: int) -> tuple[int, int, int]:
 def _check_file(folder: Path, path: Path, name: str) -> None:
     relative = Path(name)
     if relative.is_absolute() or ".." in relative.parts or not name:
-        raise InputError("a path that leaves the capture", where=path, field="images.file", value=name)
+        raise InputError("a path that leads out of the capture", where=path, field="images.file", value=name)
     if not is_regular(folder / relative):
         raise MissingError("no such image", where=folder / relative, hint="Put it back, or take it out of cameras.json")

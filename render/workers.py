@@ -53,7 +53,7 @@ def render_survey(
         for worker in running:
             error = worker.exception()
             if isinstance(error, ChildError):
-                progress.note(f"{error}; its frames are drawn again")
+                progress.note(f"{error}; its frames are rendered again")
             elif error is not None:
                 raise error
     return run_child(

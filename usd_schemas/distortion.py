@@ -93,7 +93,7 @@ class Distortion:
             raise InputError(
                 f"a distortion of k1 {self.k1:g}, k2 {self.k2:g}, p1 {self.p1:g}, p2 {self.p2:g} has no inverse "
                 f"{farthest:.3g} focal lengths from the axis, which lies inside the image",
-                hint="Weaker coefficients, or a longer focal length",
+                hint="Use smaller coefficients, or a longer focal length",
             )
         return found
 

@@ -64,7 +64,7 @@ class Taxonomy:
             if row.name == name:
                 return row
         raise InputError(
-            f"no row in the taxonomy {self.name}", field="component", value=component, allowed=", ".join(self.classes)
+            f"no class in the taxonomy {self.name}", field="component", value=component, allowed=", ".join(self.classes)
         )
 
 

@@ -27,5 +27,6 @@ def refuse_hill(layout: Layout, stations: F64, lefts: F64, heights: F64) -> None
             f"the ground lies {over:.1f} m above the deck",
             field="bridge.clearance",
             allowed="ground below the deck between the abutments",
-            hint=f"Raise it by {np.ceil(10.0 * over + 10.0) / 10.0:.1f} m, or choose a lower site or less site.relief",
+            hint=f"Raise it by {np.ceil(10.0 * over + 10.0) / 10.0:.1f} m, or choose a lower site or a smaller "
+            "site.relief",
         )

@@ -38,18 +38,22 @@ _GLAZED = ("window", "glass_facade")
 class CitySettings(Settings):
     """Appearance of the city."""
 
-    reach: float = Field(default=2000.0, ge=1200.0, le=5000.0, description="reach of the terrain beyond the site [m]")
-    town: float = Field(default=640.0, ge=150.0, le=900.0, description="reach of streets and buildings [m]")
-    tower_height: float = Field(default=95.0, ge=10.0, le=180.0, description="typical height in the city's core [m]")
-    density: float = Field(default=0.92, ge=0.1, le=1.0, description="share of the lots that are built on [1]")
-    parks: float = Field(default=0.08, ge=0.0, le=1.0, description="share of the blocks that are parks [1]")
-    parking: float = Field(default=0.07, ge=0.0, le=1.0, description="share of the blocks that are parking lots [1]")
-    turned: float = Field(
-        default=0.45, ge=0.0, le=0.78, description="largest turn of the streets from the bridge's axis [rad]"
+    reach: float = Field(
+        default=2000.0, ge=1200.0, le=5000.0, description="Distance that the terrain reaches beyond the site [m]"
     )
-    hills: float = Field(default=24.0, ge=0.0, le=150.0, description="typical height of the hills beyond [m]")
-    trees: int = Field(default=420, ge=0, le=900, description="most trees in the city [1]")
-    vehicles: int = Field(default=300, ge=0, le=600, description="most vehicles [1]")
+    town: float = Field(default=640.0, ge=150.0, le=900.0, description="Distance that streets and buildings reach [m]")
+    tower_height: float = Field(
+        default=95.0, ge=10.0, le=180.0, description="Typical height of the buildings in the city's core [m]"
+    )
+    density: float = Field(default=0.92, ge=0.1, le=1.0, description="Share of the lots that are built on [1]")
+    parks: float = Field(default=0.08, ge=0.0, le=1.0, description="Share of the blocks that are parks [1]")
+    parking: float = Field(default=0.07, ge=0.0, le=1.0, description="Share of the blocks that are parking lots [1]")
+    turned: float = Field(
+        default=0.45, ge=0.0, le=0.78, description="Largest angle between the streets and the bridge's axis [rad]"
+    )
+    hills: float = Field(default=24.0, ge=0.0, le=150.0, description="Typical height of the hills around the city [m]")
+    trees: int = Field(default=420, ge=0, le=900, description="Largest number of trees in the city [1]")
+    vehicles: int = Field(default=300, ge=0, le=600, description="Largest number of vehicles [1]")
 
 
 @dataclass(frozen=True)

@@ -25,12 +25,14 @@ FORESTS = 330.0  # distance of the nearest forest from the site [m]
 class CountrysideSettings(Settings):
     """Appearance of the countryside."""
 
-    reach: float = Field(default=2000.0, ge=400.0, le=5000.0, description="reach of the terrain beyond the site [m]")
-    hills: float = Field(default=42.0, ge=0.0, le=150.0, description="typical height of the far hills [m]")
-    buildings: int = Field(default=26, ge=0, le=60, description="buildings wanted [1]")
-    hedge_bushes: int = Field(default=170, ge=0, le=3000, description="most bushes in hedges [1]")
-    vehicles: int = Field(default=14, ge=0, le=200, description="vehicles on the approach roads [1]")
-    trees: int = Field(default=380, ge=0, le=2000, description="trees wanted [1]")
+    reach: float = Field(
+        default=2000.0, ge=400.0, le=5000.0, description="Distance that the terrain reaches beyond the site [m]"
+    )
+    hills: float = Field(default=42.0, ge=0.0, le=150.0, description="Typical height of the far hills [m]")
+    buildings: int = Field(default=26, ge=0, le=60, description="Number of buildings; fewer where there is no room [1]")
+    hedge_bushes: int = Field(default=170, ge=0, le=3000, description="Largest number of bushes in hedges [1]")
+    vehicles: int = Field(default=14, ge=0, le=200, description="Number of vehicles on the approach roads [1]")
+    trees: int = Field(default=380, ge=0, le=2000, description="Number of trees; fewer where there is no room [1]")
 
 
 def build_countryside(

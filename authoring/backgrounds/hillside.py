@@ -62,16 +62,29 @@ TOWN = Cover("town", "Town", "ground", "gravel")
 class HillsideSettings(Settings):
     """Appearance of the hillside."""
 
-    reach: float = Field(default=4200.0, ge=2500.0, le=6000.0, description="reach of the terrain beyond the site [m]")
-    mountains: float = Field(default=520.0, ge=150.0, le=1200.0, description="typical height of the mountains [m]")
-    grade: float | None = Field(
-        default=None, ge=0.08, le=0.25, description="slope of the terraces; drawn when not set [1]"
+    reach: float = Field(
+        default=4200.0, ge=2500.0, le=6000.0, description="Distance that the terrain reaches beyond the site [m]"
     )
-    houses: int = Field(default=620, ge=0, le=2500, description="houses wanted on the terraces [1]")
-    blocks: int = Field(default=70, ge=0, le=300, description="blocks wanted on the lower land [1]")
-    sheds: int = Field(default=24, ge=0, le=80, description="sheds wanted in the harbour [1]")
-    cranes: int = Field(default=7, ge=0, le=30, description="cranes wanted on the quay [1]")
-    trees: int = Field(default=2600, ge=0, le=30000, description="trees wanted [1]")
+    mountains: float = Field(default=520.0, ge=150.0, le=1200.0, description="Typical height of the mountains [m]")
+    grade: float | None = Field(
+        default=None, ge=0.08, le=0.25, description="Slope of the terraces; left out: drawn [1]"
+    )
+    houses: int = Field(
+        default=620, ge=0, le=2500, description="Number of houses on the terraces; fewer where there is no room [1]"
+    )
+    blocks: int = Field(
+        default=70,
+        ge=0,
+        le=300,
+        description="Number of blocks of flats on the lower land; fewer where there is no room [1]",
+    )
+    sheds: int = Field(
+        default=24, ge=0, le=80, description="Number of sheds in the harbour; fewer where there is no room [1]"
+    )
+    cranes: int = Field(
+        default=7, ge=0, le=30, description="Number of cranes on the quay; fewer where there is no room [1]"
+    )
+    trees: int = Field(default=2600, ge=0, le=30000, description="Number of trees; fewer where there is no room [1]")
 
 
 def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Generator) -> tuple[Component | Scatter, ...]:

@@ -38,15 +38,21 @@ TOWN = Style((15.0, 25.0), (12.0, 15.0), (3, 5), ("hip", "hip", "flat"), _PLASTE
 class LakesideSettings(Settings):
     """Appearance of the lakeside."""
 
-    reach: float = Field(default=4200.0, ge=2500.0, le=6000.0, description="reach of the terrain beyond the site [m]")
-    mountains: float = Field(default=620.0, ge=150.0, le=1200.0, description="typical height of the mountains [m]")
-    lake_width: float = Field(
-        default=1100.0, ge=400.0, le=2500.0, description="width of the lake from shore to shore [m]"
+    reach: float = Field(
+        default=4200.0, ge=2500.0, le=6000.0, description="Distance that the terrain reaches beyond the site [m]"
     )
-    villas: int = Field(default=190, ge=0, le=600, description="villas wanted on the slopes [1]")
-    town_houses: int = Field(default=44, ge=0, le=120, description="town houses wanted behind the quay [1]")
-    trees: int = Field(default=4200, ge=0, le=30000, description="trees wanted [1]")
-    boats: int = Field(default=70, ge=0, le=300, description="boats wanted [1]")
+    mountains: float = Field(default=620.0, ge=150.0, le=1200.0, description="Typical height of the mountains [m]")
+    lake_width: float = Field(
+        default=1100.0, ge=400.0, le=2500.0, description="Width of the lake from shore to shore [m]"
+    )
+    villas: int = Field(
+        default=190, ge=0, le=600, description="Number of villas on the slopes; fewer where there is no room [1]"
+    )
+    town_houses: int = Field(
+        default=44, ge=0, le=120, description="Number of town houses behind the quay; fewer where there is no room [1]"
+    )
+    trees: int = Field(default=4200, ge=0, le=30000, description="Number of trees; fewer where there is no room [1]")
+    boats: int = Field(default=70, ge=0, le=300, description="Number of boats; fewer where there is no room [1]")
 
 
 def build_lakeside(settings: LakesideSettings, site: Site, rng: np.random.Generator) -> tuple[Component | Scatter, ...]:

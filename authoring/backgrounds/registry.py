@@ -29,20 +29,20 @@ class BackgroundSettings(Settings):
 
     name: str = Field(
         default="countryside",
-        description="`none`, a procedural world, or the path of an imported one, relative to the scenario",
+        description="`none`, a procedural world, or the path of an imported world, relative to the scenario",
     )
     season: Season = Field(
         default=SUMMER,
-        description="season of what grows, on the site too: colors of leaves, grass and fields; conifers stay green. "
-        "It hides no leaf, and is independent of the date in `[light]`",
+        description="Season of the vegetation, also on the site: colors of leaves, grass and fields. Conifers stay "
+        "green, no leaves fall, and the date in `[light]` does not matter",
     )
-    none: NoneSettings = Field(default_factory=NoneSettings, description="settings of `none`")
-    city: CitySettings = Field(default_factory=CitySettings, description="settings of `city`")
+    none: NoneSettings = Field(default_factory=NoneSettings, description="Settings of `none`")
+    city: CitySettings = Field(default_factory=CitySettings, description="Settings of `city`")
     countryside: CountrysideSettings = Field(
-        default_factory=CountrysideSettings, description="settings of `countryside`"
+        default_factory=CountrysideSettings, description="Settings of `countryside`"
     )
-    hillside: HillsideSettings = Field(default_factory=HillsideSettings, description="settings of `hillside`")
-    lakeside: LakesideSettings = Field(default_factory=LakesideSettings, description="settings of `lakeside`")
+    hillside: HillsideSettings = Field(default_factory=HillsideSettings, description="Settings of `hillside`")
+    lakeside: LakesideSettings = Field(default_factory=LakesideSettings, description="Settings of `lakeside`")
 
     @model_serializer(mode="wrap")
     def _without_summer(self, spell: SerializerFunctionWrapHandler) -> dict[str, Any]:

@@ -96,38 +96,38 @@ def _strangers(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Iterato
             continue
         if prim.IsA(UsdLux.DomeLight) or prim.IsA(UsdLux.DomeLight_1):
             if not is_blender(after):
-                yield object_name(prim), "another sky is not taken over; scene set light=FILE.hdr brings one in"
+                yield object_name(prim), "another sky is not imported; import it with: scene set light=FILE.hdr"
         elif is_body(prim):
             if prim.IsA(UsdGeom.Mesh) and not prim.GetAttribute("points").Get(_TIME):
-                yield object_name(prim), "a mesh without points is not taken over"
+                yield object_name(prim), "a mesh without points is not imported"
         elif prim.IsA(UsdGeom.PointInstancer):
             if is_blender(after) and any(one.IsA(UsdGeom.PointInstancer) for one in before.Traverse()):
                 continue  # Blender gives those of the scene names of its own
-            yield object_name(prim), "an instancer is not taken over; make its instances real"
+            yield object_name(prim), "a PointInstancer is not imported; make its instances real"
         elif not prim.HasAPI(UsdLux.LightAPI):
-            yield object_name(prim), f"{kind} is not taken over; export it as a mesh"
+            yield object_name(prim), f"{kind} is not imported; export it as a mesh"
 
 
 def _of_pair(ours: Usd.Prim, theirs: Usd.Prim) -> Iterator[tuple[str, str]]:
     name, called = ours.GetName(), object_name(theirs)
     if called != name and theirs.GetName() != name and not is_blender(theirs.GetStage()):
-        yield name, f"keeps its name, though the file calls it {called}"
+        yield name, f"keeps its name; the file calls it {called}"
     above, now = _holder(ours), _holder(theirs)
     if above != now and now and not is_blender(theirs.GetStage()):
-        yield name, f"stays below {above or 'the root'}, though the file has it below {now}"
+        yield name, f"stays below {above or 'the root'}; the file has it below {now}"
     for label in _LABELS:
         old, new = ours.GetAttribute(label).Get(), theirs.GetAttribute(label).Get()
         if new is not None and old is not None and new != old:
-            yield name, f"keeps {label.rpartition(':')[2]} {old}, though the file says {new}"
+            yield name, f"keeps {label.rpartition(':')[2]} {old}; the file says {new}"
     if ours.IsInstance() and _shapes(ours) != _shapes(theirs):
-        yield name, "is an instance, and keeps the shape and the material that it shares with others"
+        yield name, "is an instance, and keeps the shape and material that it shares with other instances"
     if is_body(ours) and not is_body(theirs):
         yield name, f"is a {theirs.GetTypeName()} in the file, and keeps its shape"
     if is_body(ours) and is_body(theirs):
         if len({material.GetPath() for part, material in bound_materials(theirs).items() if part}) > 1:
-            yield name, "wears more than one material in the file: the first is taken for all of it"
+            yield name, "has more than one material in the file: the first one is used for all of it"
         if _moves(theirs):
-            yield name, "moves in the file: it is taken as it is at the first frame"
+            yield name, "moves in the file: its state at the first frame is imported"
 
 
 def _shapes(prim: Usd.Prim) -> list[tuple[object, ...]]:
@@ -146,12 +146,12 @@ def _shapes(prim: Usd.Prim) -> list[tuple[object, ...]]:
 def _of_addition(prim: Usd.Prim) -> Iterator[tuple[str, str]]:
     name = object_name(prim)
     if _moves(prim):
-        yield name, "moves in the file: it is taken as it is at the first frame"
+        yield name, "moves in the file: its state at the first frame is imported"
     if prim.HasAPI(UsdLux.LightAPI):
-        yield name, "shines in the file: its shape is taken, its light is not"
+        yield name, "emits light in the file: its shape is imported, its light is not"
     scheme = UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr() if prim.IsA(UsdGeom.Mesh) else None
     if scheme and scheme.HasAuthoredValue() and scheme.Get() != UsdGeom.Tokens.none:
-        yield name, f"is subdivided ({scheme.Get()}) in the file: its cage is taken; apply the subdivision"
+        yield name, f"is subdivided ({scheme.Get()}) in the file: its control mesh is imported; apply subdivision first"
     sources = (
         one
         for shader in _networks(prim)
@@ -160,7 +160,7 @@ def _of_addition(prim: Usd.Prim) -> Iterator[tuple[str, str]]:
     )
     homes = [material.GetPath() for material in bound_materials(prim).values()]
     if any(not any(source.HasPrefix(home) for home in homes) for source in sources):
-        yield name, "wears a material that is connected to something outside of itself, which is not taken over"
+        yield name, "its material has a connection to a prim outside the material, which is not imported"
 
 
 def _networks(prim: Usd.Prim) -> Iterator[Usd.Prim]:
@@ -172,7 +172,7 @@ def _of_materials(before: Usd.Stage, after: Usd.Stage) -> Iterator[tuple[str, st
     ours, theirs = materials_by_name(before), materials_by_name(after)
     for name in sorted(ours.keys() & theirs.keys()):
         if ours[name].ComputeSurfaceSource()[0] and not _is_preview(theirs[name]) and _is_preview(ours[name]):
-            yield name, "its surface is no UsdPreviewSurface in the file, and stays as it is"
+            yield name, "its surface is not a UsdPreviewSurface in the file, and is not changed"
         elif not is_blender(after):
             yield from _of_network(name, ours[name], theirs[name])
     if not is_blender(after):
@@ -184,7 +184,7 @@ def _of_materials(before: Usd.Stage, after: Usd.Stage) -> Iterator[tuple[str, st
         }
         for name in sorted(theirs.keys() - ours.keys()):
             if theirs[name].GetPath() not in worn:
-                yield name, "a material that nothing wears is not taken over"
+                yield name, "a material that no mesh uses is not imported"
 
 
 def _of_network(name: str, ours: UsdShade.Material, theirs: UsdShade.Material) -> Iterator[tuple[str, str]]:
@@ -199,7 +199,7 @@ def _of_network(name: str, ours: UsdShade.Material, theirs: UsdShade.Material) -
             if attribute.GetTypeName() == Sdf.ValueTypeNames.Asset or (surface and word in taken_inputs()):
                 continue
             if not attribute.GetConnections() and _differs(old.GetAttribute(word), attribute):
-                yield name, f"{prim.GetName()}.{word} is not taken over"
+                yield name, f"{prim.GetName()}.{word} is not imported"
 
 
 def _of_properties(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Iterator[tuple[str, str]]:
@@ -216,7 +216,7 @@ def _of_properties(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Ite
             if word in _TAKEN_WHOLE or word in _LABELS or word.startswith(taken):
                 continue
             if _differs(ours.GetAttribute(word), attribute):
-                yield path.name, f"{word} is not taken over"
+                yield path.name, f"{word} is not imported"
 
 
 def _gone(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Iterator[tuple[str, str]]:
@@ -225,7 +225,7 @@ def _gone(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Iterator[tup
     for prim in before.Traverse():
         counted = prim.IsA(UsdGeom.PointInstancer) or prim.IsA(UsdGeom.Camera) or prim.HasAPI(UsdLux.LightAPI)
         if counted and prim.GetPath() not in matches.pairs and prim.GetName() not in names:
-            yield prim.GetName(), f"a {prim.GetTypeName()} that the file lacks stays"
+            yield prim.GetName(), f"the file has no such {prim.GetTypeName()}: it is kept"
 
 
 def _differs(old: Usd.Attribute, new: Usd.Attribute) -> bool:

@@ -97,9 +97,9 @@ def harvest_edits(edited: Path, scene: Path, labels: Labeling, remove: bool = Fa
     matches = match_stages(before, after)
     if not matches.pairs:
         raise InputError(
-            "holds no prim with a userProperties:falseworkId of the scene",
+            "has no prim with a userProperties:falseworkId of the scene",
             where=edited,
-            hint="Export with custom properties, from a file that the scene was imported into",
+            hint="Import the scene into the other program, and export it from there with custom properties",
         )
     former = _former_ids(layer)
     place = _placer(before)
@@ -213,10 +213,11 @@ def _follow_choices(before: Usd.Stage, after: Usd.Stage) -> list[str]:
         if wanted in variants.GetVariantNames():
             variants.SetVariantSelection(wanted)
             lines.append(
-                f"{axis}={wanted} is chosen in the file: edits count for it; scene set {axis}={wanted} chooses it"
+                f"{axis}={wanted} is selected in the file, so the edits apply to it; select it in the scene with: "
+                f"scene set {axis}={wanted}"
             )
         else:
-            lines.append(f"{axis}={wanted} is chosen in the file, and the scene does not offer it")
+            lines.append(f"{axis}={wanted} is selected in the file, but the scene has no such variant")
     return lines
 
 

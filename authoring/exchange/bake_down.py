@@ -71,7 +71,10 @@ def bake_down(scene: Path, folder: Path, texels: int, warn: Warn) -> Path:
         bake_tile(baking, path, texels // (4 if far else 2), path in patched)
     kept = [path.name for path in _still_procedural(stage)]
     if kept:
-        warn(f"without their detail elsewhere, having no texture to burn it into: {', '.join(kept)}")
+        warn(
+            "these materials lose their detail in other renderers, because they have no texture to bake it into: "
+            f"{', '.join(kept)}"
+        )
     baked = folder / "baked.usdc"
     export(stage.GetRootLayer(), baked)
     del stage, baking

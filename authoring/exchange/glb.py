@@ -40,7 +40,7 @@ def write_glb(stage: Path, out: Path, warn: Warn) -> list[str]:
     for line in scene.warnings:
         warn(line)
     if any(material.detail.file or material.detail.macro_file for material in scene.materials):
-        warn("GLB knows no detail or macro textures: --bake burns them in")
+        warn("GLB has no detail or macro textures: they are left out; --bake bakes them into the other textures")
     result = trimesh.Scene(base_frame="world")
     pictures: dict[tuple[Texture, bool], _Picture] = {}
     meshes: dict[tuple[int, int], str] = {}

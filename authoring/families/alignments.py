@@ -33,26 +33,32 @@ class AlignmentSettings(Settings):
 
     kind: Literal["straight", "arc", "clothoid", "s", "sine"] | None = chosen(
         {"straight": 40, "arc": 30, "clothoid": 20, "s": 10},
-        "Axis in plan; clothoid is clothoid, arc, clothoid; s two arcs with a clothoid between them",
+        "Axis in plan. clothoid: an arc between two clothoids; s: two opposite arcs with a clothoid between them",
         paper={"sine": 1},
     )
-    turn: Literal["left", "right"] | None = chosen({"left": 50, "right": 50}, "Way that the first curve turns")
-    radius: float | None = drawn(60.0, 900.0, "Radius of the arcs, log-uniform [m]; rail from 300", le=20_000.0)
-    spiral: float | None = drawn(0.20, 0.35, "Length of a clothoid, share of the bridge [1]", ge=0.05, le=0.45)
+    turn: Literal["left", "right"] | None = chosen({"left": 50, "right": 50}, "Direction of the first curve")
+    radius: float | None = drawn(
+        60.0, 900.0, "Radius of the arcs [m]; drawn log-uniformly; railways at least 300", le=20_000.0
+    )
+    spiral: float | None = drawn(
+        0.20, 0.35, "Length of a clothoid, as a share of the bridge's length [1]", ge=0.05, le=0.45
+    )
     amplitude: float | None = drawn(0.0, 20.0, "Amplitude a of the sine a sin(x / b) [m]")
     wave: float | None = drawn(
         60.0, 1000.0, "Scale b of the sine a sin(x / b) [m]; b^2 / a is at least 150 m", paper=(20.0, 1000.0)
     )
     profile: Literal["grade", "crest", "sag"] | None = chosen(
-        {"grade": 60, "crest": 30, "sag": 10}, "Profile: straight, or a parabola over the bridge", paper={"grade": 1}
+        {"grade": 60, "crest": 30, "sag": 10},
+        "Vertical alignment: a straight grade, or a parabola over the bridge",
+        paper={"grade": 1},
     )
-    crest_radius: float | None = drawn(600.0, 4000.0, "Radius of a crest or sag [m]", ge=300.0, le=50_000.0)
-    superelevation: float | None = drawn(0.02, 0.06, "Crossfall of a road in arcs [1]", ge=0.0, le=0.06)
-    cant: float | None = drawn(0.03, 0.15, "Cant of rails in arcs, over 1.505 m [m]", ge=0.0, le=0.15)
+    crest_radius: float | None = drawn(600.0, 4000.0, "Radius of the crest or sag [m]", ge=300.0, le=50_000.0)
+    superelevation: float | None = drawn(0.02, 0.06, "Superelevation of a road in arcs [1]", ge=0.0, le=0.06)
+    cant: float | None = drawn(0.03, 0.15, "Cant of a track in arcs, measured over 1.505 m [m]", ge=0.0, le=0.15)
     skew: float | None = drawn(
         5.0,
         30.0,
-        f"Turn of the supports out of the square [deg], either way; bridges are {told_shares(_SQUARE)}",
+        f"Skew of the supports, to either side; 0 is square [deg]; bridges are {told_shares(_SQUARE)}",
         ge=-30.0,
     )
 
@@ -136,7 +142,7 @@ def _refuse(settings: AlignmentSettings) -> None:
         value = getattr(settings, key)
         if value not in (None, plain):
             raise InputError(
-                "arch, suspension and cable-stayed bridges are straight and square, without a crest",
+                "arch, suspension and cable-stayed bridges are straight and square, without crest or sag",
                 field=f"bridge.alignment.{key}",
                 value=value,
                 allowed=str(plain),
@@ -148,11 +154,11 @@ def _check_grade(grade: float, service: str) -> None:
     steepest = STEEPEST[service]
     if abs(grade) > steepest:
         raise InputError(
-            f"steeper than a {service} bridge is built",
+            f"too steep for a {service} bridge",
             field="bridge.grade",
             value=grade,
             allowed=f"{-steepest:g} to {steepest:g}",
-            hint=f"Nearest valid: {np.copysign(steepest, grade):g}",
+            hint=f"The nearest valid value is {np.copysign(steepest, grade):g}",
         )
 
 
@@ -198,16 +204,16 @@ def _radius(
         return round(low * (max(900.0, 1.5 * low) / low) ** share, 1)
     if settings.radius < max(least, turning):
         rule = (
-            f"{np.degrees(LARGEST_TURN):g} deg against the chord is the most that the axis may turn"
+            f"the axis may turn at most {np.degrees(LARGEST_TURN):g} deg from its chord"
             if turning > least
-            else f"the axis of this bridge is bent at most to {least:.1f} m"
+            else f"the smallest radius of this bridge is {least:.1f} m"
         )
         raise InputError(
             f"too small: {rule}",
             field="bridge.alignment.radius",
             value=settings.radius,
             allowed=f"at least {max(least, turning):.1f} m",
-            hint=f"Nearest valid: {np.ceil(10.0 * max(least, turning)) / 10.0:.1f}",
+            hint=f"The nearest valid value is {np.ceil(10.0 * max(least, turning)) / 10.0:.1f}",
         )
     return settings.radius
 
@@ -221,11 +227,11 @@ def _wave(
         most = 0.9 * min(most, 20.0)
     if settings.amplitude is not None and abs(amplitude) > most:
         raise InputError(
-            f"the wave bends harder than {least:.0f} m of radius, or turns more than 35 deg against its chord",
+            f"the wave has a radius below {least:.0f} m, or turns more than 35 deg from its chord",
             field="bridge.alignment.amplitude",
             value=settings.amplitude,
             allowed=f"at most {most:.2f} m",
-            hint=f"Nearest valid: {np.floor(100.0 * most) / 100.0:.2f}, or a larger bridge.alignment.wave",
+            hint=f"The nearest valid value is {np.floor(100.0 * most) / 100.0:.2f}, or a larger bridge.alignment.wave",
         )
     bounded = float(np.copysign(min(abs(amplitude), most), amplitude))
     return sine_elements(bounded, scale, length) if bounded else ()
@@ -244,7 +250,7 @@ def _crest(
             field="bridge.alignment.crest_radius",
             value=radius,
             allowed=f"at least {least:.0f} m",
-            hint=f"Nearest valid: {np.ceil(least):.0f}",
+            hint=f"The nearest valid value is {np.ceil(least):.0f}",
         )
     if not np.isfinite(least):
         return None

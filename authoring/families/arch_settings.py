@@ -21,8 +21,10 @@ class MasonrySettings(Settings):
     span: float | None = drawn(6.0, 25.0, "Clear span of every arch [m]", ge=4.0, le=35.0)
     rise_ratio: float | None = drawn(0.22, 0.48, "Rise of the intrados over the span [1]", ge=0.15, le=0.5)
     span_to_ring: float | None = drawn(17.0, 26.0, "Span over the thickness of the ring [1]", ge=12.0, le=35.0)
-    pier_ratio: float | None = drawn(0.16, 0.26, "Thickness of the piers over the span [1]", ge=0.12, le=0.35)
-    crown_fill: float | None = drawn(0.30, 0.60, "Fill over the crown, below the road's surfacing [m]", ge=0.2, le=1.5)
+    pier_ratio: float | None = drawn(0.16, 0.26, "Thickness of a pier over the span [1]", ge=0.12, le=0.35)
+    crown_fill: float | None = drawn(
+        0.30, 0.60, "Depth of the fill over the crown, below the surfacing [m]", ge=0.2, le=1.5
+    )
     cutwater: float | None = drawn(0.5, 0.9, "Length of a cutwater over half its width [1]", ge=0.3, le=1.2)
     wall: float | None = drawn(0.45, 0.65, "Thickness of the spandrel walls [m]", ge=0.4, le=1.0)
 
@@ -30,10 +32,10 @@ class MasonrySettings(Settings):
 class AboveSettings(Settings):
     """Main dimensions of an arch that rises above its deck: braces leave room for traffic in every draw."""
 
-    span: float | None = drawn(60.0, 150.0, "Springing to springing [m]", ge=40.0, le=250.0)
+    span: float | None = drawn(60.0, 150.0, "Span, springing to springing [m]", ge=40.0, le=250.0)
     span_to_rise: float | None = drawn(3.5, 5.5, "Span over rise [1]", ge=3.0, le=8.0)
     below_deck: float | None = drawn(
-        0.15, 0.25, "Share of a half-through arch's rise below the road [1]", ge=0.1, le=0.6
+        0.15, 0.25, "Part of a half-through arch's rise that is below the road [1]", ge=0.1, le=0.6
     )
 
 
@@ -45,38 +47,41 @@ class ArchSettings(Settings):
     """
 
     arrangement: Literal["deck", "through", "half_through", "tied", "masonry"] | None = chosen(
-        ARRANGEMENTS, "Where the deck lies", paper={"deck": 1}
+        ARRANGEMENTS, "Position of the deck", paper={"deck": 1}
     )
     shape: Literal["parabola", "circle", "catenary"] | None = chosen(
-        {"parabola": 0.45, "circle": 0.30, "catenary": 0.25}, "Line of the axis", paper={"parabola": 1}
+        {"parabola": 0.45, "circle": 0.30, "catenary": 0.25}, "Curve of the arch axis", paper={"parabola": 1}
     )
     form: Literal["ring", "concrete", "steel"] | None = chosen_by(
         {"below a deck": _DECK_FORMS, "above a deck": _THROUGH_FORMS},
-        "One concrete ring, or ribs of concrete or steel",
+        "Arch: one concrete ring, or ribs of concrete or steel",
         paper={"ring": 1},
     )
     deck: Literal["slab", "beam_slab", "box"] | None = chosen(
-        {"slab": 0.40, "beam_slab": 0.45, "box": 0.15}, "Deck over spandrel columns", paper={"box": 1}
+        {"slab": 0.40, "beam_slab": 0.45, "box": 0.15}, "Deck on the spandrel columns", paper={"box": 1}
     )
-    span: float | None = drawn(30.0, 150.0, "Springing to springing of a deck arch [m]", paper=(100, 100))
+    span: float | None = drawn(30.0, 150.0, "Span of a deck arch, springing to springing [m]", paper=(100, 100))
     span_to_rise: float | None = drawn(3.0, 8.0, "Span over rise [1]", paper=(4, 4))
     span_to_depth: float | None = drawn(45.0, 70.0, "Span over the depth at the crown [1]", ge=30.0, paper=(50, 50))
     thickening: float | None = drawn(
-        1.0, 1.5, "Depth at the springing over that at the crown [1]", le=2.0, paper=(1, 1)
+        1.0, 1.5, "Depth at the springing over depth at the crown [1]", le=2.0, paper=(1, 1)
     )
-    bays: int | None = drawn(8, 14, "Bays between the springing piers [1]", ge=6, le=20, paper=(10, 10))
+    bays: int | None = drawn(8, 14, "Number of bays between the springing piers [1]", ge=6, le=20, paper=(10, 10))
     approach: float | None = drawn(
         0.9,
         1.6,
-        "Deck beyond either springing pier over the rise, in whole bays [1]; 0: abutments behind the springings",
+        "Length of the deck beyond each springing pier over the rise, rounded up to whole bays [1]; 0: abutments "
+        "behind the springings",
         ge=0.0,
         le=4.0,
         paper=(0, 0),
     )
     springing: float | None = drawn(0.8, 2.5, "Least height of the springings above z = 0 [m]", ge=0.0, le=20.0)
-    hanger_pitch: float | None = drawn(4.0, 8.0, "Distance of hangers and floor beams [m]", ge=3.0, le=10.0)
+    hanger_pitch: float | None = drawn(
+        4.0, 8.0, "Distance between hangers, and between floor beams [m]", ge=3.0, le=10.0
+    )
     bracing: Literal["struts", "k"] | None = chosen(
-        {"struts": 50, "k": 50}, "Braces between ribs above a deck: struts alone or with diagonals"
+        {"struts": 50, "k": 50}, "Bracing between ribs above a deck: struts alone, or struts with diagonals (k)"
     )
     above: AboveSettings = AboveSettings()
     masonry: MasonrySettings = MasonrySettings()
@@ -174,7 +179,7 @@ def _refuse_idle(settings: ArchSettings) -> None:
         value = getattr(getattr(settings, section) if section else settings, name)
         if value is not None:
             raise InputError(
-                f"has no effect on an arch of arrangement {settings.arrangement!r}",
+                f"has no effect with arrangement = {settings.arrangement!r}",
                 field=f"bridge.arch.{key}",
                 value=value,
                 allowed=", ".join(f"bridge.arch.{right}" for right in _DIMENSIONS[own]),

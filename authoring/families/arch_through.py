@@ -180,10 +180,10 @@ def build_through_arch(layout: Layout, arch: DrawnThroughArch, ground: Ground) -
 def _refuse_ring(choice: ArchChoice) -> None:
     if choice.form == "ring":
         raise InputError(
-            "a ring as wide as the deck cannot rise above it",
+            "a ring is as wide as the deck, and cannot rise above it",
             field="bridge.arch.form",
             value="ring",
-            allowed="concrete or steel ribs",
+            allowed="concrete or steel",
             hint="Choose ribs, or the arrangement deck",
         )
 
@@ -226,11 +226,11 @@ def _draw_rib(
         key, value = ("below_deck", share) if deep else ("span_to_rise", choice.span / rise)
         most = 1.0 - needed / rise if deep else choice.span / (needed / (1.0 - share) if share else needed + under)
         raise InputError(
-            f"the crown lies {rise - under:.2f} m above the road: no room for traffic under braces",
+            f"the crown lies {rise - under:.2f} m above the road: no room for traffic under the bracing",
             field=f"bridge.arch.above.{key}",
             value=round(value, 3),
             allowed=f"at most {np.floor(1e3 * most) / 1e3:g} here",
-            hint="Raise the arch or lengthen the span",
+            hint="Choose a higher arch or a longer span",
         )
     axis = ArchAxis(choice.shape, choice.span, rise)
     tied = choice.arrangement == "tied"

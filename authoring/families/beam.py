@@ -41,17 +41,17 @@ class BeamSettings(SpanSettings):
     spans: tuple[float, ...] = Field(
         default=(),
         max_length=20,
-        description="Bearing line to bearing line [m], 6 to 60 each; empty: drawn, inner spans 14 to 36 and alike, end "
-        "spans by `end_share`; in profile paper 10 each",
+        description="Lengths of the spans, bearing line to bearing line, 6 to 60 each [m]; empty: drawn, the inner "
+        "spans equal, 14 to 36, the end spans by `end_share`; in profile paper 10 each",
     )
-    span_count: int | None = drawn(1, 4, "Number of spans where they are drawn [1]", le=20, paper=(4, 20))
-    end_share: float | None = drawn(0.75, 1.0, "End span over inner span where they are drawn [1]", ge=0.5, le=1.2)
+    span_count: int | None = drawn(1, 4, "Number of spans, if `spans` is empty [1]", le=20, paper=(4, 20))
+    end_share: float | None = drawn(0.75, 1.0, "End span over inner span, if `spans` is empty [1]", ge=0.5, le=1.2)
     continuous: bool | None = chosen(
-        {True: 35, False: 65}, "The slab runs through over the piers", among=SEVERAL, paper={False: 1}
+        {True: 35, False: 65}, "The slab is continuous over the piers", among=SEVERAL, paper={False: 1}
     )
-    slab: float | None = drawn(0.20, 0.25, "Deck slab [m]", ge=0.15, le=1.0, paper=(1.0, 1.0))
-    overhang: float | None = drawn(0.32, 0.40, "Girder beyond its bearing line [m]", ge=0.30, le=0.60)
-    gap: float | None = drawn(0.03, 0.05, "Expansion gap [m]", ge=0.02, le=0.15)
+    slab: float | None = drawn(0.20, 0.25, "Thickness of the deck slab [m]", ge=0.15, le=1.0, paper=(1.0, 1.0))
+    overhang: float | None = drawn(0.32, 0.40, "Length of a girder beyond its bearing line [m]", ge=0.30, le=0.60)
+    gap: float | None = drawn(0.03, 0.05, "Width of an expansion gap [m]", ge=0.02, le=0.15)
     edge: DeckEdgeSettings = DeckEdgeSettings()
     girder: GirderSettings = GirderSettings()
 
@@ -117,7 +117,7 @@ def draw_beam(settings: BeamSettings, shared: SharedSettings, draws: Draws) -> t
             field=f"bridge.bearing.{bearings.kind}_width",
             value=bearings.pad_width,
             allowed=f"at most {girders.bottom_width:g} m",
-            hint="Make it narrower or the girder wider",
+            hint="Choose a narrower bearing or a wider girder",
         )
     edge = draw_deck_edge(settings.edge, draws)
     carried = PierNeeds(width, girders.lines[-1], bearings, spans)

@@ -25,9 +25,9 @@ class BridgeSettings(SharedSettings):
     """The section `[bridge]` of a scenario."""
 
     family: FamilyName | dict[FamilyName, float] = "beam"
-    """Family of bridges, a key of the registry; or how often each is drawn, e.g. `{beam = 2.0, arch = 1.0}`."""
+    """Family of bridges; or a table of weights by which it is drawn, e.g. `{beam = 2.0, arch = 1.0}`."""
     profile: Literal["default", "paper"] = "default"
-    """Ranges that open parameters are drawn from."""
+    """Ranges that omitted parameters are drawn from: those of Falsework, or those of the paper."""
     arch: ArchSettings = ArchSettings()
     beam: BeamSettings = BeamSettings()
     cable_stayed: CableStayedSettings = CableStayedSettings()
@@ -45,7 +45,7 @@ class BridgeSettings(SharedSettings):
         if isinstance(value, dict):
             for name, weight in value.items():
                 if not isinstance(weight, int | float) or isinstance(weight, bool) or not 0.0 <= weight < float("inf"):
-                    raise ValueError(f"the weight of {name} is {weight!r}; allowed: numbers from 0 on")
+                    raise ValueError(f"the weight of {name} is {weight!r}; allowed: numbers of at least 0")
             if not sum(value.values()) > 0.0:
                 raise ValueError("all weights are 0; allowed: at least one above 0")
         return value
@@ -60,7 +60,7 @@ class BridgeSettings(SharedSettings):
             told = repr(family) if isinstance(family, str) else "a table without it"
             raise ValueError(
                 f"the settings of family {name!r} have no effect, because bridge.family is {told}; "
-                f"allowed: this section with family = {name!r}, or with a table of weights that names it"
+                f"allowed: this section with family = {name!r}, or with a table of weights that contains it"
             )
         return section
 

@@ -190,11 +190,11 @@ def _fitted(make: _Make, choice: Choice, top: DeckTop) -> Fitted:
             break
         longer = with_longer_spans(longer, _GROWTH)
     raise InputError(
-        f"leaves no clear gauge beside {choice.shape} pylons",
+        f"leaves no clear width for traffic beside {choice.shape} pylons",
         field="bridge.cable_stayed.main",
         value=choice.main,
         allowed=f"at least {longer.main:g} m here",
-        hint='Give a longer main span, or take bridge.cable_stayed.shape = "portal"',
+        hint='Choose a longer main span, or bridge.cable_stayed.shape = "portal"',
     )
 
 
@@ -259,7 +259,7 @@ def _elevation(
                 field=f"bridge.cable_stayed.{key}",
                 value=getattr(settings, key),
                 allowed=f"at least {(height + missing) / choice.main:.3f} here",
-                hint="Raise the pylon",
+                hint="Choose a higher pylon",
             )
         height = round(height + missing, 2)
     return None

@@ -45,23 +45,23 @@ class SteelGirderSettings(SpanSettings):
     spans: tuple[float, ...] = Field(
         default=(),
         max_length=20,
-        description="Bearing line to bearing line [m], 10 to 90 each; empty: drawn, inner spans 22 to 60 and alike, "
-        "end spans by `end_share` but 18 at least; in profile paper 10 each",
+        description="Lengths of the spans, bearing line to bearing line, 10 to 90 each [m]; empty: drawn, the inner "
+        "spans equal, 22 to 60, the end spans by `end_share`, but at least 18; in profile paper 10 each",
     )
     span_count: int | None = chosen(
         _COUNTS,
-        "Number of spans where they are drawn",
+        "Number of spans, if `spans` is empty [1]",
         among=f"; in profile paper {_PAPER_COUNTS[0]} to {_PAPER_COUNTS[1]} (the Random Bridge Generator has 50)",
         ge=1,
         le=20,
     )
-    end_share: float | None = drawn(0.72, 0.90, "End span over inner span where they are drawn [1]", ge=0.5, le=1.2)
+    end_share: float | None = drawn(0.72, 0.90, "End span over inner span, if `spans` is empty [1]", ge=0.5, le=1.2)
     continuous: bool | None = chosen(
-        {True: 70, False: 30}, "Girders and slab run through over the piers", among=SEVERAL, paper={False: 1}
+        {True: 70, False: 30}, "Girders and slab are continuous over the piers", among=SEVERAL, paper={False: 1}
     )
-    slab: float | None = drawn(0.21, 0.27, "Deck slab [m]", ge=0.15, le=1.0, paper=(1.0, 1.0))
-    overhang: float | None = drawn(0.34, 0.45, "Girder beyond its bearing line [m]", ge=0.30, le=0.80)
-    gap: float | None = drawn(0.03, 0.06, "Expansion gap [m]", ge=0.02, le=0.20)
+    slab: float | None = drawn(0.21, 0.27, "Thickness of the deck slab [m]", ge=0.15, le=1.0, paper=(1.0, 1.0))
+    overhang: float | None = drawn(0.34, 0.45, "Length of a girder beyond its bearing line [m]", ge=0.30, le=0.80)
+    gap: float | None = drawn(0.03, 0.06, "Width of an expansion gap [m]", ge=0.02, le=0.20)
     edge: DeckEdgeSettings = DeckEdgeSettings()
     steel: PlateGirderSettings = PlateGirderSettings()
     frames: CrossFrameSettings = CrossFrameSettings()

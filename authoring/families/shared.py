@@ -20,11 +20,11 @@ _BY_ABUTMENTS = 3.0  # [m] where embankments may reach the road
 class SharedSettings(DeckTopSettings):
     """Parts of a bridge that do not depend on its family; omitted values are drawn at random."""
 
-    clearance: float | None = drawn(5.0, 7.0, "Least height of the girders' soffit above z = 0 [m]", ge=3.0, le=30.0)
+    clearance: float | None = drawn(5.0, 7.0, "Lowest height of the deck's soffit above z = 0 [m]", ge=3.0, le=30.0)
     grade: float | None = drawn(
         -0.025,
         0.025,
-        "Rise of the road per metre, mean over the bridge; rail to 0.025 [1]",
+        "Mean longitudinal slope of the bridge, at most 0.025 for railways [1]",
         ge=-0.05,
         le=0.05,
         paper=(0.0, 0.0),
@@ -33,7 +33,7 @@ class SharedSettings(DeckTopSettings):
         default=0.0,
         ge=-180.0,
         le=180.0,
-        description="Direction of the axis or its chord, counter-clockwise from +x [deg]",
+        description="Direction of the axis, or of its chord, counter-clockwise from +x [deg]",
     )
     alignment: AlignmentSettings = AlignmentSettings()
     bearing: BearingSettings = BearingSettings()

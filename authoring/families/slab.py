@@ -46,14 +46,17 @@ class SlabSettings(SlabSectionSettings, SpanLengths):
     spans: tuple[float, ...] = Field(
         default=(),
         max_length=_MOST_SPANS,
-        description="Bearing line to bearing line [m], 5 to 18 each; empty: drawn, 6 to 15, voided and PK 9 to 18",
+        description="Lengths of the spans, bearing line to bearing line, 5 to 18 each [m]; empty: drawn, 6 to 15, "
+        "voided and pk 9 to 18",
     )
-    span_count: int | None = drawn(1, _MOST_SPANS, "Number of spans where they are drawn [1]")
+    span_count: int | None = drawn(1, _MOST_SPANS, "Number of spans, if `spans` is empty [1]")
     system: Literal["simple", "continuous"] | None = chosen(
-        {"continuous": 60, "simple": 40}, "One slab for each span, or one over all", among=SEVERAL
+        {"continuous": 60, "simple": 40},
+        "simple: one slab for each span; continuous: one slab over all spans",
+        among=SEVERAL,
     )
-    overhang: float | None = drawn(0.32, 0.40, "Slab beyond its bearing line [m]", ge=0.30, le=0.60)
-    gap: float | None = drawn(0.03, 0.05, "Expansion gap [m]", ge=0.02, le=0.15)
+    overhang: float | None = drawn(0.32, 0.40, "Length of the slab beyond its bearing line [m]", ge=0.30, le=0.60)
+    gap: float | None = drawn(0.03, 0.05, "Width of an expansion gap [m]", ge=0.02, le=0.15)
 
 
 @dataclass(frozen=True)
@@ -139,19 +142,19 @@ def _draw_spans(settings: SlabSettings, section: str, service: str, bearings: Be
 def _check(settings: SlabSettings, slab: Slab, longest: float) -> None:
     if slab.section == "solid" and longest > _LONGEST_SOLID:
         raise InputError(
-            "a span that is too long for a solid slab",
+            "too long a span for a solid slab",
             field="bridge.slab.spans",
             value=longest,
             allowed=f"at most {_LONGEST_SOLID:g} m",
-            hint=f"The nearest is {_LONGEST_SOLID:g} m; or section = 'voided'",
+            hint=f"Choose at most {_LONGEST_SOLID:g} m, or section = 'voided'",
         )
     if slab.lines[-1] <= 0.0 or min(np.diff(slab.lines)) < 0.8:
         raise InputError(
-            "no room for its bearings under the slab",
+            "no room for the bearings under the slab",
             field="bridge.slab.bearings",
             value=settings.bearings,
             allowed="bearings at least 0.8 m apart",
-            hint="Take fewer bearings or a shorter cantilever",
+            hint="Choose fewer bearings or a shorter cantilever",
         )
 
 

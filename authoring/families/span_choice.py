@@ -12,7 +12,7 @@ from authoring.parts.spans import Spans
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
-SEVERAL = " of those with several spans"
+SEVERAL = " of bridges with several spans"
 PAPER_SPAN = 10.0  # [m]: the Random Bridge Generator puts a pier every 10 m
 _UNDER_PLINTH = 0.02  # [m] of a girder beyond its plinth
 
@@ -46,13 +46,15 @@ class SpanRule:
 class SpanLengths(Settings):
     """Settings that slabs, beams and girders have in common; each family documents their meaning."""
 
-    spans: tuple[float, ...] = Field(default=(), description="Bearing line to bearing line [m]; empty: drawn")
+    spans: tuple[float, ...] = Field(
+        default=(), description="Lengths of the spans, bearing line to bearing line [m]; empty: drawn"
+    )
 
 
 class SpanSettings(SpanLengths):
     """Settings that beams and girders have in common."""
 
-    continuous: bool | None = Field(default=None, description="Members run through over the piers")
+    continuous: bool | None = Field(default=None, description="Members are continuous over the piers")
 
 
 @dataclass(frozen=True)
@@ -108,11 +110,11 @@ def _lay_out(
         if not rule.shortest <= length <= rule.longest:
             nearest = min(max(length, rule.shortest), rule.longest)
             raise InputError(
-                f"a span out of the range of {rule.members}",
+                f"a span that is too short or too long for {rule.members}",
                 field=f"bridge.{rule.family}.spans",
                 value=length,
                 allowed=f"{rule.shortest:g} to {rule.longest:g} m",
-                hint=f"The nearest is {nearest:g} m; other spans want another family",
+                hint=f"The nearest valid value is {nearest:g} m; or choose another family",
             )
     # A plinth stays under its own span's end.
     overhang = max(ends[0], round(0.5 * bearings.plinth_length + _UNDER_PLINTH, 3))

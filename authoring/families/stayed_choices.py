@@ -49,69 +49,76 @@ class CableStayedSettings(Settings):
 
     size: Literal["compact", "realistic"] | None = chosen(
         {"compact": 0.7, "realistic": 0.3},
-        "Scale: compact 100 to 250 m long, realistic 144 to 480 m long (main spans to 400 m may be asked for)",
+        "Size of the bridge: compact 100 to 250 m long, realistic 144 to 480 m long; `main` may be up to 400 m",
         paper={"compact": 1},
     )
     pylons: Literal[1, 2] | None = chosen({1: 0.4, 2: 0.6}, "Number of pylons")
     shape: PylonShape | None = chosen(
         _SHAPES,
-        "Pylons",
-        among="; a mast wants a road with an even number of lanes, a and diamond want height: h takes their place "
-        "where that is missing",
+        "Shape of the pylons",
+        among="; a mast needs a road with an even number of lanes, a and diamond need a high deck: otherwise h "
+        "replaces them",
     )
     arrangement: Arrangement | None = chosen_by(
         {"on a and diamond": _LEANING_STAYS, **{f"on {shape}": _ARRANGEMENTS[shape] for shape in _UPRIGHT}},
-        "Stays in elevation",
+        "Arrangement of the stays in elevation",
     )
     planes: Literal[1, 2] | None = chosen_by(
         {"on a mast": _PLANES["mast"], "on a diamond": _PLANES["diamond"], "on other shapes": _PLANES["h"]},
-        "Planes of stays",
+        "Number of planes of stays",
     )
     deck: DeckKind | None = chosen_by({"under two planes": _DECKS[2], "under one plane": _DECKS[1]}, "Deck")
-    main: float | None = Field(default=None, ge=30.0, le=400.0, description="Main span [m]; drawn by the size")
+    main: float | None = Field(
+        default=None, ge=30.0, le=400.0, description="Main span [m]; drawn from a range that depends on `size`"
+    )
     side_ratio: float | None = drawn(
-        0.35, 0.45, "Side span over main span, two pylons [1]", ge=0.30, le=0.50, paper=(0.40, 0.50)
+        0.35, 0.45, "Side span over main span with two pylons [1]", ge=0.30, le=0.50, paper=(0.40, 0.50)
     )
     back_ratio: float | None = drawn(
-        0.65, 1.0, "Side span over main span, one pylon [1]", ge=0.45, le=1.0, paper=(1.0, 1.0)
+        0.65, 1.0, "Side span over main span with one pylon [1]", ge=0.45, le=1.0, paper=(1.0, 1.0)
     )
     height_ratio: float | None = drawn(
-        0.20, 0.25, "Two pylons: height over the deck, of the main span [1]", ge=0.12, le=0.35
+        0.20, 0.25, "Height of two pylons above the deck, over the main span [1]", ge=0.12, le=0.35
     )
     single_height_ratio: float | None = drawn(
-        0.40, 0.45, "One pylon: height over the deck, of the main span [1]", ge=0.25, le=0.60
+        0.40, 0.45, "Height of one pylon above the deck, over the main span [1]", ge=0.25, le=0.60
     )
     air: float | None = drawn(
         0.03,
         0.05,
-        "Least height of the deck's soffit above z = 0, over the main span [1]",
+        "Lowest height of the deck's soffit above z = 0, over the main span [1]",
         ge=0.0,
         le=0.15,
         paper=(0.0, 0.0),
     )
     anchor_piers: bool | None = chosen(
-        {True: 0.6, False: 0.4}, "Piers under side spans of 40 m or more, 36 m apart at most", paper={False: 1}
+        {True: 0.6, False: 0.4}, "Anchor piers, at most 36 m apart, under side spans of 40 m or more", paper={False: 1}
     )
-    zone: float | None = drawn(0.55, 0.68, "Lowest head of a semi-fan over the pylon's height [1]", ge=0.40, le=0.85)
+    zone: float | None = drawn(
+        0.55, 0.68, "Height of the lowest anchor of a semi-fan over the pylon's height [1]", ge=0.40, le=0.85
+    )
     pitch: float | None = Field(
         default=None,
         ge=2.5,
         le=20.0,
-        description="Distance between the feet of stays [m]; drawn compact 3.5 to 5.5 (concrete) or 5 to 8 (steel), "
-        "realistic 5 to 10 or 10 to 16; in profile paper 7 stays a side",
+        description="Distance between the lower anchors of the stays [m]; drawn compact 3.5 to 5.5 (concrete) or 5 to "
+        "8 (steel), realistic 5 to 10 or 10 to 16; in profile paper 7 stays on each side",
     )
     stay_diameter: float | None = Field(
         default=None,
         ge=0.05,
         le=0.30,
-        description="Stay in its sheath [m]; drawn compact 0.06 to 0.12, realistic 0.10 to 0.25; in profile paper 0.10",
+        description="Diameter of a stay with its sheath [m]; drawn compact 0.06 to 0.12, realistic 0.10 to 0.25; in "
+        "profile paper 0.10",
     )
-    slenderness: float | None = drawn(100.0, 250.0, "Main span over the deck's depth, while that stays buildable [1]")
-    slab: float | None = drawn(0.22, 0.28, "Deck slab [m]", ge=0.18, le=0.45)
-    strip: float | None = drawn(0.7, 1.1, "Edge strip outside the parapets that stays stand on [m]", ge=0.5, le=2.5)
-    leg: float | None = drawn(0.9, 1.15, "Scale of the pylons' legs [1]", ge=0.7, le=1.6)
-    overhang: float | None = drawn(0.40, 0.55, "Deck beyond its last bearing line [m]", ge=0.30, le=0.80)
-    gap: float | None = drawn(0.06, 0.12, "Expansion gap at the abutments [m]", ge=0.03, le=0.20)
+    slenderness: float | None = drawn(100.0, 250.0, "Main span over the deck's depth; the depth has a minimum [1]")
+    slab: float | None = drawn(0.22, 0.28, "Thickness of the deck slab [m]", ge=0.18, le=0.45)
+    strip: float | None = drawn(
+        0.7, 1.1, "Width of the edge strip outside the parapets, where stays are anchored [m]", ge=0.5, le=2.5
+    )
+    leg: float | None = drawn(0.9, 1.15, "Factor for the section of the pylons' legs [1]", ge=0.7, le=1.6)
+    overhang: float | None = drawn(0.40, 0.55, "Length of the deck beyond its last bearing line [m]", ge=0.30, le=0.80)
+    gap: float | None = drawn(0.06, 0.12, "Width of the expansion gaps at the abutments [m]", ge=0.03, le=0.20)
 
 
 @dataclass(frozen=True)
@@ -256,7 +263,7 @@ def _main(size: str, pylons: int, ratio: float, randoms: RandomDraws) -> float:
 
 def _refuse(settings: CableStayedSettings, shape: str, arrangement: str, planes: int, divided: bool) -> None:
     if planes == 1 and shape not in ("mast", "diamond"):
-        _wrong("planes", planes, "2 with this shape", "Take a mast or a diamond, or leave `planes` out")
+        _wrong("planes", planes, "2 with this shape", "Choose a mast or a diamond, or leave `planes` out")
     if planes == 2 and shape == "mast":
         _wrong("planes", planes, "1 with a mast", "Leave it out")
     if planes == 1 and not divided:
@@ -264,16 +271,18 @@ def _refuse(settings: CableStayedSettings, shape: str, arrangement: str, planes:
         _wrong(
             where,
             settings.shape or planes,
-            "roads of 2, 4 or 6 lanes, where a median has room",
+            "a road of 2, 4 or 6 lanes with room for a median",
             'Set bridge.service = "road" and bridge.roadway.lanes = 2',
         )
     if arrangement == "harp" and shape in _LEANING:
-        _wrong("arrangement", arrangement, "fan or semi_fan on leaning legs", "Take shape h, portal or mast for a harp")
+        _wrong(
+            "arrangement", arrangement, "fan or semi_fan on inclined legs", "Choose shape h, portal or mast for a harp"
+        )
 
 
 def _wrong(field: str, value: object, allowed: str, hint: str) -> NoReturn:
     raise InputError(
-        "does not go with the other choices",
+        "does not fit the other choices",
         field=f"bridge.cable_stayed.{field}",
         value=value,
         allowed=allowed,

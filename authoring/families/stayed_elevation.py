@@ -142,11 +142,11 @@ def _offsets(choice: Choice, frame: Frame, lowest: float, least: float) -> tuple
     if (far - near) / (count - 1) < 1.2:
         most = max((share * choice.main - near) / 3.0, 2.5)
         raise NoRoomForStays(
-            "leaves no room for three stays to a side",
+            "leaves no room for three stays on each side",
             field="bridge.cable_stayed.pitch",
             value=choice.pitch,
             allowed=f"at most {most:.1f} m here",
-            hint="Reduce it, or give a longer main span",
+            hint="Reduce it, or choose a longer main span",
         )
     return tuple(float(x) for x in np.round(np.linspace(near, far, count), 3))
 

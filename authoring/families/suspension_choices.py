@@ -24,8 +24,8 @@ class SuspensionSettings(Settings):
 
     size: Literal["compact", "realistic"] | None = chosen(
         {"compact": 70, "realistic": 30},
-        "Scale: compact 140 to 260 m long, realistic 420 to 640 m long with a main span of 300 m and more (to 1000 m "
-        "may be asked for)",
+        "Size of the bridge: compact 140 to 260 m long, realistic 420 to 640 m long with a main span of at least 300 "
+        "m; `main` may be up to 1000 m",
         paper={"compact": 1},
     )
     deck: Literal["steel_box", "plate_girder"] | None = chosen(
@@ -33,28 +33,35 @@ class SuspensionSettings(Settings):
     )
     side_spans: Literal["straight", "suspended"] | None = chosen(
         {"suspended": 45, "straight": 55},
-        "Straight backstays over side spans on piers, or side spans on hangers",
+        "straight: straight backstays, side spans on piers; suspended: side spans on hangers",
         paper={"suspended": 1},
     )
-    main: float | None = Field(default=None, ge=40.0, le=1000.0, description="Main span [m]; drawn by the size")
+    main: float | None = Field(
+        default=None, ge=40.0, le=1000.0, description="Main span [m]; drawn from a range that depends on `size`"
+    )
     side_ratio: float | None = drawn(
-        0.20, 0.34, "Side span over main span, straight backstays [1]", ge=0.20, le=0.50, paper=(0.5, 0.5)
+        0.20, 0.34, "Side span over main span with straight backstays [1]", ge=0.20, le=0.50, paper=(0.5, 0.5)
     )
     suspended_ratio: float | None = drawn(
-        0.32, 0.50, "Side span over main span, suspended [1]", ge=0.25, le=0.50, paper=(0.5, 0.5)
+        0.32, 0.50, "Side span over main span with suspended side spans [1]", ge=0.25, le=0.50, paper=(0.5, 0.5)
     )
     sag_ratio: float | None = drawn(
-        1.0 / 12.0, 1.0 / 8.0, "Sag of the cables over the main span [1]", ge=_SAG_RATIOS[0], le=_SAG_RATIOS[1]
+        1.0 / 12.0,
+        1.0 / 8.0,
+        "Sag ratio: sag of the main cables over the main span [1]",
+        ge=_SAG_RATIOS[0],
+        le=_SAG_RATIOS[1],
     )
     over_deck: float | None = drawn(
-        2.0, 4.0, "Lowest point of the cables above the deck [m]", ge=_OVER_DECK[0], le=_OVER_DECK[1]
+        2.0, 4.0, "Height of the lowest point of the main cables above the deck [m]", ge=_OVER_DECK[0], le=_OVER_DECK[1]
     )
     tower_height: float | None = Field(
         default=None,
         ge=7.0,
         le=140.0,
-        description="Saddles above the deck [m]; drawn: sag and `over_deck` together; fixed: `over_deck` follows, and "
-        "an open sag as far as cables 1.6 to 8 m over the deck want it",
+        description="Height of the saddles above the deck [m]; left out: sag plus `over_deck`. If it is given, "
+        "`over_deck` follows from it, and a sag that is left out is adjusted so that the cables stay 1.6 to 8 m "
+        "above the deck",
     )
     pitch: float | None = Field(
         default=None,
@@ -63,22 +70,24 @@ class SuspensionSettings(Settings):
         description="Distance between hangers [m]; drawn compact 3 to 6, realistic 8 to 18; in profile paper 2",
     )
     cable_ratio: float | None = drawn(
-        1500.0, 2000.0, "Main span over cable diameter, cables no thinner than compact 0.14 m, realistic 0.25 m [1]"
+        1500.0,
+        2000.0,
+        "Main span over cable diameter; the diameter is at least 0.14 m (compact) or 0.25 m (realistic) [1]",
     )
     hanger_diameter: float | None = drawn(0.04, 0.08, "Diameter of a hanger [m]", ge=0.025, le=0.15, paper=(0.10, 0.10))
-    slenderness: float | None = drawn(150.0, 300.0, "Main span over the deck's depth, while that stays buildable [1]")
+    slenderness: float | None = drawn(150.0, 300.0, "Main span over the deck's depth; the depth has a minimum [1]")
     air: float | None = drawn(
         0.03,
         0.05,
-        "Least height of the deck's soffit above z = 0, over the main span [1]",
+        "Lowest height of the deck's soffit above z = 0, over the main span [1]",
         ge=0.0,
         le=0.15,
         paper=(0.0, 0.0),
     )
-    slab: float | None = drawn(0.20, 0.26, "Deck slab [m]", ge=0.16, le=0.45)
-    leg: float | None = drawn(0.9, 1.15, "Scale of the towers' legs [1]", ge=0.7, le=1.6)
-    overhang: float | None = drawn(0.40, 0.55, "Deck beyond its last bearing line [m]", ge=0.30, le=0.80)
-    gap: float | None = drawn(0.06, 0.12, "Expansion gap at the abutments [m]", ge=0.03, le=0.20)
+    slab: float | None = drawn(0.20, 0.26, "Thickness of the deck slab [m]", ge=0.16, le=0.45)
+    leg: float | None = drawn(0.9, 1.15, "Factor for the section of the towers' legs [1]", ge=0.7, le=1.6)
+    overhang: float | None = drawn(0.40, 0.55, "Length of the deck beyond its last bearing line [m]", ge=0.30, le=0.80)
+    gap: float | None = drawn(0.06, 0.12, "Width of the expansion gaps at the abutments [m]", ge=0.03, le=0.20)
 
 
 @dataclass(frozen=True)
@@ -174,11 +183,11 @@ def check_sag(settings: SuspensionSettings, choice: SuspensionChoice) -> None:
         lowest = round(_SAG_RATIOS[0] * choice.main + _OVER_DECK[0], 2)
         highest = round(_SAG_RATIOS[1] * choice.main + _OVER_DECK[1], 2)
         raise InputError(
-            f"does not go with a main span of {choice.main:g} m",
+            f"does not fit a main span of {choice.main:g} m",
             field="bridge.suspension.tower_height",
             value=choice.crown,
             allowed=f"{lowest:g} to {highest:g} m here",
-            hint=f"The nearest is {lowest if choice.crown < lowest else highest:g} m",
+            hint=f"The nearest valid value is {lowest if choice.crown < lowest else highest:g} m",
         )
     if _OVER_DECK[0] - 1e-9 <= low <= _OVER_DECK[1] + 1e-9:
         return
@@ -188,12 +197,12 @@ def check_sag(settings: SuspensionSettings, choice: SuspensionChoice) -> None:
     fitting = (choice.crown - bound) / choice.main
     ratio_told = f"a sag ratio of at {side} {fitting:.4f}, or " if fitting <= _SAG_RATIOS[1] else ""
     raise InputError(
-        f"a sag of {sag:.2f} m {'reaches under' if through else f'ends {low:.2f} m over the deck below'} saddles "
-        f"{choice.crown:g} m above the deck",
+        f"saddles {choice.crown:g} m above the deck and a sag of {sag:.2f} m put the lowest point of the cables "
+        f"{low:.2f} m above the deck",
         field="bridge.suspension.sag_ratio" if settings.sag_ratio else "bridge.suspension.tower_height",
         value=settings.sag_ratio or settings.tower_height,
         allowed=f"{ratio_told}a tower height of at {other} {sag + bound:.2f} m here",
-        hint="Raise the tower or reduce the sag" if through else "Lower the tower or let the cables sag more",
+        hint="Choose a higher tower or a smaller sag" if through else "Choose a lower tower or a larger sag",
     )
 
 
@@ -214,10 +223,10 @@ def hanger_stations(low: float, high: float, pitch: float) -> tuple[float, ...]:
     bays = round((high - low) / pitch)
     if bays < 2:
         raise InputError(
-            f"leaves no room for three hangers on {high - low:.1f} m",
+            f"leaves no room for three hangers on a length of {high - low:.1f} m",
             field="bridge.suspension.pitch",
             value=pitch,
             allowed=f"at most {max(0.5 * (high - low), 1.5):.1f} m here",
-            hint="Reduce it, or give longer spans",
+            hint="Reduce it, or choose longer spans",
         )
     return tuple(round(float(s), 6) for s in np.linspace(low, high, bays + 1))

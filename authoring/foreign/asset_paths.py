@@ -65,7 +65,7 @@ def localize(layer: Sdf.Layer, folder: Path, file: Path, holder: Callable[[str],
     layer.customLayerData = _without_paths(layer.customLayerData)
     if left:
         more = f" and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
-        warn(f"files that no shader and no light reads are left out: {', '.join(left[:_NAMED])}{more}")
+        warn(f"files that no shader and no light uses are left out: {', '.join(left[:_NAMED])}{more}")
 
 
 def _specs(layer: Sdf.Layer) -> list[Any]:

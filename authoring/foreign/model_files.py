@@ -42,10 +42,10 @@ def check_file(file: Path) -> None:
     size = file.stat().st_size
     if size > MOST_BYTES:
         raise InputError(
-            f"{size / 1e9:.1f} GB are too large to import",
+            f"too large to import: {size / 1e9:.1f} GB",
             where=file,
-            allowed=f"{MOST_BYTES / 1e9:g} GB",
-            hint="Cut out a tile",
+            allowed=f"up to {MOST_BYTES / 1e9:g} GB",
+            hint="Cut out a smaller tile",
         )
     if not size:
         raise InputError("is empty", where=file)
@@ -103,7 +103,7 @@ def unpack(archive: Path, folder: Path, suffixes: tuple[str, ...]) -> Path:
             f"holds {len(models)} models",
             where=archive,
             allowed=f"one of {', '.join(suffixes)}",
-            hint="Unpack it and name one, or join them",
+            hint="Unpack it and name one of them, or join them",
         )
     with zipfile.ZipFile(archive) as packed:
         for entry in entries:
@@ -115,7 +115,7 @@ def unpack(archive: Path, folder: Path, suffixes: tuple[str, ...]) -> Path:
             except UNSOUND as error:
                 raise InputError(f"cannot be unpacked: {error}", where=f"{archive}: {entry.filename}") from None
             if len(data) != entry.file_size:
-                raise InputError("holds more than it says", where=f"{archive}: {entry.filename}")
+                raise InputError("is larger than the archive states", where=f"{archive}: {entry.filename}")
             if target.is_dir():
                 raise InputError("an entry that is both a file and a folder", where=f"{archive}: {entry.filename}")
             write_bytes(target, data)
@@ -147,8 +147,8 @@ def check_archive(archive: Path) -> list[zipfile.ZipInfo]:
         raise InputError(
             f"unpacks to {len(entries)} files, {whole / 1e9:.1f} GB",
             where=archive,
-            allowed=f"{MOST_ENTRIES} files, {MOST_UNPACKED / 1e9:g} GB",
-            hint="Cut out a tile",
+            allowed=f"up to {MOST_ENTRIES} files, {MOST_UNPACKED / 1e9:g} GB",
+            hint="Cut out a smaller tile",
         )
     for entry in entries:
         ratio = entry.file_size / max(entry.compress_size, 1)
@@ -156,7 +156,7 @@ def check_archive(archive: Path) -> list[zipfile.ZipInfo]:
             raise InputError(
                 f"unpacks to {ratio:.0f} times its size",
                 where=f"{archive}: {entry.filename}",
-                allowed=f"{MOST_RATIO:g} times",
+                allowed=f"up to {MOST_RATIO:g} times",
             )
         path = Path(entry.filename.replace("\\", "/"))
         if (

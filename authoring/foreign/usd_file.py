@@ -38,7 +38,7 @@ def open_foreign(file: Path, warn: Warn) -> Usd.Stage:
         for target in UsdShade.MaterialBindingAPI(prim).GetDirectBindingRel().GetTargets():
             if not stage.GetPrimAtPath(target):
                 raise InputError(
-                    "is bound to a material that is not in the file",
+                    "has a material that is not in the file",
                     where=file,
                     field=str(prim.GetPath()),
                     value=str(target),

@@ -76,8 +76,8 @@ def city_components(model: CityModel, prefix: str, first_id: int) -> tuple[Compo
     """
     if first_id + 2 * len(model.buildings) + len(model.textured) > LAST_ID:
         raise InputError(
-            f"{len(model.buildings) + len(model.textured)} buildings are too many",
-            allowed=f"{(LAST_ID - first_id) // 2}",
+            f"too many buildings: {len(model.buildings) + len(model.textured)}",
+            allowed=f"up to {(LAST_ID - first_id) // 2}",
             hint="Cut out a smaller tile",
         )
     rows: list[tuple[str, str, str, F64, dict[str, object]]] = []

@@ -46,7 +46,9 @@ def read_cityjson(file: Path, warn: Warn) -> CityModel:
     if not file.is_file():
         raise MissingError("no such file", where=file, hint="Check the path")
     if file.stat().st_size > MOST_BYTES:
-        raise InputError("too large to import", where=file, allowed=f"{MOST_BYTES / 1e9:g} GB", hint="Cut out a tile")
+        raise InputError(
+            "too large to import", where=file, allowed=f"up to {MOST_BYTES / 1e9:g} GB", hint="Cut out a smaller tile"
+        )
     parts = [_Part.read(file, document) for document in _documents(file)]
     unknown = sorted({o["type"] for p in parts for o in p.objects.values()} - {*BUILDINGS, *RELIEF, "CityObjectGroup"})
     if unknown:
@@ -57,10 +59,10 @@ def read_cityjson(file: Path, warn: Warn) -> CityModel:
     middle = np.round(0.5 * (points.min(axis=0) + points.max(axis=0)))
     if np.abs(points - middle).max() > FARTHEST:
         raise InputError(
-            f"reaches {np.abs(points - middle).max() / 1e3:.0f} km from its middle",
+            f"extends {np.abs(points - middle).max() / 1e3:.0f} km from its middle",
             where=file,
-            allowed=f"{FARTHEST / 1e3:g} km",
-            hint="Cut out a tile",
+            allowed=f"up to {FARTHEST / 1e3:g} km",
+            hint="Cut out a smaller tile",
         )
     middle[2] = points[:, 2].min()
     buildings, terrain = _model(parts, middle)
@@ -156,7 +158,7 @@ class _Part:
         index = np.array(numbers, np.int64)
         if index.ndim != 1 or not len(index) or index.min() < 0 or index.max() >= len(vertices):
             raise InputError(
-                "names a vertex that is not there",
+                "names a vertex that does not exist",
                 where=self.file,
                 field="boundaries",
                 value=str(numbers)[:60],

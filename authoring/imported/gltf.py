@@ -95,7 +95,7 @@ class GltfFile:
             entry = self.header["images"][number]
         except (KeyError, IndexError, TypeError):
             raise InputError(
-                "names a texture that is not there", where=self.file, field=f"material {material}"
+                "names a texture that does not exist", where=self.file, field=f"material {material}"
             ) from None
         if number not in cache:
             uri, where = entry.get("uri", ""), f"{self.file}: image {number}"
@@ -131,7 +131,7 @@ def _chunks(data: bytes, file: Path) -> tuple[bytes, bytes | None]:
     while place + 8 <= len(data):
         length, kind = struct.unpack_from("<II", data, place)
         if place + 8 + length > len(data):
-            raise InputError("is cut short", where=file, hint="Check that the file is complete")
+            raise InputError("is incomplete", where=file, hint="Check that the file is complete")
         found.append((kind, data[place + 8 : place + 8 + length]))
         place += 8 + length
     text = next((chunk for kind, chunk in found if kind == 0x4E4F534A), b"")
@@ -148,7 +148,7 @@ def _buffer(entry: dict[str, Any], chunk: bytes | None, file: Path) -> bytes:
         data = read_beside(file, uri, "buffer")
     if len(data) < length:
         raise InputError(
-            f"a buffer of {length} bytes holds {len(data)}", where=file, hint="Check that the file is complete"
+            f"a buffer of {length} bytes has only {len(data)}", where=file, hint="Check that the file is complete"
         )
     return data
 
@@ -157,7 +157,7 @@ def _inline(uri: str, where: str) -> bytes:
     try:
         return base64.b64decode(uri.partition(",")[2], validate=True)
     except (binascii.Error, ValueError) as error:
-        raise InputError(f"data in the file are not base64: {error}", where=where) from None
+        raise InputError(f"embedded data are not base64: {error}", where=where) from None
 
 
 def _check_header(header: Any, file: Path) -> None:
@@ -167,12 +167,14 @@ def _check_header(header: Any, file: Path) -> None:
     required = [name for name in header.get("extensionsRequired", ()) if name in _PACKED]
     if required:
         raise InputError(
-            f"is packed with {', '.join(required)}", where=file, hint="Unpack it first, e.g. with gltf-transform copy"
+            f"is compressed with {', '.join(required)}",
+            where=file,
+            hint="Decompress it first, e.g. with gltf-transform copy",
         )
     nodes = header.get("nodes", [])
     children = [child for node in nodes for child in node.get("children", ())]
     if len(set(children)) != len(children) or any(not 0 <= child < len(nodes) for child in children):
-        raise InputError("a node has two parents, or is not there", where=file, field="nodes")
+        raise InputError("a node has two parents, or does not exist", where=file, field="nodes")
     _check_roots(nodes, set(children), file)
     counts = [sum(_triangle_count(header, p) for p in mesh["primitives"]) for mesh in header.get("meshes", ())]
     check_count(sum(counts[node["mesh"]] for node in nodes if "mesh" in node), file)

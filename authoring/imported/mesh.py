@@ -60,7 +60,7 @@ def read_mesh(file: Path, warn: Warn, up: str = "", scale: float = 1.0) -> CityM
         raise InputError("unknown axis", field="--up", value=up, allowed=", ".join(AXES))
     if not np.isfinite(scale) or scale <= 0.0:
         raise InputError(
-            "not a scale", field="--scale", value=scale, allowed="a number above 0: the metres of one unit"
+            "not a scale", field="--scale", value=scale, allowed="a number above 0: the length of one unit [m]"
         )
     if file.suffix.lower() == ".zip":
         with tempfile.TemporaryDirectory() as folder:
@@ -80,7 +80,7 @@ def read_mesh(file: Path, warn: Warn, up: str = "", scale: float = 1.0) -> CityM
     except InputError:
         raise
     except MemoryError:
-        raise InputError("needs more memory than there is", where=file, hint="Cut out a smaller tile") from None
+        raise InputError("needs more memory than is available", where=file, hint="Cut out a smaller tile") from None
     except _BROKEN as error:
         problem = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise InputError(f"invalid ({problem})", where=file, hint="Check that the file is complete") from None
@@ -143,7 +143,7 @@ def _check_faces(data: bytes, file: Path) -> None:
     most = max(len(re.findall(rb"^[ \t]*" + kind + rb"[ \t]", data, re.MULTILINE)) for kind in (b"v", b"vt", b"vn"))
     farthest = max((max(map(abs, map(int, line.replace(b"/", b" ").split())), default=0) for line in faces), default=0)
     if farthest > most:
-        raise InputError("names a vertex that is not there", where=file, value=farthest, allowed=f"1 to {most}")
+        raise InputError("names a vertex that does not exist", where=file, value=farthest, allowed=f"1 to {most}")
 
 
 def read_ply(file: Path) -> MeshSoup:
@@ -161,7 +161,7 @@ def read_ply(file: Path) -> MeshSoup:
     check_count(counts.get("face", 0), file)
     rows = counts.get("vertex", 0) + counts.get("face", 0)
     if rows > (body.rstrip().count(b"\n") if b"format ascii" in head else len(body)):
-        raise InputError("is cut short", where=file, hint="Check that the file is complete")
+        raise InputError("is incomplete", where=file, hint="Check that the file is complete")
     image = re.search(rb"^comment[ \t]+TextureFile[ \t]+([^\r\n]+)", head, re.MULTILINE)
     skin = None
     if image:
@@ -195,7 +195,10 @@ def _part(mesh: Any, place: F64, skin: Skin | None, color: NDArray[np.uint8], wh
     faces, vertices = np.asarray(mesh.faces, np.int64), np.asarray(mesh.vertices, np.float64)
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise InputError(
-            "names a vertex that is not there", where=where, value=int(faces.max()), allowed=f"0 to {len(vertices) - 1}"
+            "names a vertex that does not exist",
+            where=where,
+            value=int(faces.max()),
+            allowed=f"0 to {len(vertices) - 1}",
         )
     triangles = (vertices @ place[:3, :3].T + place[:3, 3])[faces]
     if np.linalg.det(place[:3, :3]) < 0.0:

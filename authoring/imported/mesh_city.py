@@ -41,13 +41,13 @@ def city_of(soup: MeshSoup, warn: Warn) -> CityModel:
     ground = ground_triangles(triangles)
     rise = _rise(triangles)
     if rise[ground].sum() < 0.0:
-        warn("faces look inwards: all are turned over")
+        warn("faces point inwards: all are reversed")
         triangles, st, rise = triangles[:, ::-1], st[:, ::-1], -rise
     under = ground & (rise < 0.0)
     if -rise[under].sum() < MOST_UNDER * np.abs(rise[ground]).sum():
         ground &= ~under  # floors of closed houses; where faces look every way, nothing can be said
     if not ground.any():
-        warn("no ground found: the feet of the buildings tell where it is")
+        warn("no ground found: it is estimated from the bases of the buildings")
     owner = np.where(ground, -1, 0).astype(np.int32)
     owner[~ground] = _owners(triangles[~ground])
     bare = skin < 0

@@ -98,7 +98,7 @@ def centered(soup: MeshSoup, where: object, warn: Warn) -> MeshSoup:
         InputError: No triangle, a number that is not finite, or no tile.
     """
     if not len(soup.triangles):
-        raise InputError("holds no triangles", where=where, hint="Export a mesh: points and lines make no world")
+        raise InputError("holds no triangles", where=where, hint="Export a mesh; points and lines cannot be imported")
     for what, values in (("position", soup.triangles), ("texture coordinate", soup.st)):
         if not np.isfinite(values).all():
             raise InputError(f"holds a {what} that is not finite", where=where, hint="Repair the mesh")
@@ -106,15 +106,15 @@ def centered(soup: MeshSoup, where: object, warn: Warn) -> MeshSoup:
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     triangles, facts = soup.triangles - middle, dict(soup.facts)
     if _is_geocentric(middle):
-        warn("geocentric coordinates: turned so that z is up at the middle")
+        warn("geocentric coordinates: rotated so that z is up at the middle")
         triangles, facts["crs"] = triangles @ _local_frame(middle).T, "geocentric"
     reach = float(np.abs(triangles).max())
     if reach > FARTHEST:
         raise InputError(
-            f"reaches {reach / 1e3:.0f} km from its middle",
+            f"extends {reach / 1e3:.0f} km from its middle",
             where=where,
-            allowed=f"{FARTHEST / 1e3:g} km",
-            hint="Cut out a tile, or mend its unit with --scale",
+            allowed=f"up to {FARTHEST / 1e3:g} km",
+            hint="Cut out a smaller tile, or correct its unit with --scale",
         )
     # Whole metres in plan, so that a place in the world is found in its maps again; geocentric ones have no plan.
     rest = np.zeros(3) if facts.get("crs") == "geocentric" else middle - np.round(middle)

@@ -142,11 +142,11 @@ def choose_place(model: CityModel, site: Site, rng: np.random.Generator) -> City
     if found is not None:
         return found[1]
     raise InputError(
-        f"no place for this bridge: the freest of {TRIES} is built up to {100.0 * best:.0f} %",
+        f"no place for this bridge: buildings cover {100.0 * best:.0f} % of the best of {TRIES} places tried",
         field="background.name",
         value=model.attribution.get("source", ""),
-        allowed=f"{100.0 * MOST_BUILT:g} %",
-        hint="Take a shorter bridge, a smaller site, or a larger world",
+        allowed=f"up to {100.0 * MOST_BUILT:g} %",
+        hint="Choose a shorter bridge, a smaller site, or a larger world",
     )
 
 

@@ -57,12 +57,12 @@ def image_skin(data: bytes, where: str) -> Skin:
 
     size = _size(data)
     if size is None:
-        raise InputError("texture is neither PNG nor JPEG", where=where, hint="Convert it")
+        raise InputError("a texture is neither PNG nor JPEG", where=where, hint="Convert it")
     if size[0] * size[1] > MOST_PIXELS or min(size) < 1:
         raise InputError(
-            f"texture of {size[0]} x {size[1]} px",
+            f"too large a texture: {size[0]} x {size[1]} px",
             where=where,
-            allowed=f"{MOST_PIXELS / 1e6:.0f} Mpx",
+            allowed=f"up to {MOST_PIXELS / 1e6:.0f} Mpx",
             hint="Reduce it",
         )
     try:
@@ -70,7 +70,7 @@ def image_skin(data: bytes, where: str) -> Skin:
     except cv2.error:
         pixels = None
     if pixels is None:
-        raise InputError("texture cannot be decoded", where=where, hint="Check that the file is complete")
+        raise InputError("a texture cannot be decoded", where=where, hint="Check that the file is complete")
     suffix = ".png" if data[:4] == b"\x89PNG" else ".jpg"
     if max(size) > LARGEST:
         share = LARGEST / max(size)

@@ -84,7 +84,7 @@ def _unpacked(file: Path, folder: Path) -> Path:
     with zipfile.ZipFile(file) as package:
         names = package.namelist()
         if not names or Path(names[0]).suffix.lower() not in USD_SUFFIXES[:3]:
-            raise InputError("not a valid usdz package: its first file is no layer", where=file)
+            raise InputError("not a valid usdz package: its first file is not a layer", where=file)
         try:
             package.extractall(folder)
         except UNSOUND as error:

@@ -18,18 +18,18 @@ Selections = dict[str, str]
 class LightVariant(LightSettings):
     """Another light; omitted values are those of `[light]`."""
 
-    name: str = Field(pattern=NAME, max_length=40, description="Name of the light")
+    name: str = Field(pattern=NAME, max_length=40, description="Name of the light variant")
 
 
 class VariantSettings(Settings):
     """Variants of one scene: the product of these lists."""
 
-    look: tuple[str, ...] = Field(default=(), description="Looks of the bridge; empty: the one of [look]")
+    look: tuple[str, ...] = Field(default=(), description="Looks of the bridge; empty: only that of `[look]`")
     background: tuple[str, ...] = Field(
-        default=(), description="Backgrounds, or paths of imported worlds; empty: the one of [background]"
+        default=(), description="Backgrounds, or paths of imported worlds; empty: only that of `[background]`"
     )
     light: tuple[LightVariant, ...] = Field(
-        default=(), description="Lights, each a table with a name; empty: the one of [light], which is called default"
+        default=(), description="Lights, each a table with a name; empty: only that of `[light]`, with the name default"
     )
 
     @model_validator(mode="after")
@@ -39,7 +39,7 @@ class VariantSettings(Settings):
                 raise ValueError(f"unknown look {name!r}; allowed: {', '.join(LOOKS)}")
         for axis, names in self.names().items():
             if len(set(names)) < len(names):
-                raise ValueError(f"{axis} names one variant twice: {', '.join(names)}")
+                raise ValueError(f"{axis} has one variant twice; allowed: each name once, found {', '.join(names)}")
         return self
 
     def names(self) -> dict[str, tuple[str, ...]]:

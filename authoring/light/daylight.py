@@ -46,29 +46,27 @@ _FREE_SUN = 0.5  # cloud cover up to which the sun stands in a gap
 class LightSettings(Settings):
     """Time, place and weather; or a photographed sky."""
 
-    date: datetime = Field(
-        default=datetime(2024, 6, 21, 14, 0), description="Date and hour; without an offset it is Universal Time"
-    )
+    date: datetime = Field(default=datetime(2024, 6, 21, 14, 0), description="Date and time; UTC if it has no offset")
     latitude: float = Field(default=46.0, ge=-89.0, le=89.0, description="Latitude, north positive [deg]")
     longitude: float = Field(default=0.0, ge=-180.0, le=180.0, description="Longitude, east positive [deg]")
     turbidity: float = Field(
-        default=3.0, ge=2.0, le=10.0, description="Haze of the air: 2 mountain air, 3 clear, 6 hazy, 10 misty [1]"
+        default=3.0, ge=2.0, le=10.0, description="Turbidity of the air: 2 mountain air, 3 clear, 6 hazy, 10 misty [1]"
     )
     cloud_cover: float = Field(
         default=0.35,
         ge=0.0,
         le=1.0,
-        description="Share of the sky behind clouds; above a half the sun fades, at 1 it casts no shadow [1]",
+        description="Share of the sky that is cloudy; above 0.5 the sun becomes weaker, at 1 it casts no shadow [1]",
     )
     brightness: float = Field(
-        default=1.0, gt=0.0, le=10.0, description="Radiance of level open ground over its albedo, by day [1]"
+        default=1.0, gt=0.0, le=10.0, description="Radiance of unshaded level ground over its albedo, by day [1]"
     )
     sky_share: float | None = Field(
         default=None,
         gt=0.0,
         lt=1.0,
-        description="Share of the sky in the light on level ground; empty: as the sun's height, turbidity and clouds "
-        "make it [1]",
+        description="Share of the sky in the light on level ground [1]; left out: calculated from the sun's height, "
+        "turbidity and clouds",
     )
     sky_height: int = Field(
         default=512, ge=64, le=2048, description="Rows of the sky texture; it is twice as wide [px]"
@@ -77,19 +75,20 @@ class LightSettings(Settings):
         default=None,
         ge=100.0,
         le=300_000.0,
-        description="Distance at which haze leaves 2 % of the contrast [m]; empty: as the turbidity makes it, 44 km at "
+        description="Distance at which haze leaves 2 % of the contrast [m]; left out: by turbidity, 44 km at "
         "2, 23 km at 3, 10 km at 6, 5.5 km at 10",
     )
     sky: str = Field(
         default="",
-        description="A photographed sky instead, .exr or .hdr, path relative to the scenario: its sun becomes the "
-        "scene's; date, place, turbidity, clouds and sky_share do not count then",
+        description="Path of a photographed sky (.exr or .hdr), relative to the scenario. Its sun becomes the scene's "
+        "sun; date, latitude, longitude, turbidity, clouds and sky_share then have no effect",
     )
     sky_turn: float = Field(
         default=0.0,
         ge=-360.0,
         le=360.0,
-        description="Turn of the photographed sky, counter-clockwise from above; its middle looks along -y at 0 [deg]",
+        description="Rotation of the photographed sky, counter-clockwise seen from above; at 0 the middle of the "
+        "picture is towards -y [deg]",
     )
 
 

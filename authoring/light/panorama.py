@@ -159,10 +159,10 @@ def _read_radiance(path: Path) -> F32:
 def _check_shape(path: Path, width: int, height: int) -> None:
     if width != 2 * height or height < 16:
         raise InputError(
-            "not a latitude-longitude picture",
+            "not an equirectangular (latitude-longitude) picture",
             field="light.sky",
             value=f"{path.name}: {width} x {height}",
-            allowed="twice as wide as high",
+            allowed="a width of twice the height, and at least 16 rows",
         )
     if height > _MOST_ROWS:
         raise InputError(

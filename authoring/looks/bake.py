@@ -34,20 +34,23 @@ class LookSettings(Settings):
 
     name: str = Field(
         default="weathered",
-        description="Look of the bridge: clean, weathered, aged, or random: surface and age of each role drawn from "
-        "all that suit it",
+        description="Look of the bridge: clean, weathered, aged, or random. random draws surface and age of each role "
+        "from all that suit it",
     )
     texels: int = Field(
-        default=2048, ge=256, le=4096, description="Texels along a side of a bridge's sheets of 8.2 m [px]"
+        default=2048, ge=256, le=4096, description="Side of a texture of the bridge, which covers 8.2 m [px]"
     )
     folders: tuple[str, ...] = Field(
         default=(),
         description="Folders or zips of your own surfaces, relative to the scenario: family/name/{albedo|color|"
-        "diffuse, roughness, height, metallic}, ambientCG, Poly Haven; a role that a family suits wears one of "
-        "them, drawn from the seed",
+        "diffuse, roughness, height, metallic}, or sets of ambientCG and Poly Haven. A role gets one of the "
+        "surfaces of a family that suits it, drawn from the seed",
     )
     picture_side: float = Field(
-        default=2.0, ge=0.1, le=100.0, description="Length of a side of the pictures in `folders` on the bridge [m]"
+        default=2.0,
+        ge=0.1,
+        le=100.0,
+        description="Length on the bridge that the side of a picture in `folders` covers [m]",
     )
 
 

@@ -206,7 +206,7 @@ def _ensure(root: Path, key: str, make: Callable[[], tuple[dict[str, bytes], dic
             raise PermissionError(root)
     except OSError as error:
         raise InputError(
-            "textures cannot be kept here", where=root, hint=f"Set {CACHE_VARIABLE} to a folder that can be written"
+            "the texture cache cannot be written here", where=root, hint=f"Set {CACHE_VARIABLE} to a writable folder"
         ) from error
     with hold_lock(root / f"{key}.lock") as held:  # who came first bakes; nobody removes what another one reads
         if held:

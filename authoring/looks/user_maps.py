@@ -76,7 +76,9 @@ class Picture:
             with zipfile.ZipFile(self.file) as packed, packed.open(self.member) as source:
                 data = source.read(MOST_PICTURE_BYTES + 1)
         except UNSOUND as error:
-            raise InputError(f"cannot be unpacked: {error}", where=self.where, hint="Is the file whole?") from None
+            raise InputError(
+                f"cannot be unpacked: {error}", where=self.where, hint="Check that the file is complete"
+            ) from None
         if len(data) > MOST_PICTURE_BYTES:
             raise _too_large(self.where)
         return data
@@ -124,7 +126,7 @@ def find_sets(root: Path) -> tuple[MapSet, ...]:
     )
     if not sets:
         raise InputError(
-            "holds no surface",
+            "has no surface with a color picture",
             where=root,
             allowed="family/name/{albedo|color|diffuse, roughness, height, metallic}, or ambientCG and Poly Haven zips",
         )
@@ -143,9 +145,9 @@ def _pictures(root: Path) -> Iterator[tuple[str, str, Picture]]:
             continue
         count += 1
         if count > _MOST_FILES:
-            raise InputError("holds too many files", where=root, allowed=str(_MOST_FILES))
+            raise InputError("contains too many files", where=root, allowed=f"up to {_MOST_FILES}")
         if not path.resolve().is_relative_to(home):
-            raise InputError("a link leads out of the folder", where=path, allowed="files below the folder named")
+            raise InputError("a link leads out of the named folder", where=path, allowed="files below the named folder")
         if path.suffix.lower() == ".zip":
             yield from _packed(parts[-2] if len(parts) > 1 else root.name, path)
         elif path.suffix.lower() in _PICTURES:
@@ -174,4 +176,4 @@ def _best(found: list[Picture]) -> Picture:
 
 
 def _too_large(where: str) -> InputError:
-    return InputError("picture is too large", where=where, allowed=f"{MOST_PICTURE_BYTES / 1e6:.0f} MB")
+    return InputError("picture is too large", where=where, allowed=f"up to {MOST_PICTURE_BYTES / 1e6:.0f} MB")

@@ -138,13 +138,13 @@ def _decode(picture: Picture) -> U8:
         return _decode_exr(data, picture.where)
     size = _stated_size(data)
     if size and size[0] * size[1] > _MOST_PIXELS:
-        raise InputError(f"picture of {size[0]} x {size[1]} px", where=picture.where, allowed="300 Mpx")
+        raise InputError(f"too large a picture: {size[0]} x {size[1]} px", where=picture.where, allowed="up to 300 Mpx")
     try:
         found = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     except cv2.error:
         found = None
     if found is None or _cut_short(data):
-        raise InputError("picture cannot be read", where=picture.where, hint="Is the file whole?")
+        raise InputError("the picture cannot be read", where=picture.where, hint="Check that the file is complete")
     return np.ascontiguousarray(found[..., ::-1]).astype(np.uint8, copy=False)
 
 
@@ -159,14 +159,16 @@ def _decode_exr(data: bytes, where: str) -> U8:
             with OpenEXR.File(str(path), header_only=True) as file:
                 low, high = file.header()["dataWindow"]
             if (high[0] - low[0] + 1) * (high[1] - low[1] + 1) > _MOST_PIXELS:
-                raise InputError("picture is too large", where=where, allowed="300 Mpx")
+                raise InputError("too large a picture", where=where, allowed="up to 300 Mpx")
             with OpenEXR.File(str(path), separate_channels=True) as file:
                 channels = {name: np.asarray(one.pixels, np.float32) for name, one in file.channels().items()}
         except (RuntimeError, ValueError, KeyError, TypeError) as error:
-            raise InputError(f"picture cannot be read: {error}", where=where, hint="Is the file whole?") from None
+            raise InputError(
+                f"the picture cannot be read: {error}", where=where, hint="Check that the file is complete"
+            ) from None
     names = ("R", "G", "B") if "G" in channels else (next(iter(sorted(channels))),) * 3
     if any(name not in channels for name in names):
-        raise InputError("picture has no colours", where=where)
+        raise InputError("the picture has no colors", where=where)
     values = np.stack([channels[name] for name in names], axis=-1)
     return np.clip(np.nan_to_num(values) * 255 + 0.5, 0, 255).astype(np.uint8)
 

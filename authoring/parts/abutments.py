@@ -26,23 +26,27 @@ _LEAST_WALL = 1.0  # [m] between seat and footing
 class AbutmentSettings(Settings):
     """Walls of both abutments; omitted values are drawn at random."""
 
-    seat_margin: float | None = drawn(0.15, 0.30, "Seat in front of the plinths [m]", ge=0.05, le=1.0)
-    wing_length: float | None = drawn(6.0, 7.0, "Wing walls behind the wall [m]", le=12.0)
+    seat_margin: float | None = drawn(
+        0.15, 0.30, "Width of the bearing seat in front of the plinths [m]", ge=0.05, le=1.0
+    )
+    wing_length: float | None = drawn(6.0, 7.0, "Length of the wing walls behind the abutment wall [m]", le=12.0)
     wing_thickness: float | None = drawn(0.45, 0.60, "Thickness of the wing walls [m]", ge=0.45, le=1.2)
-    founding: float | None = drawn(0.5, 1.0, "Walls below the lowest ground at them [m]", ge=0.3, le=3.0)
-    chamfer: float | None = drawn(0.020, 0.030, "Leg of chamfers [m]", ge=0.0, le=0.05, paper=(0.0, 0.0))
-    footing: bool | None = chosen({True: 50, False: 50}, "The wall has a footing in front of it", paper={False: 1})
-    footing_toe: float | None = drawn(0.4, 0.9, "Footing in front of the wall [m]", ge=0.1, le=2.0)
+    founding: float | None = drawn(
+        0.5, 1.0, "Depth of the walls below the lowest ground beside them [m]", ge=0.3, le=3.0
+    )
+    chamfer: float | None = drawn(0.020, 0.030, "Leg length of the chamfers [m]", ge=0.0, le=0.05, paper=(0.0, 0.0))
+    footing: bool | None = chosen({True: 50, False: 50}, "Visible footing in front of the wall", paper={False: 1})
+    footing_toe: float | None = drawn(0.4, 0.9, "Length of the footing in front of the wall [m]", ge=0.1, le=2.0)
     footing_top: float | None = drawn(
         -0.60,
         -0.30,
-        "Top of the footing above the highest ground before it; below zero under the lowest [m]",
+        "Height of the footing's top: above 0, over the highest ground in front of it; below 0, under the lowest [m]",
         ge=-2.0,
         le=1.0,
         paper=(0.15, 0.40),
     )
-    battered: bool | None = chosen({True: 30, False: 70}, "The wall's front leans", paper={False: 1})
-    batter: float | None = drawn(0.02, 0.08, "Lean of a battered front [1]", ge=0.0, le=0.2)
+    battered: bool | None = chosen({True: 30, False: 70}, "Battered front face of the wall", paper={False: 1})
+    batter: float | None = drawn(0.02, 0.08, "Batter of the front face, horizontal over vertical [1]", ge=0.0, le=0.2)
 
 
 @dataclass(frozen=True)

@@ -34,15 +34,19 @@ class BearingSettings(Settings):
     """Bearings and plinths; omitted values are drawn at random."""
 
     kind: Literal["pad", "pot"] | None = chosen(
-        {"pad": 0.7, "pot": 0.3}, "Laminated rubber pad or steel pot", paper={"pot": 1}
+        {"pad": 0.7, "pot": 0.3}, "Kind of bearing: laminated elastomeric pad, or steel pot bearing", paper={"pot": 1}
     )
-    pad_width: float | None = drawn(0.36, 0.44, "Pad across the bridge [m]", ge=0.20, le=0.90)
-    pad_length: float | None = drawn(0.28, 0.38, "Pad along the bridge [m]", ge=0.15, le=0.50)
-    pad_height: float | None = drawn(0.06, 0.12, "Pad with its sole plate [m]", ge=0.04, le=0.30)
-    plinth_margin: float | None = drawn(0.05, 0.10, "From pad or pot to plinth edge [m]", ge=0.02, le=0.15)
-    plinth_height: float | None = drawn(0.10, 0.25, "Plinth above cap or seat [m]", ge=0.05, le=0.50)
-    pot_width: float | None = drawn(0.35, 0.48, "Base plate of a pot, square [m]", le=0.90)
-    pot_height: float | None = drawn(0.10, 0.20, "Pot with its plates [m]", ge=0.08, le=0.30, paper=(0.30, 0.30))
+    pad_width: float | None = drawn(0.36, 0.44, "Width of a pad, across the bridge [m]", ge=0.20, le=0.90)
+    pad_length: float | None = drawn(0.28, 0.38, "Length of a pad, along the bridge [m]", ge=0.15, le=0.50)
+    pad_height: float | None = drawn(0.06, 0.12, "Height of a pad with its sole plate [m]", ge=0.04, le=0.30)
+    plinth_margin: float | None = drawn(
+        0.05, 0.10, "Distance from the pad or pot to the plinth's edge [m]", ge=0.02, le=0.15
+    )
+    plinth_height: float | None = drawn(0.10, 0.25, "Height of a plinth above the cap or seat [m]", ge=0.05, le=0.50)
+    pot_width: float | None = drawn(0.35, 0.48, "Side of a pot bearing's square base plate [m]", le=0.90)
+    pot_height: float | None = drawn(
+        0.10, 0.20, "Height of a pot bearing with its plates [m]", ge=0.08, le=0.30, paper=(0.30, 0.30)
+    )
 
 
 @dataclass(frozen=True)

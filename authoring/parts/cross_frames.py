@@ -38,8 +38,8 @@ class CrossFrameSettings(Settings):
 
     kind: Literal["x", "k", "solid", "plate"] | None = chosen(
         {"x": 42, "k": 36, "solid": 22},
-        "Cross-frames: crossed angles, angles in a K, rolled beams, or plates with four triangular holes; ladder decks "
-        "have floor beams, boxes plates between them",
+        "Cross-frames between plate girders. x: crossed angles; k: angles in a K; solid: rolled beams; plate: plates "
+        "with four triangular holes. Ladder decks have floor beams instead, and two boxes have plates between them",
         paper={"plate": 1},
     )
     pitch: float | None = drawn(
@@ -48,17 +48,17 @@ class CrossFrameSettings(Settings):
     floor_beam_pitch: float | None = drawn(
         *_FLOOR_BEAM_PITCH, "Largest distance between the floor beams of a ladder deck [m]", ge=2.5, le=6.0
     )
-    plate: float | None = drawn(0.4, 0.5, "Thickness of pierced plates [m]", ge=0.01, le=0.6, paper=(0.5, 0.5))
+    plate: float | None = drawn(0.4, 0.5, "Thickness of the plates with holes [m]", ge=0.01, le=0.6, paper=(0.5, 0.5))
     laterals: bool | None = chosen(
-        {True: 25, False: 75}, "Bracing in plan in the outer bays of multi-girder decks", paper={False: 1}
+        {True: 25, False: 75}, "Lateral (plan) bracing in the outer bays of multi-girder decks", paper={False: 1}
     )
     stiffeners: bool | None = Field(
         default=None, description="Stiffeners on the webs; drawn always, in profile paper never"
     )
     stiffener_pitch: float | None = drawn(
-        1.0, 1.5, "Largest distance between stiffeners over the girders' depth [1]", ge=0.4, le=3.0
+        1.0, 1.5, "Largest distance between stiffeners over the girder depth [1]", ge=0.4, le=3.0
     )
-    stiffener: float | None = drawn(0.012, 0.020, "Thickness of stiffeners [m]", ge=0.008, le=0.04)
+    stiffener: float | None = drawn(0.012, 0.020, "Thickness of the stiffeners [m]", ge=0.008, le=0.04)
 
 
 @dataclass(frozen=True)

@@ -22,10 +22,15 @@ class DeckEdgeSettings(Settings):
     """Edges of the slab; omitted values are drawn at random."""
 
     groove: float | None = drawn(
-        0.10, 0.15, "Drip groove from the slab's edge [m]; 0 for none", ge=0.0, le=0.30, paper=(0.0, 0.0)
+        0.10,
+        0.15,
+        "Distance of the drip groove from the slab's edge; 0: no groove [m]",
+        ge=0.0,
+        le=0.30,
+        paper=(0.0, 0.0),
     )
     chamfer: float | None = drawn(
-        0.015, 0.030, "Leg of the chamfer along the slab's lower edges [m]", ge=0.0, le=0.05, paper=(0.0, 0.0)
+        0.015, 0.030, "Leg length of the chamfer along the slab's lower edges [m]", ge=0.0, le=0.05, paper=(0.0, 0.0)
     )
 
 

@@ -217,9 +217,9 @@ def check_depth(field: str, depth: float, span: float, ratios: tuple[float, floa
     most = float(np.floor(100.0 * span / ratios[0] + 1e-6)) / 100.0
     if not least <= depth <= most:
         raise InputError(
-            f"incompatible with a span of {span:g} m",
+            f"does not fit a span of {span:g} m",
             field=field,
             value=depth,
             allowed=f"{least:g} to {most:g} m here, span over depth {ratios[0]:g} to {ratios[1]:g}",
-            hint=f"The nearest is {min(max(depth, least), most):g} m",
+            hint=f"The nearest valid value is {min(max(depth, least), most):g} m",
         )

@@ -35,7 +35,7 @@ class FittingSettings(Settings):
     lamps: bool | None = chosen({True: 60, False: 40}, "Lamp posts", paper={False: 1})
     lamp_pitch: float | None = drawn(25.0, 35.0, "Distance between lamp posts [m]", ge=10.0, le=60.0)
     lamp_height: float | None = drawn(8.0, 10.0, "Height of the lamps above the road [m]", ge=4.0, le=14.0)
-    lamp_arm: float | None = drawn(1.2, 2.0, "Reach of the lamps towards the road [m]", ge=0.5, le=3.0)
+    lamp_arm: float | None = drawn(1.2, 2.0, "Length of the lamp arms towards the road [m]", ge=0.5, le=3.0)
     drainage: bool | None = chosen({True: 85, False: 15}, "Scuppers and drain pipes", paper={False: 1})
     scupper_pitch: float | None = drawn(10.0, 20.0, "Distance between scuppers along a kerb [m]", ge=4.0, le=40.0)
     pipe_diameter: float | None = drawn(0.09, 0.13, "Outside diameter of the drain pipes [m]", ge=0.06, le=0.16)

@@ -40,9 +40,9 @@ class GirderSettings(Settings):
 
     shape: Shape | None = chosen(
         _SHAPES,
-        "Section (a box has no void: nothing sees it)",
-        among=f" among those that suit: t and rectangle for spans up to {_SHORT_SPAN:g} m, u and box for decks from "
-        f"{_NARROW_DECK:g} m on",
+        "Cross section; the void of a box is not modelled",
+        among=f" of the sections that suit the bridge: t and rectangle for spans up to {_SHORT_SPAN:g} m, u and box "
+        f"for decks from {_NARROW_DECK:g} m on",
         paper={"i": 50.0, "rectangle": 50.0},
     )
     slenderness: float | None = drawn(
@@ -52,39 +52,44 @@ class GirderSettings(Settings):
         default=None,
         ge=2,
         le=20,
-        description="Girder lines; drawn so that they lie 1.8 to 3.0 m apart, U and box girders 3.0 to 5.0 m; in "
-        "profile paper 5, a fifth of the deck's width apart",
+        description="Number of girder lines [1]; drawn so that they lie 1.8 to 3.0 m apart, U and box girders 3.0 to "
+        "5.0 m; in profile paper 5, a fifth of the deck's width apart",
     )
     spacing: float | None = drawn(2.0, 2.8, "Target distance between girder lines [m]", ge=1.8, le=3.0)
     wide_spacing: float | None = drawn(3.2, 4.6, "Target distance between U or box girders [m]", ge=3.0, le=5.0)
     top_width: float | None = drawn(0.45, 0.70, "Width of an I girder's top flange [m]", le=1.2)
     bulb_width: float | None = drawn(1.05, 1.30, "Width of a bulb-T's top flange [m]", ge=0.9, le=1.6)
-    bottom_width: float | None = drawn(0.52, 0.66, "Width of an I or bulb-T's bottom flange [m]", le=1.0)
-    web: float | None = drawn(0.16, 0.20, "Thickness of a web of an I, bulb-T or U [m]", ge=0.12, le=0.35)
-    stem: float | None = drawn(0.50, 0.60, "Width of a T stem or rectangle at its soffit [m]", le=1.0)
+    bottom_width: float | None = drawn(0.52, 0.66, "Width of the bottom flange of an I girder or bulb-T [m]", le=1.0)
+    web: float | None = drawn(0.16, 0.20, "Web thickness of an I girder, bulb-T or U girder [m]", ge=0.12, le=0.35)
+    stem: float | None = drawn(
+        0.50, 0.60, "Width of a T girder's stem or a rectangular girder at its soffit [m]", le=1.0
+    )
     wide_bottom: float | None = drawn(1.0, 1.3, "Width of a U or box girder at its soffit [m]", ge=0.8, le=1.8)
     chamfer: float | None = drawn(
-        0.015, 0.030, "Leg of chamfers on girder edges [m]", ge=0.0, le=0.05, paper=(0.0, 0.0)
+        0.015, 0.030, "Leg length of the chamfers on girder edges [m]", ge=0.0, le=0.05, paper=(0.0, 0.0)
     )
     diaphragm: float | None = drawn(
         0.25,
         0.35,
-        "Thickness of the diaphragms [m]; 0 for none; one row at each support, one at the middle of spans "
-        "over 20 m, two at the thirds over 30 m",
+        "Thickness of the diaphragms; 0: none [m]. One row at each support, one more at midspan of spans over 20 m, "
+        "or two at the third points of spans over 30 m",
         ge=0.0,
         le=0.6,
         paper=(0.0, 0.0),
     )
-    haunch: float | None = drawn(0.03, 0.08, "Concrete between girder and slab [m]", ge=0.0, le=0.15, paper=(0.0, 0.0))
+    haunch: float | None = drawn(
+        0.03, 0.08, "Depth of the haunch between girder and slab [m]", ge=0.0, le=0.15, paper=(0.0, 0.0)
+    )
     end_blocks: bool | None = chosen(
-        {True: 80, False: 20}, "The web of an I or bulb-T thickens at its ends", paper={False: 1}
+        {True: 80, False: 20}, "Thickened web at the ends of I girders and bulb-Ts", paper={False: 1}
     )
     depth: float | None = Field(
-        default=None, ge=0.3, le=4.0, description="Depth without slab and haunch [m]; in profile paper 0.6"
+        default=None, ge=0.3, le=4.0, description="Girder depth without slab and haunch [m]; in profile paper 0.6"
     )
     omitted: bool | None = chosen(
         {False: 1.0},
-        "No girders under the slab: the Random Bridge Generator has beam bridges with girders of zero size, no solids",
+        "No girders under the slab, as for the beam bridges of the Random Bridge Generator whose girders have zero "
+        "size",
         paper={True: 0.5, False: 0.5},
     )
 
@@ -171,7 +176,11 @@ def _draw_lines(settings: GirderSettings, girders: Girders, width: float, draws:
     most = min(longest, 0.5 * (width - low * (count - 1)))
     if least > most:
         key = "shape" if settings.count is None else "count"
-        here = f"{fewest} to {most_lines} lines" if most_lines >= fewest else "no number of lines fits: another shape"
+        here = (
+            f"{fewest} to {most_lines} lines"
+            if most_lines >= fewest
+            else "no number of lines fits, choose another shape"
+        )
         raise InputError(
             f"{count} lines of {girders.shape} girders cannot carry a deck {width:.2f} m wide",
             field=f"bridge.beam.girder.{key}",

@@ -27,25 +27,45 @@ class ParapetSettings(RailingSettings):
 
     shape: Shape | None = chosen_by(
         {"on roads": _ROAD_WEIGHTS, "on railways": _RAIL_WEIGHTS},
-        "Solid wall with a coping, New Jersey barrier, steel railing on a plinth, or low wall with a rail on top",
+        "wall: solid wall with a coping; barrier: New Jersey barrier; railing: steel railing on a plinth; wall_rail: "
+        "low wall with a rail on top",
         paper={"wall": 1},
     )
-    thickness: float | None = drawn(0.25, 0.40, "Thickness at the foot [m]", ge=0.20, le=0.60, paper=(0.2, 0.2))
+    thickness: float | None = drawn(
+        0.25, 0.40, "Thickness of a wall at its base [m]", ge=0.20, le=0.60, paper=(0.2, 0.2)
+    )
     height: float | None = drawn(
-        0.85, 1.10, "Top of a wall's coping above the way beside it [m]", ge=0.60, le=1.50, paper=(1.0, 1.0)
+        0.85,
+        1.10,
+        "Height of a wall with its coping above the adjacent road, footway or walkway [m]",
+        ge=0.60,
+        le=1.50,
+        paper=(1.0, 1.0),
     )
     batter: float | None = drawn(
-        0.0, 0.08, "How much thinner a wall is below its coping [m]", ge=0.0, le=0.15, paper=(0.0, 0.0)
+        0.0, 0.08, "Decrease of a wall's thickness from its base to its coping [m]", ge=0.0, le=0.15, paper=(0.0, 0.0)
     )
     coping_height: float | None = drawn(
-        0.10, 0.16, "Height of the coping, 0 for none [m]", ge=0.0, le=0.30, paper=(0.0, 0.0)
+        0.10, 0.16, "Height of the coping; 0: none [m]", ge=0.0, le=0.30, paper=(0.0, 0.0)
     )
-    coping_overhang: float | None = drawn(0.03, 0.06, "Coping over the wall's faces [m]", ge=0.02, le=0.10)
-    joint_pitch: float | None = drawn(3.0, 6.0, "Distance between false joints [m]", ge=1.0, le=30.0)
-    chamfer: float | None = drawn(0.015, 0.030, "Leg of chamfers [m]", ge=0.0, le=0.05, paper=(0.0, 0.0))
-    railing_height: float | None = drawn(1.00, 1.20, "Top of a railing above the way beside it [m]", ge=0.80, le=1.60)
-    plinth: float | None = drawn(0.08, 0.20, "Plinth of a railing above the way beside it [m]", ge=0.03, le=0.40)
-    low_wall: float | None = drawn(0.50, 0.65, "Wall below a rail, above the way beside it [m]", ge=0.30, le=0.80)
+    coping_overhang: float | None = drawn(
+        0.03, 0.06, "Overhang of the coping beyond the wall's faces [m]", ge=0.02, le=0.10
+    )
+    joint_pitch: float | None = drawn(3.0, 6.0, "Distance between dummy joints [m]", ge=1.0, le=30.0)
+    chamfer: float | None = drawn(0.015, 0.030, "Leg length of the chamfers [m]", ge=0.0, le=0.05, paper=(0.0, 0.0))
+    railing_height: float | None = drawn(
+        1.00, 1.20, "Height of a railing above the adjacent road, footway or walkway [m]", ge=0.80, le=1.60
+    )
+    plinth: float | None = drawn(
+        0.08, 0.20, "Height of a railing's plinth above the adjacent road, footway or walkway [m]", ge=0.03, le=0.40
+    )
+    low_wall: float | None = drawn(
+        0.50,
+        0.65,
+        "Height of the low wall below a rail above the adjacent road, footway or walkway [m]",
+        ge=0.30,
+        le=0.80,
+    )
 
 
 @dataclass(frozen=True)

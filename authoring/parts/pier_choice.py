@@ -37,8 +37,8 @@ _PAPER_CAPS = {"drop": 50.0, "tapered": 50.0}
 PAPER_KINDS: tuple[PierKind, ...] = ("pi_frame",)
 PAPER_KINDS_UNDER_CONCRETE: tuple[PierKind, ...] = ("single", "multi")
 KINDS = {  # by where they are drawn
-    f"for decks up to {WIDEST_STEM:g} m between the cap's ends": _NARROW,
-    f"for wider decks (no pi_frame over {WIDEST_FRAME:g} m)": _WIDE,
+    f"for caps up to {WIDEST_STEM:g} m long": _NARROW,
+    f"for longer caps (no pi_frame over {WIDEST_FRAME:g} m)": _WIDE,
     "in profile paper": dict.fromkeys(PAPER_KINDS, 1.0),
     "in profile paper under concrete girders": dict.fromkeys(PAPER_KINDS_UNDER_CONCRETE, 1.0),
 }
@@ -91,11 +91,11 @@ def choose_kind(
     drawn_cap = draws.choose(caps)
     if cap == "inverted_t" and upstand < LEAST_UPSTAND:
         raise InputError(
-            f"leaves {upstand:.2f} m for the stem of the T between two rows of plinths",
+            f"leaves only {upstand:.2f} m for the stem of the inverted T between two rows of plinths",
             field="bridge.pier.cap",
             value=cap,
             allowed=f"at least {LEAST_UPSTAND:g} m; here drop or tapered",
-            hint="Choose another cap, shorter plinths, or leave it out",
+            hint="Choose another cap or shorter plinths, or leave the cap out",
         )
     return chosen, cap or drawn_cap
 
@@ -114,15 +114,15 @@ def _suits(kind: str, cap: str | None, columns: int | None) -> bool:
 def _contradiction(kind: str | None, cap: str | None, columns: int | None) -> InputError:
     if kind is not None and cap is not None and cap not in _CAPS[kind]:
         return InputError(
-            f"not a cap of a pier of kind {kind}",
+            f"a pier of kind {kind} has no such cap",
             field="bridge.pier.cap",
             value=cap,
             allowed=" or ".join(_CAPS[kind]),
-            hint="Correct the cap or the kind, or leave one out",
+            hint="Change the cap or the kind, or leave one of them out",
         )
     if kind is None:
         return InputError(
-            f"no pier of {columns} columns has the cap {cap}",
+            f"a pier of {columns} columns has no cap {cap}",
             field="bridge.pier.cap",
             value=cap,
             allowed="drop, tapered or inverted_t",
@@ -130,11 +130,11 @@ def _contradiction(kind: str | None, cap: str | None, columns: int | None) -> In
         )
     allowed = {"multi": "2 to 5", "pi_frame": "2", "single": "1", "hammerhead": "1"}.get(kind, "none: leave it out")
     return InputError(
-        f"not the number of columns of a pier of kind {kind}",
+        f"not a number of columns for a pier of kind {kind}",
         field="bridge.pier.columns",
         value=columns,
         allowed=allowed,
-        hint="Correct the number or the kind, or leave one out",
+        hint="Change the number or the kind, or leave one of them out",
     )
 
 
@@ -145,6 +145,6 @@ def _check_width(chosen: str, fixed: str | None, cap_length: float) -> None:
             f"a pier of kind {chosen} cannot carry a cap {cap_length:.1f} m long",
             field="bridge.pier.kind" if fixed else "bridge.pier.columns",
             value=fixed or 1,
-            allowed=f"up to {widest:g} m; here multi or wall, 2 columns or more",
-            hint="Choose that, or a narrower deck",
+            allowed=f"caps up to {widest:g} m; here multi or wall, 2 columns or more",
+            hint="Choose one of these, or a narrower deck",
         )

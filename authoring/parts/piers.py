@@ -32,45 +32,65 @@ class PierSettings(Settings):
     """Caps, columns and footings; omitted values are drawn at random."""
 
     kind: PierKind | None = chosen_by(KINDS, "Kind of pier")
-    cap: CapKind | None = chosen_by(CAPS, "Kind of cap, no inverted_t where the rows of bearings leave no room")
-    columns: int | None = Field(default=None, ge=1, le=5, description="Columns of a pier; drawn by the deck's width")
+    cap: CapKind | None = chosen_by(
+        CAPS, "Kind of cap; no inverted_t where two rows of bearings leave no room for its stem"
+    )
+    columns: int | None = Field(
+        default=None,
+        ge=1,
+        le=5,
+        description="Number of columns of a pier [1]; drawn from a range that depends on the deck's width",
+    )
     column_shape: Literal["round", "octagonal", "rectangular"] | None = chosen(
         {"round": 0.50, "octagonal": 0.15, "rectangular": 0.35},
-        "Section of columns, noses of walls and hammerheads",
+        "Cross section of columns; shape of the ends of wall piers and hammerhead stems",
         paper={"round": 0.5, "rectangular": 0.5},
     )
     diameter: float | None = drawn(
-        0.9, 1.3, "Diameter of each of several columns [m]", ge=0.6, le=2.4, paper=(1.5, 1.5)
+        0.9, 1.3, "Diameter of a column, where a pier has several [m]", ge=0.6, le=2.4, paper=(1.5, 1.5)
     )
     hammerhead_diameter: float | None = drawn(
-        1.3, 1.8, "Diameter of a single column, thickness of Y, V and hammerhead [m]", ge=0.9, le=4.0, paper=(1.5, 4.0)
+        1.3,
+        1.8,
+        "Diameter of a single column; thickness of Y, V and hammerhead piers [m]",
+        ge=0.9,
+        le=4.0,
+        paper=(1.5, 4.0),
     )
-    cap_margin: float | None = drawn(0.15, 0.35, "Cap beyond the outer plinth [m]", ge=0.05, le=1.0)
+    cap_margin: float | None = drawn(0.15, 0.35, "Length of the cap beyond the outer plinth [m]", ge=0.05, le=1.0)
     cap_depth: float | None = drawn(0.9, 1.3, "Depth of the cap over the columns [m]", ge=0.6, le=2.5, paper=(1.0, 1.0))
     taper: float | None = drawn(
-        0.30, 0.50, "Share of its depth that the cap loses towards its ends [1]", ge=0.0, le=0.6
+        0.30, 0.50, "Decrease of a cap's depth towards its ends, as a share of the depth [1]", ge=0.0, le=0.6
     )
-    chamfer: float | None = drawn(0.020, 0.030, "Leg of chamfers [m]", ge=0.0, le=0.05, paper=(0.0, 0.0))
-    footing_margin: float | None = drawn(0.5, 0.9, "Footing beyond the columns [m]", ge=0.2, le=2.0)
+    chamfer: float | None = drawn(0.020, 0.030, "Leg length of the chamfers [m]", ge=0.0, le=0.05, paper=(0.0, 0.0))
+    footing_margin: float | None = drawn(0.5, 0.9, "Length of the footing beyond the columns [m]", ge=0.2, le=2.0)
     footing_top: float | None = drawn(
         -0.60,
         -0.30,
-        "Top of the footing above the highest ground at it; below zero under the lowest [m]",
+        "Height of the footing's top: above 0, over the highest ground beside it; below 0, under the lowest [m]",
         ge=-2.0,
         le=1.0,
         paper=(0.15, 0.45),
     )
     footing_depth: float | None = drawn(
-        0.5, 1.0, "Footing below the lowest ground at it, and below its own top [m]", ge=0.3, le=3.0
+        0.5,
+        1.0,
+        "Depth of the footing's base below the lowest ground beside it and below its own top, at least [m]",
+        ge=0.3,
+        le=3.0,
     )
-    wall_thickness: float | None = drawn(0.8, 1.2, "Wall pier along the bridge [m]", ge=0.6, le=2.5)
-    wall_share: float | None = drawn(0.70, 0.96, "Wall pier over cap length [1]", ge=0.5, le=0.97)
-    battered: bool | None = chosen({True: 0.35, False: 0.65}, "Shafts grow towards their base", paper={False: 1})
-    batter: float | None = drawn(0.010, 0.030, "Growth of each side of a battered shaft [1]", ge=0.0, le=0.08)
+    wall_thickness: float | None = drawn(0.8, 1.2, "Thickness of a wall pier, along the bridge [m]", ge=0.6, le=2.5)
+    wall_share: float | None = drawn(0.70, 0.96, "Width of a wall pier over the cap's length [1]", ge=0.5, le=0.97)
+    battered: bool | None = chosen(
+        {True: 0.35, False: 0.65}, "Battered shafts, wider towards the base", paper={False: 1}
+    )
+    batter: float | None = drawn(
+        0.010, 0.030, "Batter of each side of a battered shaft, horizontal over vertical [1]", ge=0.0, le=0.08
+    )
     slenderness: float | None = drawn(
         10.0,
         14.0,
-        "Tallest shaft over its least side: under high decks shafts grow until they meet it [1]",
+        "Largest slenderness of a shaft, height over smallest side; higher shafts get larger sections [1]",
         ge=6.0,
         le=30.0,
     )

@@ -29,12 +29,12 @@ class RailingSettings(Settings):
     """Steel railings; omitted values are drawn at random."""
 
     infill: Literal["rails", "bars"] | None = chosen(
-        {"rails": 50, "bars": 50}, "Below the top rail: rails along, or upright bars every 0.12 m"
+        {"rails": 50, "bars": 50}, "Infill below the top rail: horizontal rails, or vertical bars every 0.12 m"
     )
-    rails: int | None = drawn(1, 3, "Rails below the top rail [1]", le=5)
+    rails: int | None = drawn(1, 3, "Number of rails below the top rail [1]", le=5)
     post_pitch: float | None = drawn(1.5, 2.5, "Largest distance between posts [m]", ge=1.0, le=4.0)
     rail_diameter: float | None = drawn(0.06, 0.10, "Height and width of the top rail [m]", ge=0.04, le=0.15)
-    round_rails: bool | None = chosen({True: 50, False: 50}, "Tubes; rectangular hollow sections otherwise")
+    round_rails: bool | None = chosen({True: 50, False: 50}, "Round tubes; otherwise rectangular hollow sections")
 
 
 @dataclass(frozen=True)

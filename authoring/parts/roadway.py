@@ -28,23 +28,29 @@ _MARKING_CLEAR = 0.03  # [m] from the asphalt's ends
 class RoadwaySettings(Settings):
     """Cross-section of a road deck, the same on both sides; omitted values are drawn at random."""
 
-    lanes: int | None = chosen({1: 0.05, 2: 0.50, 3: 0.10, 4: 0.25, 5: 0.05, 6: 0.05}, "Traffic lanes", ge=1, le=6)
-    lane_width: float | None = drawn(3.0, 3.75, "Width of a lane [m]", ge=2.5, le=4.5)
-    shoulder: float | None = drawn(0.3, 1.5, "From the edge line to the kerb [m]", ge=0.0, le=3.0)
-    footway: bool | None = chosen({True: 50, False: 50}, "Footways on both sides")
-    footway_width: float | None = drawn(1.5, 2.2, "Footway without its kerb [m]", ge=0.8, le=4.0)
-    kerb_width: float | None = drawn(0.15, 0.20, "Kerb beside a footway [m]", ge=0.10, le=0.40)
-    verge_width: float | None = drawn(0.35, 0.60, "Raised verge where there is no footway [m]", ge=0.20, le=1.0)
-    kerb_height: float | None = drawn(0.10, 0.15, "Kerb above the asphalt [m]", ge=0.05, le=0.25)
-    surfacing: float | None = drawn(0.07, 0.10, "Asphalt [m]", ge=0.04, le=0.15)
-    divided: bool | None = chosen(
-        {True: 0.4, False: 0.6}, "A raised strip between the two directions of 4 or 6 lanes", paper={False: 1}
+    lanes: int | None = chosen(
+        {1: 0.05, 2: 0.50, 3: 0.10, 4: 0.25, 5: 0.05, 6: 0.05}, "Number of traffic lanes [1]", ge=1, le=6
     )
-    median: float | None = drawn(1.2, 2.4, "That strip, from inner edge line to inner edge line [m]", ge=0.8, le=5.0)
-    marking_width: float | None = drawn(0.12, 0.15, "Width of lines [m]", ge=0.08, le=0.40)
-    dash: float | None = drawn(2.0, 4.0, "Length of a dash [m]", ge=0.5, le=12.0)
-    dash_gap: float | None = drawn(2.0, 6.0, "Gap between dashes [m]", ge=0.5, le=18.0)
-    joint_width: float | None = drawn(0.20, 0.30, "Expansion joint along the bridge [m]", ge=0.15, le=0.60)
+    lane_width: float | None = drawn(3.0, 3.75, "Width of a lane [m]", ge=2.5, le=4.5)
+    shoulder: float | None = drawn(0.3, 1.5, "Distance from the edge line to the kerb [m]", ge=0.0, le=3.0)
+    footway: bool | None = chosen({True: 50, False: 50}, "Footways on both sides")
+    footway_width: float | None = drawn(1.5, 2.2, "Width of a footway without its kerb [m]", ge=0.8, le=4.0)
+    kerb_width: float | None = drawn(0.15, 0.20, "Width of the kerb beside a footway [m]", ge=0.10, le=0.40)
+    verge_width: float | None = drawn(
+        0.35, 0.60, "Width of the raised verge where there is no footway [m]", ge=0.20, le=1.0
+    )
+    kerb_height: float | None = drawn(0.10, 0.15, "Height of the kerb above the asphalt [m]", ge=0.05, le=0.25)
+    surfacing: float | None = drawn(0.07, 0.10, "Thickness of the asphalt surfacing [m]", ge=0.04, le=0.15)
+    divided: bool | None = chosen(
+        {True: 0.4, False: 0.6}, "Raised median between the two directions of 4 or 6 lanes", paper={False: 1}
+    )
+    median: float | None = drawn(
+        1.2, 2.4, "Width of the median, from inner edge line to inner edge line [m]", ge=0.8, le=5.0
+    )
+    marking_width: float | None = drawn(0.12, 0.15, "Width of the road markings [m]", ge=0.08, le=0.40)
+    dash: float | None = drawn(2.0, 4.0, "Length of a dash of the lane markings [m]", ge=0.5, le=12.0)
+    dash_gap: float | None = drawn(2.0, 6.0, "Gap between these dashes [m]", ge=0.5, le=18.0)
+    joint_width: float | None = drawn(0.20, 0.30, "Width of an expansion joint, along the bridge [m]", ge=0.15, le=0.60)
 
 
 @dataclass(frozen=True)
@@ -129,11 +135,11 @@ def _divided(settings: RoadwaySettings, lanes: int, wanted: bool) -> bool:
     possible = lanes >= _DIVIDED_LANES and lanes % 2 == 0
     if settings.divided and not possible:
         raise InputError(
-            "a divided road has as many lanes each way",
+            "a divided road has the same number of lanes in both directions",
             field="bridge.roadway.divided",
             value=True,
             allowed="4 or 6 lanes",
-            hint=f"The nearest is lanes = {max(4, lanes + lanes % 2)}",
+            hint=f"The nearest valid value is bridge.roadway.lanes = {max(4, lanes + lanes % 2)}",
         )
     return possible and wanted
 

@@ -34,26 +34,29 @@ class SlabSectionSettings(Settings):
 
     section: Section | None = chosen(
         {"solid": 40, "voided": 25, "pk": 35},
-        "Solid with upright sides, voided (a box's outline with short cantilevers), PK (a trapezoid with cantilevers) "
-        "or the paper's hexagon",
+        "solid: solid slab with vertical sides; voided: outline of a box with short cantilevers; pk: trapezoid with "
+        "cantilevers; hexagon: the paper's section",
         paper={"hexagon": 1, "pk": 1, "voided": 1},
     )
     slenderness: float | None = drawn(
         0.85,
         1.15,
-        "Longest span over depth, as a share of 22 for simple and 25 for continuous spans, under rails 15 and 17 [1]",
+        "Longest span over depth, as a share of 22 for simple and 25 for continuous spans, or of 15 and 17 under "
+        "rails [1]",
         ge=SLENDERNESS[0],
         le=SLENDERNESS[1],
     )
-    depth: float | None = Field(default=None, ge=LEAST_DEPTH, le=1.5, description="Depth [m]; drawn by slenderness")
+    depth: float | None = Field(
+        default=None, ge=LEAST_DEPTH, le=1.5, description="Depth of the slab [m]; drawn by `slenderness`"
+    )
     cantilever: float | None = drawn(
-        0.125, 0.25, "Cantilever beyond the soffit, as a share of the width [1]", ge=0.05, le=0.30
+        0.125, 0.25, "Length of a cantilever, as a share of the deck's width [1]", ge=0.05, le=0.30
     )
     bearings: int | None = Field(
         default=None,
         ge=2,
         le=5,
-        description="Bearings at each support; drawn, 2 to 5, mostly 1.4 to 4.5 m apart",
+        description="Number of bearings at each support [1]; drawn from 2 to 5, mostly 1.4 to 4.5 m apart",
     )
 
 

@@ -25,14 +25,15 @@ class PlateGirderSettings(Settings):
 
     arrangement: Literal["multi", "ladder", "box"] | None = chosen(
         _ARRANGEMENTS,
-        "Many plate girders, two with floor beams between them, or one or two boxes",
-        among=" among those that suit: ladder for decks 7 to 18 m wide, box 6.5 to 27 m and spans of 30 m or more",
+        "multi: several plate girders; ladder: two plate girders with floor beams between them; box: one or two boxes",
+        among=" of the arrangements that suit the bridge: ladder for decks 7 to 18 m wide, box 6.5 to 27 m and spans "
+        "of 30 m or more",
         paper={"multi": 1},
     )
     slenderness: float | None = drawn(
         20.0,
         28.0,
-        "Longest span over steel depth; of a haunched girder 1.25 times that at mid-span [1]",
+        "Longest span over the depth of the steel; for a haunched girder 1.25 times this at midspan [1]",
         ge=8.0,
         le=40.0,
         paper=(8.333, 8.333),
@@ -41,32 +42,37 @@ class PlateGirderSettings(Settings):
         default=None,
         ge=2,
         le=12,
-        description="Lines of a multi-girder deck; drawn so that they lie 2.2 to 3.6 m apart; in profile paper 4",
+        description="Number of girder lines of a multi-girder deck [1]; drawn so that they lie 2.2 to 3.6 m apart; in "
+        "profile paper 4",
     )
     spacing: float | None = drawn(2.4, 3.4, "Target distance between girder lines [m]", ge=2.2, le=3.6)
     flange_share: float | None = drawn(
-        0.22, 0.33, "Bottom flange's width over the depth [1]", ge=0.15, le=0.9, paper=(0.833, 0.833)
+        0.22, 0.33, "Width of the bottom flange over the girder depth [1]", ge=0.15, le=0.9, paper=(0.833, 0.833)
     )
     top_share: float | None = drawn(
-        0.70, 0.90, "Top flange's width over the bottom's [1]", ge=0.5, le=1.0, paper=(1.0, 1.0)
+        0.70, 0.90, "Width of the top flange over width of the bottom flange [1]", ge=0.5, le=1.0, paper=(1.0, 1.0)
     )
     flange: float | None = drawn(0.025, 0.060, "Thickness of the flanges [m]", ge=0.012, le=0.12, paper=(0.1, 0.1))
     web: float | None = drawn(0.012, 0.020, "Thickness of the webs [m]", ge=0.008, le=0.12, paper=(0.1, 0.1))
     haunch: Literal["none", "parabolic", "straight"] | None = chosen(
         {"none": 55.0, "parabolic": 28.0, "straight": 17.0},
-        "How girders grow deeper towards the piers",
+        "Haunches: how the girder depth grows towards the piers",
         among=" where they are continuous over piers, else none",
         paper={"none": 1},
     )
-    haunch_ratio: float | None = drawn(1.5, 2.0, "Depth over a pier over depth at mid-span [1]", ge=1.05, le=2.5)
-    haunch_reach: float | None = drawn(0.22, 0.38, "Haunch on either side of a pier, over the span [1]", ge=0.1, le=0.5)
+    haunch_ratio: float | None = drawn(1.5, 2.0, "Girder depth at a pier over depth at midspan [1]", ge=1.05, le=2.5)
+    haunch_reach: float | None = drawn(
+        0.22, 0.38, "Length of the haunch on each side of a pier, over the span [1]", ge=0.1, le=0.5
+    )
     fillet: float | None = drawn(
-        0.040, 0.090, "Concrete between top flange and slab [m]", ge=0.0, le=0.20, paper=(0.0, 0.0)
+        0.040, 0.090, "Depth of the concrete haunch between top flange and slab [m]", ge=0.0, le=0.20, paper=(0.0, 0.0)
     )
     splices: bool | None = Field(
         default=None, description="Bolted field splices in continuous girders; drawn always, in profile paper never"
     )
-    splice_share: float | None = drawn(0.20, 0.25, "From pier to field splice, over the span [1]", ge=0.1, le=0.4)
+    splice_share: float | None = drawn(
+        0.20, 0.25, "Distance from a pier to a field splice, over the span [1]", ge=0.1, le=0.4
+    )
 
 
 def draw_plate_girders(settings: PlateGirderSettings, width: float, spans: Spans, draws: Draws) -> PlateGirders:
@@ -119,10 +125,10 @@ def _arrangement(settings: PlateGirderSettings, width: float, longest: float, dr
     if not low <= width <= high:
         nearest = low if width < low else high
         raise InputError(
-            f"a deck {width:.2f} m wide does not suit this arrangement",
+            f"this arrangement does not suit a deck {width:.2f} m wide",
             field="bridge.girder.steel.arrangement",
             value=choice,
-            allowed=f"decks from {low:g} to {high:g} m, the nearest {nearest:g} m",
+            allowed=f"decks {low:g} to {high:g} m wide, the nearest {nearest:g} m",
             hint="Choose multi, or change the lanes",
         )
     return choice
@@ -164,8 +170,8 @@ def _lines(
                 f"{count} girder lines cannot carry a deck {width:.2f} m wide",
                 field="bridge.girder.steel.count",
                 value=count,
-                allowed=f"{LEAST_SPACING} to {MOST_SPACING} m apart, overhang 0.6 to 1.5 m; nearest "
-                f"{max(2, round((width - 2.2) / 2.9) + 1)}",
+                allowed=f"{LEAST_SPACING} to {MOST_SPACING} m apart, overhang 0.6 to 1.5 m; the nearest valid number "
+                f"is {max(2, round((width - 2.2) / 2.9) + 1)}",
                 hint="Leave it out, or change the lanes",
             )
     cantilever = least + share * (most - least)

@@ -36,31 +36,40 @@ class TrackSettings(Settings):
     """Tracks and the strips beside them; omitted values are drawn at random."""
 
     bed: Literal["ballast", "slab"] | None = chosen(
-        {"ballast": 65, "slab": 35}, "Ballast or ballastless track slab", paper={"slab": 1}
+        {"ballast": 65, "slab": 35}, "Track bed: ballast, or a ballastless track slab", paper={"slab": 1}
     )
     sleeper: Literal["concrete", "timber"] | None = chosen(
-        {"concrete": 80, "timber": 20}, "Material of the sleepers, on a track slab concrete"
+        {"concrete": 80, "timber": 20}, "Material of the sleepers; always concrete on a track slab"
     )
-    spacing: float | None = drawn(4.0, 4.5, "Axis to axis of two tracks [m]", ge=3.5, le=6.0)
-    pitch: float | None = drawn(0.60, 0.65, "Sleeper to sleeper [m]", paper=(2.0, 10.0))
-    sleeper_length: float | None = drawn(2.4, 2.6, "Sleeper across the track [m]", ge=1.9, le=2.8, paper=(2.0, 2.0))
-    sleeper_width: float | None = drawn(0.25, 0.30, "Sleeper along it [m]", ge=0.20, le=0.32, paper=(0.2, 0.2))
+    spacing: float | None = drawn(4.0, 4.5, "Distance between the axes of two tracks [m]", ge=3.5, le=6.0)
+    pitch: float | None = drawn(0.60, 0.65, "Sleeper spacing, axis to axis [m]", paper=(2.0, 10.0))
+    sleeper_length: float | None = drawn(
+        2.4, 2.6, "Length of a sleeper, across the track [m]", ge=1.9, le=2.8, paper=(2.0, 2.0)
+    )
+    sleeper_width: float | None = drawn(
+        0.25, 0.30, "Width of a sleeper, along the track [m]", ge=0.20, le=0.32, paper=(0.2, 0.2)
+    )
     sleeper_height: float | None = drawn(
-        0.19, 0.22, "Concrete sleeper's height [m]", ge=0.14, le=0.26, paper=(0.2, 0.2)
+        0.19, 0.22, "Height of a concrete sleeper [m]", ge=0.14, le=0.26, paper=(0.2, 0.2)
     )
-    ballast: float | None = drawn(0.25, 0.35, "Ballast under the sleepers [m]", ge=0.15, le=0.60)
+    ballast: float | None = drawn(0.25, 0.35, "Depth of the ballast under the sleepers [m]", ge=0.15, le=0.60)
     slab: float | None = drawn(0.20, 0.30, "Thickness of a track slab [m]", ge=0.15, le=0.50, paper=(0.2, 0.2))
-    embedded: float | None = drawn(0.06, 0.12, "Sleepers in track slabs [m]", ge=0.003, le=0.13, paper=(0.005, 0.005))
-    shoulder: float | None = drawn(0.30, 0.40, "Ballast beyond the sleepers' ends [m]", ge=0.20, le=0.60)
-    slab_shoulder: float | None = drawn(
-        0.15, 0.30, "Track slab beyond the sleepers' ends [m]", ge=0.05, le=0.50, paper=(0.25, 0.25)
+    embedded: float | None = drawn(
+        0.06, 0.12, "Depth to which sleepers are embedded in a track slab [m]", ge=0.003, le=0.13, paper=(0.005, 0.005)
     )
-    upstand: float | None = drawn(0.18, 0.25, "Width of the upstands that hold the track bed [m]", ge=0.12, le=0.40)
-    upstand_top: float | None = drawn(0.06, 0.14, "Upstands and walkways below the rails' top [m]", ge=0.03, le=0.30)
+    shoulder: float | None = drawn(0.30, 0.40, "Width of the ballast beyond the sleepers' ends [m]", ge=0.20, le=0.60)
+    slab_shoulder: float | None = drawn(
+        0.15, 0.30, "Width of the track slab beyond the sleepers' ends [m]", ge=0.05, le=0.50, paper=(0.25, 0.25)
+    )
+    upstand: float | None = drawn(0.18, 0.25, "Width of the upstands beside the track bed [m]", ge=0.12, le=0.40)
+    upstand_top: float | None = drawn(
+        0.06, 0.14, "Depth of the tops of upstands and walkways below top of rail [m]", ge=0.03, le=0.30
+    )
     walkway: float | None = drawn(
         0.40,
         0.60,
-        "Walkway, with cable trough, behind the upstands [m]; in profile paper what a deck of 10 m leaves",
+        "Width of the walkway, with cable trough, behind the upstand [m]; in profile paper the rest of a deck 10 m "
+        "wide",
         ge=0.0,
         le=2.5,
     )

@@ -72,7 +72,7 @@ def read_recipe(folder: Path) -> SceneRecipe:
     """
     path = folder / NAME
     if not path.is_file():
-        raise InputError("has no manifest.json, so that nothing can be authored for it", where=folder)
+        raise InputError("has no manifest.json, so nothing can be added to it", where=folder)
     record = _read(path)
     if record.get("format") != FORMAT or record.get("format_version") != FORMAT_VERSION:
         raise InputError(
@@ -83,7 +83,7 @@ def read_recipe(folder: Path) -> SceneRecipe:
         )
     settings, seed = record.get("settings"), record.get("seed")
     if not isinstance(settings, dict) or not isinstance(seed, int) or seed < 0:
-        raise InputError("holds no recipe: settings and a seed", where=path, field="seed", value=seed)
+        raise InputError("has no recipe (settings and a seed)", where=path, field="seed", value=seed)
     return SceneRecipe(parse_settings(AuthoringSettings, settings, path), seed)
 
 

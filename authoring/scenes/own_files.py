@@ -92,4 +92,4 @@ def _is_beside(home: Path, name: str) -> bool:
 def _check_inside(home: Path, name: str, root: Path) -> None:
     path = home / name
     if not is_regular(path) or not path.resolve().is_relative_to(home):
-        raise InputError("takes a file from outside its folder", where=root, value=name, hint="Flatten it instead")
+        raise InputError("uses a file outside its folder", where=root, value=name, hint="Flatten the scene instead")

@@ -94,7 +94,7 @@ def label_findings(stage: Usd.Stage) -> Iterator[str]:
         elif not component and not str(prim.GetPath()).startswith((tokens.BACKGROUND, tokens.ADDITIONS)):
             yield f"{prim.GetPath()}: has no component label"
         if component and in_force.classes and component not in in_force.classes:
-            yield f"{prim.GetPath()}: component {component!r} has no row in the taxonomy {in_force.name!r}"
+            yield f"{prim.GetPath()}: component {component!r} has no class in the taxonomy {in_force.name!r}"
 
 
 def id_findings(stage: Usd.Stage) -> Iterator[str]:
@@ -110,7 +110,7 @@ def id_findings(stage: Usd.Stage) -> Iterator[str]:
         if not own and not str(prim.GetPath()).startswith(tokens.BACKGROUND):
             yield f"{prim.GetPath()}: has no instance id"
         if min(own, default=1) < 1:
-            yield f"{prim.GetPath()}: instance ids must be over 0"
+            yield f"{prim.GetPath()}: instance ids must be above 0"
         ids.update(set(own))
     yield from (f"instance id {number}: used by {count} prims" for number, count in ids.items() if count > 1)
     xforms = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Xformable)]
@@ -131,7 +131,7 @@ def kind_findings(stage: Usd.Stage) -> Iterator[str]:
     for prim in stage.Traverse():
         kind = Usd.ModelAPI(prim).GetKind()
         if kind and Kind.Registry.IsA(kind, Kind.Tokens.model) and not prim.IsModel():
-            yield f"{prim.GetPath()}: kind {kind!r} below a prim that is no group"
+            yield f"{prim.GetPath()}: kind {kind!r} below a prim that is not a group"
 
 
 def camera_findings(stage: Usd.Stage) -> Iterator[str]:
@@ -147,7 +147,7 @@ def camera_findings(stage: Usd.Stage) -> Iterator[str]:
         samples = [sample for op in camera.GetOrderedXformOps() for sample in op.GetTimeSamples()]
         facts = read_survey(prim, 0)
         if samples != [float(code) for code in range(len(samples))] or len(samples) != len(facts.image_names):
-            yield f"{prim.GetPath()}: time samples are not 0 to N - 1 for the N names of its images"
+            yield f"{prim.GetPath()}: time samples are not 0 to N - 1 for its N image names"
         if facts.calibration is None:
             yield f"{prim.GetPath()}: has no calibration"
             continue
@@ -161,7 +161,7 @@ def camera_findings(stage: Usd.Stage) -> Iterator[str]:
         )
         ours, theirs = np.array(lens_values(expected)), np.array(lens_values(found))
         if np.abs(ours - theirs).max() > LENS_TOLERANCE * expected.focal_length:
-            yield f"{prim.GetPath()}: lens {lens_values(found)} disagrees with the calibration {lens_values(expected)}"
+            yield f"{prim.GetPath()}: lens {lens_values(found)} differs from the calibration {lens_values(expected)}"
 
 
 def asset_findings(path: Path) -> Iterator[str]:
@@ -182,7 +182,7 @@ def asset_findings(path: Path) -> Iterator[str]:
                 target = (layer.parent / name).resolve()
                 where = f"{layer.relative_to(root).as_posix()}: {name}"
                 if not name.startswith("./") or ".." in Path(name).parts:
-                    yield f"{where}: must start with ./ and never climb"
+                    yield f"{where}: must start with ./ and have no .."
                 elif not target.is_file():
                     yield f"{where}: there is no such file"
                 elif Sdf.FileFormat.FindByExtension(target.suffix.lstrip(".")):

@@ -69,7 +69,8 @@ def choose_crossing(layout: Layout, rng: np.random.Generator) -> CrossingKind:
 def told_crossings() -> str:
     """State how often each crossing is drawn among those that fit a bridge, and which bridges fit it."""
     return ", ".join(
-        f"{kind} {rule.weight:g} (spans of {rule.spans[0]:g} to {rule.spans[1]:g} m, seats {rule.headroom:g} m high)"
+        f"{kind} {rule.weight:g} (spans of {rule.spans[0]:g} to {rule.spans[1]:g} m, bearing seats at least "
+        f"{rule.headroom:g} m above z = 0)"
         for kind, rule in _RULES.items()
     )
 
@@ -101,11 +102,11 @@ def draw_crossing(
         depth = min(depth, width / 6)
     if width < NARROWEST:
         raise InputError(
-            "no room for it under the longest span",
+            "no room for this crossing under the longest span",
             field="site.crossing",
             value=kind,
-            allowed=f"a {kind} under spans of {NARROWEST + ROOM:g} m and more",
-            hint="Give the bridge a longer span",
+            allowed=f"a {kind} under spans of at least {NARROWEST + ROOM:g} m",
+            hint="Choose a bridge with a longer span",
         )
     station = _inward(layout, station, width)
     crossing = Crossing(
@@ -151,18 +152,18 @@ def _check(kind: CrossingKind, layout: Layout) -> None:
     rule, room = _RULES[kind], float(layout.alignment.height(np.array(layout.supports)).min()) - layout.depth
     if kind in ("valley", "harbour") and _longest(layout)[1] < rule.spans[0]:
         raise InputError(
-            "no room for it under the longest span",
+            "no room for this crossing under the longest span",
             field="site.crossing",
             value=kind,
-            allowed=f"a {kind} under spans of {rule.spans[0]:g} m and more",
-            hint="Give the bridge a longer span",
+            allowed=f"a {kind} under spans of at least {rule.spans[0]:g} m",
+            hint="Choose a bridge with a longer span",
         )
     if kind in ("valley", "rail") and room < rule.headroom - 1.0:
         raise InputError(
-            f"the bearing seats are only {room:.1f} m above the ground",
+            f"the bearing seats are only {room:.1f} m above z = 0",
             field="site.crossing",
             value=kind,
-            allowed=f"a {kind} under seats {rule.headroom - 1.0:g} m high and more",
+            allowed=f"a {kind} under bearing seats at least {rule.headroom - 1.0:g} m high",
             hint="Raise bridge.clearance",
         )
 

@@ -31,11 +31,30 @@ NEAR = 28.0  # distance from the axis or the crossing at which density has falle
 class ScatterSettings(Settings):
     """How much is strewn over the site."""
 
-    stones: int = Field(default=420, ge=0, le=20_000, description="stones tried [1]")
-    shrubs: int = Field(default=230, ge=0, le=5_000, description="shrubs tried [1]")
-    hedges: int = Field(default=420, ge=0, le=10_000, description="most bushes of hedges between fields [1]")
-    reeds: int = Field(default=420, ge=0, le=20_000, description="clumps of reed tried at a river [1]")
-    tufts: int = Field(default=5200, ge=0, le=50_000, description="tufts of grass tried [1]")
+    stones: int = Field(
+        default=420,
+        ge=0,
+        le=20_000,
+        description="Number of stones; those that fall on a road, water or other unsuitable ground are left out [1]",
+    )
+    shrubs: int = Field(
+        default=230, ge=0, le=5_000, description="Number of shrubs; those on unsuitable ground are left out [1]"
+    )
+    hedges: int = Field(
+        default=420, ge=0, le=10_000, description="Largest number of bushes in hedges between fields [1]"
+    )
+    reeds: int = Field(
+        default=420,
+        ge=0,
+        le=20_000,
+        description="Number of clumps of reed at a river; those on unsuitable ground are left out [1]",
+    )
+    tufts: int = Field(
+        default=5200,
+        ge=0,
+        le=50_000,
+        description="Number of tufts of grass; those on unsuitable ground are left out [1]",
+    )
 
 
 @dataclass(frozen=True)

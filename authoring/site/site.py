@@ -34,30 +34,41 @@ class SiteSettings(Settings):
 
     crossing: CrossingKind | None = Field(
         default=None,
-        description="what the bridge leads over; drawn among what suits its longest span and height: "
-        f"{told_crossings()}. Under decks over 9 m the land rises towards the abutments",
+        description="What the bridge crosses; drawn by these weights among those that suit its longest span and "
+        f"height: {told_crossings()}. The land rises towards the abutments of decks higher than 9 m",
     )
     land: LandUse | None = Field(
         default=None,
-        description="what the land beside the bridge is used for: fields with hedges, a common of long and short "
-        f"grass, or the yards of a town; drawn {told_shares(DRAWN_LAND)}, always a town beside a harbour; "
-        "say `town` where the background is a city",
+        description="Land use beside the bridge: fields with hedges, a common of long and short grass, or the paved "
+        f"and grassed lots of a town; drawn {told_shares(DRAWN_LAND)}, always town beside a harbour. Choose `town` if "
+        "the background is a city",
     )
-    half_width: float = Field(default=80.0, ge=40.0, le=200.0, description="reach to either side of the axis [m]")
-    run_out: float = Field(default=60.0, ge=30.0, le=200.0, description="reach beyond the abutments [m]")
-    fine_reach: float = Field(default=30.0, ge=5.0, le=60.0, description="reach of the fine mesh round the bridge [m]")
+    half_width: float = Field(
+        default=80.0, ge=40.0, le=200.0, description="Distance that the site reaches to each side of the axis [m]"
+    )
+    run_out: float = Field(
+        default=60.0, ge=30.0, le=200.0, description="Distance that the site reaches beyond the abutments [m]"
+    )
+    fine_reach: float = Field(
+        default=30.0, ge=5.0, le=60.0, description="Distance from the bridge that the fine ground mesh reaches [m]"
+    )
     fine_spacing: float = Field(
-        default=0.5, ge=0.2, le=2.0, description="spacing of the ground mesh there, more under bridges over 250 m [m]"
+        default=0.5,
+        ge=0.2,
+        le=2.0,
+        description="Spacing of the fine ground mesh; larger for bridges longer than 250 m [m]",
     )
-    coarse_spacing: float = Field(default=4.0, ge=0.5, le=8.0, description="largest spacing of the ground mesh [m]")
+    coarse_spacing: float = Field(default=4.0, ge=0.5, le=8.0, description="Largest spacing of the ground mesh [m]")
     photo_reach: float = Field(
         default=30.0,
         ge=5.0,
         le=38.0,
-        description="reach round the bridge of the ground that has a picture of its own, 4 cm a texel [m]",
+        description="Distance from the bridge within which the ground has its own texture, 4 cm per texel [m]",
     )
-    relief: float = Field(default=1.0, ge=0.0, le=1.5, description="scale of the natural relief, 1 = about 0.5 m [1]")
-    scatter: ScatterSettings = Field(default_factory=ScatterSettings, description="stones, shrubs and tufts")
+    relief: float = Field(
+        default=1.0, ge=0.0, le=1.5, description="Factor for the natural relief of the ground; 1 is about 0.5 m [1]"
+    )
+    scatter: ScatterSettings = Field(default_factory=ScatterSettings, description="Stones, shrubs and tufts")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -39,18 +39,18 @@ def _find(wanted: str, scene: FlatScene) -> int:
         found = [row for row in found if "kind" not in scene.cameras[row].facts] or found
     if len(found) == 1:
         return found[0]
-    names = ", ".join(scene.cameras[row].path for row in own) or "none is there"
+    names = ", ".join(scene.cameras[row].path for row in own) or "none, the stage has no camera"
     if len(found) > 1:
         raise InputError(
-            "several cameras could be meant",
+            "it is not clear which camera is meant",
             field="survey.prim",
             value=wanted or None,
             allowed=names,
-            hint="Name one by its path",
+            hint="Give the path of one of them",
         )
     left_out = [line for line in scene.warnings if wanted and line.partition(":")[0].endswith(wanted)]
     if left_out:
-        raise InputError(f"cannot be flown: {left_out[0]}", field="survey.prim", value=wanted, allowed=names)
+        raise InputError(f"this camera cannot be used: {left_out[0]}", field="survey.prim", value=wanted, allowed=names)
     raise InputError(
         "the stage has no such camera" if wanted else "the stage has no camera",
         field="survey.prim",

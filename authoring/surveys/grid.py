@@ -61,11 +61,11 @@ def fly_grid(settings: GridSettings, subject: Subject, rng: np.random.Generator)
     distance = sampling * camera.fx
     if distance < settings.safety:
         raise InputError(
-            f"needs cameras {distance:.2f} m from the bridge",
+            f"puts the cameras {distance:.2f} m from the bridge, too near",
             field="survey.sampling",
             value=sampling,
             allowed=f"at least {settings.safety / camera.fx:.4f} m for a safety of {settings.safety:g} m",
-            hint="Raise it, or fly smaller images",
+            hint="Raise it, lower survey.safety, or choose larger images with survey.width",
         )
     box = oriented_box(subject.bridge.reshape(-1, 3))
     positions, looks = [], []

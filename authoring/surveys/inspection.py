@@ -71,7 +71,7 @@ def fly_inspection(
     if not len(chosen):
         if before is None:
             raise InputError(
-                "nothing of what is asked for can be seen from the free space",
+                "no camera in the free space can see any of these members",
                 field="survey.members",
                 value=list(settings.members) or None,
                 hint="Lower survey.safety or survey.pixels, or raise survey.reach",
@@ -88,7 +88,7 @@ def _free_places(settings: InspectionSettings, subject: Subject, shift: F64) -> 
     places = free_places(subject, settings.cell, reach, settings.safety, settings.over_ground, shift)
     if not len(places):
         raise InputError(
-            "no free space round the bridge",
+            "no free space around the bridge",
             field="survey.safety",
             value=settings.safety,
             hint="Lower it or survey.over_ground, or raise survey.reach",

@@ -58,7 +58,7 @@ def fly_local(settings: LocalSettings, subject: Subject, rng: np.random.Generato
             f"no free space: the instance {subject.obstacle_ids[int(row[0])]} fills the box",
             field="survey.safety",
             value=settings.safety,
-            hint="Lower it, or widen survey.beside and survey.above",
+            hint="Lower it, or raise survey.beside and survey.above",
         )
     target = None if settings.target is None else _reach_target(settings, settings.target, space, subject)
     way = _draw_way(settings, space, subject, target, rng)
@@ -101,13 +101,13 @@ def _reach_target(settings: LocalSettings, target: int, space: FreeSpace, subjec
         toward = nearest - middles[row]
         _, _, hit = subject.obstacles.cast(middles[row : row + 1], toward)
         between = (
-            f"the instance {int(hit[0])} lies between" if int(hit[0]) not in (0, target) else "the box ends before"
+            f"the instance {int(hit[0])} lies between" if int(hit[0]) not in (0, target) else "the box ends before it"
         )
         raise InputError(
-            f"cannot be reached: the flight comes no nearer than {away[row]:.1f} m; {between}",
+            f"cannot be reached: the smallest possible distance is {away[row]:.1f} m; {between}",
             field="survey.target",
             value=target,
-            hint="Widen the box, or lower survey.safety",
+            hint="Raise survey.beside, survey.above or survey.length, or lower survey.safety",
         )
     return row
 
@@ -120,7 +120,8 @@ def _limits(space: FreeSpace, subject: Subject) -> str:
     _, row = subject.obstacles.distance(gap[None])
     share = float(space.free.sum()) / float(space.free.sum() + space.cut_off.sum())
     return (
-        f"; only {share:.0%} of the free space hangs together, cut at the instance {subject.obstacle_ids[int(row[0])]}"
+        f"; only {share:.0%} of the free space is connected; the instance {subject.obstacle_ids[int(row[0])]} divides "
+        "it"
     )
 
 
@@ -148,7 +149,7 @@ def _draw_way(
         if _is_smooth(part, settings.spacing):
             return part
     raise InputError(
-        f"no flight of the length asked for: {TRIES} were {min(tried):.0f} to {max(tried):.0f} m long"
+        f"no flight of the requested length: {TRIES} attempts were {min(tried):.0f} to {max(tried):.0f} m long"
         + _limits(space, subject),
         field="survey.images",
         value=list(settings.images),

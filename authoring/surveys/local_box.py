@@ -34,7 +34,7 @@ def draw_local_box(settings: LocalSettings, subject: Subject, rng: np.random.Gen
     half = 0.5 * settings.length
     if not len(_within(subject.bridge, whole.axes, float(whole.center @ whole.axes[0]) + station, half)):
         raise InputError(
-            "the box holds no bridge",
+            "the box contains no part of the bridge",
             field="survey.station",
             value=station,
             allowed=f"{-whole.half[0]:.1f} to {whole.half[0]:.1f} m from the bridge's middle",

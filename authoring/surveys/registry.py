@@ -74,11 +74,11 @@ def plan_survey(settings: AnySurvey, subject: Subject, seed: int) -> CameraPath:
     """
     if isinstance(settings, StageSettings):
         raise InputError(
-            "takes a camera of a stage that is there",
+            "needs a camera of an existing stage",
             field="survey.kind",
             value=settings.kind,
             allowed=", ".join(SURVEYS),
-            hint="Author the scene, then: falsework survey plan SCENE --kind stage",
+            hint="Author the scene without it, then run: falsework survey plan SCENE --kind stage",
         )
     poses = SURVEYS[settings.kind].fly(settings, subject, stream(seed, f"survey/{settings.id}"))
     model = camera_models()[settings.camera]

@@ -16,26 +16,30 @@ Reach = Annotated[float, Field(ge=0.5, le=100.0)]
 class RecordSettings(Settings):
     """Records of every flight, planned by Falsework or not."""
 
-    id: str = Field(default="global", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name, unique in the scene")
+    id: str = Field(
+        default="global", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name of the survey, unique in the scene"
+    )
     width: int | None = Field(
-        default=None, ge=64, le=8192, description="Image width [px]; the camera's own when left out"
+        default=None, ge=64, le=8192, description="Image width [px]; left out: that of the camera model"
     )
     height: int | None = Field(
-        default=None, ge=64, le=8192, description="Image height [px]; the camera's own when left out"
+        default=None, ge=64, le=8192, description="Image height [px]; left out: that of the camera model"
     )
     speed: float = Field(default=3.0, ge=0.2, le=15.0, description="Flight speed [m/s]")
     gps_sigma: tuple[Sigma, Sigma, Sigma] = Field(
-        default=(0.5, 0.5, 0.8), description="Noise of a GPS position along x, y, z [m]"
+        default=(0.5, 0.5, 0.8), description="Standard deviation of a GPS position along x, y, z [m]"
     )
     gps_drift: float = Field(default=0.3, ge=0.0, le=5.0, description="Standard deviation of the slow GPS bias [m]")
     gps_altitude: float = Field(
         default=0.0,
         ge=0.0,
         le=100.0,
-        description="Standard deviation of the one error that all altitudes of a flight share: barometer, geoid [m]",
+        description="Standard deviation of an altitude error that is constant during a flight, as of barometer and "
+        "geoid [m]",
     )
     attitude_sigma: tuple[Turn, Turn, Turn] = Field(
-        default=(1.0, 0.3, 0.3), description="Noise of the gimbal's yaw, pitch and roll as written down [deg]"
+        default=(1.0, 0.3, 0.3),
+        description="Standard deviation of the recorded yaw, pitch and roll of the gimbal [deg]",
     )
 
 
@@ -45,7 +49,7 @@ _TURN, _COARSE = 20.0, 10.0  # [deg], [m]
 class CameraSettings(RecordSettings):
     """Records and camera of every planned survey."""
 
-    camera: str = Field(default=DEFAULT, description="Camera model, a name of authoring/surveys/cameras.toml")
+    camera: str = Field(default=DEFAULT, description="Camera model")
 
     @field_validator("camera")
     @classmethod
@@ -66,38 +70,39 @@ class GlobalSettings(SurveySettings):
 
     kind: Literal["global"] = "global"
     images: int = Field(
-        default=52, ge=8, le=2000, description="Number of images; more are taken where the spacing needs them"
+        default=52, ge=8, le=2000, description="Least number of images; more are taken if `spacing` requires it [1]"
     )
-    spacing: float = Field(
-        default=3.5, ge=0.3, le=50.0, description="Greatest distance between neighbouring images [m]"
-    )
+    spacing: float = Field(default=3.5, ge=0.3, le=50.0, description="Largest distance between neighbouring images [m]")
     turn: float | None = Field(
         default=None,
         ge=5.0,
         le=180.0,
-        description="Greatest angle between the viewing directions of neighbouring images of a loop [deg]; when left "
-        "out, 20 if spacing is at most 10 m, else any: such a flight is too coarse to be reconstructed",
+        description="Largest angle between the viewing directions of neighbouring images of a loop [deg]; left out: 20, "
+        "or any if `spacing` is above 10 m",
     )
     stand_off: tuple[Reach, Reach] = Field(
         default=(6.5, 8.5), description="Range of the distance to the bridge's sides [m]"
     )
     over_deck: tuple[Reach, Reach] = Field(
-        default=(2.0, 3.5), description="Range of the greatest height over parapets and all else [m]"
+        default=(2.0, 3.5),
+        description="Range of the largest height above parapets, cables and all other parts of the bridge [m]",
     )
-    over_ground: float = Field(default=2.0, ge=1.5, le=20.0, description="Least height over ground or water [m]")
+    over_ground: float = Field(default=2.0, ge=1.5, le=20.0, description="Least height above ground or water [m]")
     tour: Literal["loop", "rings"] = Field(
         default="loop",
-        description="One loop that dives under the deck and crosses over it, or the paper's tour of waypoints on the "
-        "surface of the extended box: two rings and strips over the top",
+        description="loop: one loop that passes under the deck and crosses over it; rings: the paper's tour of "
+        "waypoints on the surface of the extended bounding box, two rings and strips over the top",
     )
     margin: float | None = Field(
         default=None,
         ge=2.0,
         le=100.0,
-        description="Extension of the box for rings [m]; 0.35 of its width or height, 8 to 40 m, when left out",
+        description="Extension of the bounding box for rings [m]; left out: 0.35 of its width or height, but 8 to 40 m",
     )
     poi: Literal["axis", "box50"] = Field(
-        default="axis", description="Cameras look at the axis beside them, or at the paper's box of half the size"
+        default="axis",
+        description="Where cameras look: at the nearest point of the bridge's axis, or at the paper's box of half the "
+        "size",
     )
 
     @property
@@ -109,7 +114,7 @@ class GlobalSettings(SurveySettings):
     def _ranges_ascend(self) -> Self:
         for name, (low, high) in (("stand_off", self.stand_off), ("over_deck", self.over_deck)):
             if low > high:
-                raise ValueError(f"{name} must name its lower end first; allowed: [{high}, {low}]")
+                raise ValueError(f"{name} must be the lower end, then the upper end; allowed: [{high}, {low}]")
         return self
 
 
@@ -117,31 +122,38 @@ class LocalSettings(SurveySettings):
     """A close flight through the free space round a stretch of the bridge, as the paper's local scenario."""
 
     kind: Literal["local"]
-    id: str = Field(default="local", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name, unique in the scene")
+    id: str = Field(
+        default="local", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name of the survey, unique in the scene"
+    )
     safety: float = Field(default=1.0, ge=0.3, le=5.0, description="Least distance to bridge and site [m]")
     speed: float = Field(default=1.0, ge=0.2, le=15.0, description="Flight speed [m/s]")
     station: float | None = Field(
         default=None,
-        description="Middle of the box along the bridge, from its middle [m]; drawn, at a support by `at_support`",
+        description="Position of the box along the bridge, from the bridge's middle [m]; left out: drawn, at a "
+        "support as often as `at_support` says",
     )
     target: int | None = Field(
         default=None,
         ge=1,
-        description="Instance id of a component that the flight must come near; the box lies round it",
+        description="Instance id of a component that the flight must come near; the box lies around it",
     )
-    at_support: float = Field(default=0.7, ge=0.0, le=1.0, description="Share of the boxes that lie at a support [1]")
+    at_support: float = Field(default=0.7, ge=0.0, le=1.0, description="Probability that the box lies at a support [1]")
     length: float = Field(default=20.0, ge=6.0, le=100.0, description="Length of the box along the bridge [m]")
-    beside: float = Field(default=6.0, ge=2.0, le=40.0, description="Box beside the bridge [m]")
-    above: float = Field(default=4.0, ge=1.0, le=40.0, description="Box over the bridge [m]")
-    cell: float = Field(default=0.5, ge=0.2, le=2.0, description="Edge of the cells that free space is cut into [m]")
-    near: float = Field(
-        default=3.0, ge=0.5, le=20.0, description="Distance to the bridge that the flight likes best [m]"
+    beside: float = Field(
+        default=6.0, ge=2.0, le=40.0, description="Width of the box beside each side of the bridge [m]"
     )
-    over_ground: float = Field(default=1.0, ge=0.3, le=10.0, description="Least height over ground or water [m]")
-    spacing: float = Field(default=0.5, ge=0.1, le=5.0, description="Greatest distance between neighbouring images [m]")
-    images: tuple[int, int] = Field(default=(40, 120), description="Least and most images; the paper's mean is 74")
+    above: float = Field(default=4.0, ge=1.0, le=40.0, description="Height of the box above the bridge [m]")
+    cell: float = Field(
+        default=0.5, ge=0.2, le=2.0, description="Edge of the cells that free space is divided into [m]"
+    )
+    near: float = Field(default=3.0, ge=0.5, le=20.0, description="Preferred distance to the bridge [m]")
+    over_ground: float = Field(default=1.0, ge=0.3, le=10.0, description="Least height above ground or water [m]")
+    spacing: float = Field(default=0.5, ge=0.1, le=5.0, description="Largest distance between neighbouring images [m]")
+    images: tuple[int, int] = Field(
+        default=(40, 120), description="Least and largest number of images; the paper's mean is 74 [1]"
+    )
     pitch: Literal["free", "limited"] | None = chosen(
-        {"limited": 0.5, "free": 0.5}, "The gimbal looks up freely, or no higher than `pitch_limit`"
+        {"limited": 0.5, "free": 0.5}, "free: the gimbal may look up; limited: no higher than `pitch_limit`"
     )
     pitch_limit: float = Field(default=24.0, ge=-90.0, le=90.0, description="Highest pitch of the limited gimbal [deg]")
 
@@ -157,22 +169,30 @@ class GridSettings(SurveySettings):
     """Rows as along a facade: every side of the bridge at one distance, square to it."""
 
     kind: Literal["grid"]
-    id: str = Field(default="grid", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name, unique in the scene")
-    sampling: float | None = Field(
-        default=None, ge=0.0005, le=0.1, description="Size of a pixel on the surface [m]; that at 10 m when left out"
+    id: str = Field(
+        default="grid", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name of the survey, unique in the scene"
     )
-    overlap: float = Field(default=0.75, ge=0.3, le=0.95, description="Overlap along a row [1]")
+    sampling: float | None = Field(
+        default=None,
+        ge=0.0005,
+        le=0.1,
+        description="Size of a pixel on the surface [m]; left out: its size at a distance of 10 m",
+    )
+    overlap: float = Field(default=0.75, ge=0.3, le=0.95, description="Overlap of neighbouring images in a row [1]")
     side_overlap: float = Field(default=0.6, ge=0.2, le=0.95, description="Overlap of neighbouring rows [1]")
-    over_ground: float = Field(default=1.5, ge=0.3, le=20.0, description="Least height over ground or water [m]")
-    deck: bool = Field(default=True, description="Rows over the deck as well, looking down")
+    over_ground: float = Field(default=1.5, ge=0.3, le=20.0, description="Least height above ground or water [m]")
+    deck: bool = Field(default=True, description="Add rows above the deck that look down")
     oblique: int = Field(
         default=3,
         ge=0,
         le=8,
-        description="Rows aslant between each side and the deck that tie them together",
+        description="Number of oblique rows that connect each side with the deck [1]",
     )
     least_bridge: float = Field(
-        default=0.1, ge=0.0, le=1.0, description="Share of an image that the bridge must fill for it to be taken [1]"
+        default=0.1,
+        ge=0.0,
+        le=1.0,
+        description="Least share of an image that the bridge must fill; other images are not taken [1]",
     )
 
 
@@ -181,38 +201,52 @@ class InspectionSettings(SurveySettings):
 
     kind: Literal["inspection"]
     id: str = Field(
-        default="inspection", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name, unique in the scene"
+        default="inspection",
+        pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$",
+        description="Name of the survey, unique in the scene",
     )
     safety: float = Field(default=1.0, ge=0.3, le=5.0, description="Least distance to bridge and site [m]")
     speed: float = Field(default=1.0, ge=0.2, le=15.0, description="Flight speed [m/s]")
-    views: int = Field(default=3, ge=1, le=12, description="Views that everything needs, from as many places")
+    views: int = Field(
+        default=3,
+        ge=1,
+        le=12,
+        description="Number of views that every surface or member needs, from different positions [1]",
+    )
     pixels: float = Field(
         default=50.0,
         ge=1.0,
         le=1e6,
-        description="Pixels of a member in an image that counts as a view of it [px]",
+        description="Number of pixels that a member must have in an image to count as seen [px]",
     )
-    members: tuple[int, ...] = Field(default=(), description="Instance ids of the members to see; all when empty")
+    members: tuple[int, ...] = Field(default=(), description="Instance ids of the members to inspect; empty: all")
     cover: Literal["surface", "members"] = Field(
         default="surface",
-        description="See all of every member's surface squarely, or be content with enough views of each member",
+        description="surface: all of every member's surface, at steep angles; members: enough views of each member",
     )
     stretch: float = Field(
-        default=6.0, ge=1.0, le=50.0, description="Edge of the cubes that cut members into stretches [m]"
+        default=6.0, ge=1.0, le=50.0, description="Edge of the cubes that divide members into pieces [m]"
     )
     worth: int = Field(
-        default=6, ge=1, le=1000, description="Views of stretches that an image must add to be taken; 1 leaves none out"
+        default=6, ge=1, le=1000, description="Number of views of pieces that an image must add to be chosen [1]"
     )
-    near: float = Field(default=3.0, ge=0.5, le=20.0, description="Distance to the bridge that is flown at [m]")
+    near: float = Field(default=3.0, ge=0.5, le=20.0, description="Distance of the flight to the bridge [m]")
     reach: float = Field(
-        default=10.0, ge=2.0, le=60.0, description="Distance at which a surface still counts as seen [m]"
+        default=10.0, ge=2.0, le=60.0, description="Largest distance at which a surface counts as seen [m]"
     )
-    cell: float = Field(default=0.5, ge=0.2, le=2.0, description="Edge of the cells that free space is cut into [m]")
-    over_ground: float = Field(default=1.0, ge=0.3, le=10.0, description="Least height over ground or water [m]")
+    cell: float = Field(
+        default=0.5, ge=0.2, le=2.0, description="Edge of the cells that free space is divided into [m]"
+    )
+    over_ground: float = Field(default=1.0, ge=0.3, le=10.0, description="Least height above ground or water [m]")
     spacing: float = Field(
-        default=2.0, ge=0.1, le=10.0, description="Greatest distance between neighbouring images of a leg [m]"
+        default=2.0, ge=0.1, le=10.0, description="Largest distance between neighbouring images of a leg [m]"
     )
-    images: int = Field(default=2000, ge=1, le=10_000, description="Greatest number of chosen views; legs take more")
+    images: int = Field(
+        default=2000,
+        ge=1,
+        le=10_000,
+        description="Largest number of chosen views; the legs between them add more images [1]",
+    )
     pitch_limit: float = Field(default=90.0, ge=-90.0, le=90.0, description="Highest pitch of the gimbal [deg]")
 
 
@@ -223,12 +257,14 @@ class MixSettings(CameraSettings):
     """Several flights one after the other with one camera: one capture."""
 
     kind: Literal["mix"]
-    id: str = Field(default="mix", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name, unique in the scene")
+    id: str = Field(
+        default="mix", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name of the survey, unique in the scene"
+    )
     legs: tuple[LegSettings, ...] = Field(
         default=(GlobalSettings(), InspectionSettings(kind="inspection")),
         min_length=1,
         max_length=50,
-        description="The flights, in order; an inspection adds only what those before it leave to be seen",
+        description="The flights, in order; an inspection adds only views that earlier flights lack",
     )
 
     @model_validator(mode="after")
@@ -241,7 +277,9 @@ class MixSettings(CameraSettings):
                 if getattr(leg, name) != fields[name].default
             ]
             if twice:
-                raise ValueError(f"legs[{number}].{twice[0]} belongs to the whole flight: give it to the mix")
+                raise ValueError(
+                    f"legs[{number}].{twice[0]} applies to the whole flight: move it from the leg to the mix"
+                )
         return self
 
 
@@ -249,8 +287,10 @@ class StageSettings(RecordSettings):
     """An existing camera of the stage, animated in a DCC: used unchanged, with a record added."""
 
     kind: Literal["stage"]
-    id: str = Field(default="stage", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name, unique in the scene")
-    prim: str = Field(default="", description="Path or name of the camera; may be left out where there is only one")
+    id: str = Field(
+        default="stage", pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$", description="Name of the survey, unique in the scene"
+    )
+    prim: str = Field(default="", description="Path or name of the camera; may be left out if there is only one")
 
 
 AnySurvey = Annotated[

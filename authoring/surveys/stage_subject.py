@@ -31,7 +31,7 @@ def stage_subject(scene: FlatScene) -> Subject:
     bridge = bridge or [row.id for row in rows if row.base_class not in ("background", "")]
     if not np.isin(ids, bridge).any():
         raise InputError(
-            "nothing in the stage is labelled as a part of a bridge", hint="Label its prims: userProperties:class"
+            "no prim of the stage has the label of a bridge part", hint="Label its prims with userProperties:class"
         )
     kept, own = ~np.isin(ids, far), np.isin(ids, bridge)
     land = np.isin(ids, [row.id for row in rows if row.component in LAND]) & kept

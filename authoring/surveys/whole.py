@@ -195,10 +195,11 @@ def clear_route(route: F64, box: OrientedBox, subject: Subject, safety: float) -
         amount = amount + 0.3 * maximum_filter1d(near.astype(float), round(2.0 / STEP) + 1, mode="wrap")
     row = int(subject.obstacles.distance(moved)[1][int(np.argmin(subject.clearance(moved)))])
     raise InputError(
-        f"no way round the bridge keeps {safety} m of distance: the instance {subject.obstacle_ids[row]} is in the way",
+        f"no path around the bridge keeps a distance of {safety} m: the instance {subject.obstacle_ids[row]} is in the "
+        "way",
         field="survey.safety",
         value=safety,
-        hint="Lower it, or widen survey.stand_off",
+        hint="Lower it, or raise survey.stand_off",
     )
 
 

@@ -152,10 +152,10 @@ def _check_origin(choices: dict[str, str], origin: Point | None) -> None:
     file = Path(choices.get("background", ""))
     if origin is not None and (file.suffix not in USD_FILES or is_city(file)):
         raise InputError(
-            "only a USD file as background has an origin to be moved",
+            "only a background from a USD file has an origin to move",
             field="--re-origin",
             value=origin,
-            hint="A world of falsework background import has its own; else leave it out",
+            hint="Leave it out: an imported world has an origin of its own",
         )
 
 
@@ -210,8 +210,8 @@ def _maker(scene: Path, axis: str, value: str, known: tuple[str, ...]) -> Callab
 def _check_file(axis: str, file: Path) -> None:
     """Refuse an unknown choice that is the path of a file which cannot be used directly, or of no file."""
     if axis == "background" and file.is_file():
-        hint = "Make a world first: falsework background import FILE -o DIR, then background=DIR"
-        raise InputError("is no USD file", where=file, field=axis, hint=hint)
+        hint = "Import it first with falsework background import FILE -o DIR, then choose background=DIR"
+        raise InputError("is not a USD file", where=file, field=axis, hint=hint)
     if axis != "light" and file.suffix and not file.exists():
         raise MissingError("no such file", where=file, field=axis, hint="Check the path")
 
@@ -228,7 +228,7 @@ def _wear(scene: Path, surfaces: Path) -> str:
     """Apply a user's folder of surfaces to the bridge; roles without a fitting one keep that of the scene's look."""
     drawn, name = _draw(read_recipe(scene.parent)), Tf.MakeValidIdentifier(surfaces.stem)
     if name in LOOKS:
-        raise InputError("has the name of a look of ours", where=surfaces, value=name, hint="Rename it")
+        raise InputError("has the name of a look of Falsework", where=surfaces, value=name, hint="Rename it")
     look = drawn.recipe.settings.look.model_copy(update={"folders": (surfaces.name,)})
     settings = drawn.recipe.settings.model_copy(update={"look": look})
     given, bridge = {surfaces.name: surfaces}, scene.parent / "bridge"

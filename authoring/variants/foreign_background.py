@@ -56,7 +56,7 @@ def stage_background(scene: Path, file: Path, warn: Warn, origin: Point = HERE) 
     """
     name = safe_name(file.stem)
     if name in BACKGROUNDS:
-        raise InputError("has the name of a world of ours", where=file, value=name, hint="Rename it")
+        raise InputError("has the name of a world of Falsework", where=file, value=name, hint="Rename it")
     stage = open_foreign(file, warn)
     check_place(stage, file, scene, origin, warn)
     place = scene.parent / "background" / name

@@ -37,7 +37,7 @@ def stage_look(scene: Path, file: Path, warn: Warn) -> Staged:
     """
     name = safe_name(file.stem)
     if name in LOOKS:
-        raise InputError("has the name of a look of ours", where=file, value=name, hint="Rename it")
+        raise InputError("has the name of a look of Falsework", where=file, value=name, hint="Rename it")
     stage = open_foreign(file, warn)
     roles = _roles(scene)
     materials = {
@@ -46,7 +46,7 @@ def stage_look(scene: Path, file: Path, warn: Warn) -> Staged:
         if prim.IsA(UsdShade.Material) and prim.GetName() in {*tokens.ROLES, *roles}
     }
     if not materials.keys() & roles:
-        raise InputError("holds no material that is named like a role", where=file, allowed=", ".join(sorted(roles)))
+        raise InputError("has no material with the name of a role", where=file, allowed=", ".join(sorted(roles)))
     sheets = {name: role for name in roles - materials.keys() if (role := sheet_role(name)) in materials}
     others = _fallbacks(scene, roles - materials.keys() - sheets.keys(), name)
     place = scene.parent / "bridge/looks" / name
@@ -68,7 +68,10 @@ def stage_look(scene: Path, file: Path, warn: Warn) -> Staged:
         staged.discard()
         raise
     if others:
-        warn(f"roles that {file.name} does not fill, taken from other looks: {', '.join(sorted(others))}")
+        warn(
+            f"{file.name} has no material for these roles, which are taken from other looks: "
+            f"{', '.join(sorted(others))}"
+        )
     return staged
 
 
@@ -98,11 +101,11 @@ def _look(flat: Sdf.Layer, materials: dict[str, Sdf.Path], file: Path) -> Sdf.La
         layer.Traverse(place, look)
         if outside:
             raise InputError(
-                "is connected to something outside of itself",
+                "is connected to a prim outside the material",
                 where=file,
                 field=str(path),
                 value=str(outside[0]),
-                hint="Keep the whole network below the material",
+                hint="Put the whole shader network below the material",
             )
     return layer
 

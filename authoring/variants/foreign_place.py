@@ -44,20 +44,20 @@ def check_place(stage: Usd.Stage, file: Path, scene: Path, origin: Point, warn: 
     worst = max(coarse, key=lambda path: coarse[path])
     if coarse[worst] > COARSE:
         warn(
-            f"{worst}: its points are stored {1000 * coarse[worst]:.0f} mm coarse, since they count from far away; "
-            f"move them to an origin nearby before export, and leave the distance to a transform"
+            f"{worst}: its points are far from their origin, and rounded to {1000 * coarse[worst]:.0f} mm; move them "
+            "to an origin nearby before export, and put the distance into a transform"
         )
     everything = np.concatenate([corners.reshape(-1, 3) for corners in bodies.values()])
     middle = (everything.min(axis=0) + everything.max(axis=0)) / 2
     if float(np.abs(middle).max()) > FARTHEST:
         far = ", ".join(f"{value / 1000:.1f}" for value in middle)
         raise InputError(
-            "stands too far from the scene's origin, where the bridge begins",
+            "lies too far from the scene's origin, where the bridge begins",
             where=file,
             field="background",
             value=f"middle at ({far}) km",
             allowed=f"within {FARTHEST / 1000:.0f} km",
-            hint="Say which of its points becomes the scene's origin [m], z up: --re-origin "
+            hint="Give the point that becomes the scene's origin [m], z up: --re-origin "
             + " ".join(f"{value:.0f}" for value in middle + np.array(origin)),
         )
     planes = _keep_out(Usd.Stage.Open(str(scene)))
@@ -65,8 +65,8 @@ def check_place(stage: Usd.Stage, file: Path, scene: Path, origin: Point, warn: 
     if inside:
         more = f" and {len(inside) - _NAMED} more" if len(inside) > _NAMED else ""
         warn(
-            f"stands where the bridge and its cameras are: {', '.join(inside[:_NAMED])}{more}; "
-            f"cut a gap of the site's size into the world, or look whether the bridge shows"
+            f"lies where the bridge and its cameras are: {', '.join(inside[:_NAMED])}{more}; "
+            f"cut a hole of the site's size into the world, or check in a preview that the bridge is visible"
         )
 
 

@@ -88,10 +88,10 @@ def check_asset(scene: Path, axis: str, layer: Path, file: Path, warn: Warn) -> 
     stage = Usd.Stage.OpenMasked(Sdf.Layer.FindOrOpen(str(scene.resolve())), session, mask)
     wrong = [*asset_findings(layer), *(line for rule in RULES if rule is not usd_findings for line in rule(stage))]
     if wrong:
-        raise InputError("would leave the scene unsound", where=file, field=axis, value=_few(wrong))
+        raise InputError("would make the scene invalid", where=file, field=axis, value=_few(wrong))
     odd = sorted(set(usd_findings(stage)))
     if odd:
-        warn(f"{file.name}: taken as it is, though USD's validators say: {_few(odd)}")
+        warn(f"{file.name}: used as it is, but USD's validators report: {_few(odd)}")
 
 
 def _few(lines: list[str]) -> str:

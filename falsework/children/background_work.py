@@ -55,7 +55,9 @@ def _read(file: Path, up: str, scale: float, progress: Progress) -> "CityModel":
     if suffix in USD_SUFFIXES:
         return read_usd(file, progress.note, scale)
     if scale != 1.0:
-        raise InputError("is in metres", where=file, field="--scale", value=scale, hint="Leave it out")
+        raise InputError(
+            "a CityJSON file is always in metres", where=file, field="--scale", value=scale, hint="Leave it out"
+        )
     return read_cityjson(file, progress.note)
 
 

@@ -73,7 +73,7 @@ def read_safely(
         raise InputError(
             f"cannot be read within {time_limit:.0f} s and {memory_limit:.0f} GB: {reason}",
             where=stage,
-            hint="Make it smaller, or flatten it where it was made",
+            hint="Make it smaller, or flatten it in the program that made it",
         ) from error
 
 

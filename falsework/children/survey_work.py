@@ -115,7 +115,7 @@ def plan(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
     progress.advance(1)
     steps = np.linalg.norm(np.diff(path.poses[:, :3, 3], axis=0), axis=1)
     if len(path.poses) > MANY:
-        progress.note(f"{len(path.poses)} images: judge them with `falsework survey score` before you render them")
+        progress.note(f"{len(path.poses)} images: check them with `falsework survey score` before you render them")
     return [{"survey": path.id, "images": len(path.poses), "length": float(steps.sum())}]
 
 
@@ -156,7 +156,10 @@ def _members(scene: Path, words: list[str], own: str) -> list[int]:
         found |= meant
     if not found:
         raise InputError(
-            "every member is shown often enough already", field="--for", value=" ".join(words), where=scene
+            "every one of these members is already shown often enough",
+            field="--for",
+            value=" ".join(words),
+            where=scene,
         )
     return sorted(found)
 
@@ -164,7 +167,9 @@ def _members(scene: Path, words: list[str], own: str) -> list[int]:
 def _warnings(linked: float, clearance: float) -> list[str]:
     lines = []
     if linked < LINKED_ENOUGH:
-        lines.append(f"about {100.0 * (1.0 - linked):.0f} % of the images will hardly be registered: fly denser")
+        lines.append(
+            f"about {100.0 * (1.0 - linked):.0f} % of the images will probably not be registered: plan more images"
+        )
     if clearance < 0.3:
         lines.append(f"a camera comes within {clearance:.2f} m of a surface")
     return lines

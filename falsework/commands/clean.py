@@ -83,7 +83,7 @@ def clean(root: Path, progress: Progress, *, unused: bool = False, dry_run: bool
         found += _unused(root, progress, done)
         found += unshared_textures(root, found)
         if is_in_use(root):
-            raise InputError("a run is working in this folder", where=root, hint="Wait for its end, or stop it")
+            raise InputError("a run is in progress in this folder", where=root, hint="Wait until it ends, or stop it")
     done.freed = bytes_freed(found)
     with space_errors(root):
         for leftover in found:
@@ -91,7 +91,7 @@ def clean(root: Path, progress: Progress, *, unused: bool = False, dry_run: bool
             if dry_run or remove_leftover(root, leftover):
                 done.removed.append(leftover)
             else:
-                done.left.append(f"{leftover.paths[0].relative_to(root)}: a process works on it")
+                done.left.append(f"{leftover.paths[0].relative_to(root)}: in use by a process")
                 done.freed -= size
     return done
 
@@ -149,18 +149,18 @@ def _traces(root: Path) -> Traces:
                 continue
             faults = file_faults(folder, task["files"], None)
             strange = tuple(line for line in faults if line.endswith("not in the manifest"))
-            goes = Leftover(f"{stage} of no scene", (folder, *links[folder]), folder.name, True)
+            goes = Leftover(f"{stage} that no scene uses", (folder, *links[folder]), folder.name, True)
             found[_likeness(task)].append(TaskRecord(folder.name, task["inputs"], goes, strange))
         for path in sorted((root / "evicted" / stage).glob("*.json")):
             task = _task_of(path)
             if task is not None and (task["key"], task["stage"]) == (path.stem, stage):
-                goes = Leftover(f"record of a {stage} of no scene", (path,), path.stem)
+                goes = Leftover(f"record of a {stage} that no scene uses", (path,), path.stem)
                 found[_likeness(task)].append(TaskRecord(path.stem, task["inputs"], goes))
     for path in sorted(root.glob("failed/*.json")):
         if KEY.fullmatch(path.stem) and read_failure(path) is not None:
             task = json.loads(path.read_text(encoding="utf-8"))
             if task.keys() >= {"stage", "version", "settings", "inputs"}:
-                goes = Leftover("record of a failure of no scene", (path,), path.stem)
+                goes = Leftover("record of a failure that no scene uses", (path,), path.stem)
                 found[_likeness(task)].append(TaskRecord(path.stem, task["inputs"], goes))
     return found
 

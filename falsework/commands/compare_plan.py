@@ -87,7 +87,7 @@ def plan_lines(found: dict[str, Any]) -> list[str]:
         f"{found['free_bytes'] / 1e6:.0f} MB are free"
     )
     if not found["known"]:
-        lines.append("tests are counted once the bridges are cut")
+        lines.append("tests are counted after the bridges are cut into windows")
     return lines
 
 

@@ -199,8 +199,8 @@ def _lines(record: dict[str, Any], counts: dict[str, int], output: Path) -> str:
             for row in record["scores"]
         ]
     if few := weakness(record):
-        lines.append(f"weak    {few}: the intervals tell how little is known")
-    lines.append(f"made    {counts['made']}, {counts['reused']} were there")
+        lines.append(f"weak    {few}: see how wide the intervals are")
+    lines.append(f"made    {counts['made']}, {counts['reused']} reused")
     return "\n".join([*lines, f"tables  {output / PAGE}"]) + "\n"
 
 

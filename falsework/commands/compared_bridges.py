@@ -72,7 +72,7 @@ def find_bridges(
                 field=f"clouds of the set {name}",
                 value=lacking[0],
                 allowed=", ".join(sorted(available[name])),
-                hint="Name clouds that there are in arms and tests",
+                hint="In arms and tests, use only names of existing clouds",
             )
     return bridges
 
@@ -81,12 +81,12 @@ def _check_sources(sources: Sequence[tuple[str, Path]], wanted: Mapping[str, set
     """Refuse sets without a folder, folders without a set, and duplicate folders."""
     for name in sorted(wanted):
         if name not in {found for found, _ in sources}:
-            hint = "Name the folder of a run" if name == DEFAULT_SET else f"Name it: {name}=FOLDER"
+            hint = "Name the folder of a run" if name == DEFAULT_SET else f"Give it as {name}=FOLDER"
             raise MissingError("no folder is given for a set of bridges", field="sources", value=name, hint=hint)
     for number, (name, folder) in enumerate(sources):
         if name not in wanted:
             raise InputError(
-                "the experiment names no such set of bridges",
+                "the experiment has no such set of bridges",
                 where=folder,
                 field="sources",
                 value=name,
@@ -94,7 +94,7 @@ def _check_sources(sources: Sequence[tuple[str, Path]], wanted: Mapping[str, set
                 hint="Leave it out, or write NAME=FOLDER",
             )
         if folder.resolve() in {other.resolve() for _, other in sources[:number]}:
-            raise InputError("given twice", where=folder, field="sources", hint="Name every folder once")
+            raise InputError("given twice", where=folder, field="sources", hint="Name each folder once")
 
 
 def _clouds_by_place(folder: Path, given: str) -> dict[Path, dict[str, Path]]:
@@ -102,18 +102,18 @@ def _clouds_by_place(folder: Path, given: str) -> dict[Path, dict[str, Path]]:
     places = {place: _clouds(place) for place in _places(folder)}
     if not any(places.values()):
         raise InputError(
-            "no clouds are in it",
+            "contains no clouds",
             where=folder,
             field="sources",
-            hint="Name a run, a folder that holds a folder for each cloud of a bridge, or one of such folders",
+            hint="Name a run, a folder with one folder for each cloud of a bridge, or a folder of such folders",
         )
     if given and len(places) > 1:
         raise InputError(
-            "has several bridges, and --bridge names one",
+            "has several bridges, but --bridge gives one name",
             where=folder,
             field="--bridge",
             value=given,
-            hint="Name the folder of each bridge, and one --bridge for each",
+            hint="Name the folder of each bridge, with one --bridge for each",
         )
     return places
 
@@ -145,11 +145,11 @@ def _bridge(name: str, label: str, place: Path, clouds: Mapping[str, Path], give
             found.add(facts.bridge)
     if len(found) > 1:
         raise InputError(
-            "clouds of several bridges",
+            "contains clouds of several bridges",
             where=place,
             field="bridge",
             value=", ".join(sorted(found)),
-            hint="Keep the clouds of one bridge in one folder",
+            hint="Put the clouds of each bridge into a separate folder",
         )
     return Bridge(name, label, found.pop(), dict(clouds), digests)
 
@@ -161,7 +161,7 @@ def _told(path: Path) -> str:
     bridge = stored.get("bridge", "") if isinstance(stored, dict) else ""
     if not isinstance(bridge, str) or not bridge:
         raise InputError(
-            "does not say which bridge it shows, so that no bridge can be kept for the test",
+            "does not state its bridge, so no bridge can be held out for the test",
             where=path,
             field="bridge",
             hint="Make the cloud again, or name it with --bridge",

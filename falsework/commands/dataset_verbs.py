@@ -41,8 +41,8 @@ def local(
         mode: Metric tiles, as in prediction; or the paper's windows along the bridge.
         table: Table of classes, one of those in docs/classes.md.
         split: Hold out whole bridges, or pieces at random as in the paper.
-        class_map: What the numbers of a scan mean: a map of the package, or a .toml or .json file.
-        bridge: Name of the bridge of each source, where they do not know it; once for each source, in their order.
+        class_map: Meaning of the class numbers of a scan: a map of the package, or a .toml or .json file.
+        bridge: Name of the bridge of each source, if it does not state one; once for each source, in their order.
         seed: Seed of splits and draws.
         set: A further setting, such as `points=2048` or `tile.size=8.0`; may be given more than once.
         as_json: Print one JSON object instead of lines.
@@ -73,9 +73,9 @@ def whole(
         mode: Large metric tiles, as in prediction; or one draw from each cloud, as in the paper.
         table: Table of classes, one of those in docs/classes.md.
         split: Hold out whole bridges, or clouds at random.
-        stratified: Points of each class that a training draw keeps where it has them; 0 draws without regard to class.
-        class_map: What the numbers of a scan mean: a map of the package, or a .toml or .json file.
-        bridge: Name of the bridge of each source, where they do not know it; once for each source, in their order.
+        stratified: Least number of points of each class in a training draw, if the piece has them; 0: no minimum.
+        class_map: Meaning of the class numbers of a scan: a map of the package, or a .toml or .json file.
+        bridge: Name of the bridge of each source, if it does not state one; once for each source, in their order.
         seed: Seed of splits and draws.
         set: A further setting, such as `points=32768` or `noisy=0.03`; may be given more than once.
         as_json: Print one JSON object instead of lines.
@@ -218,9 +218,9 @@ def clouds_in(source: Path) -> list[Path]:
     found = sorted(path for path in (source / "scenes").glob("*/cloud/*") if (path / "cloud.json").is_file())
     if not found:
         raise InputError(
-            "a run without a cloud",
+            "the run has no cloud",
             where=source,
-            hint="Run it to its clouds first: falsework plan says what is missing",
+            hint="Complete the run first; falsework plan shows what is missing",
         )
     return found
 

@@ -14,9 +14,9 @@ from groundwork.errors import InputError, MissingError
 from groundwork.progress import Progress
 
 JSON_VERSION = 2
-_DRAWN = "shines in all renderers; in ours it throws no shadow"
+_DRAWN = "drawn by all renderers; the renderer of Falsework draws it without shadows"
 _LAMPS = ("SphereLight", "RectLight", "DiskLight")
-_UNDRAWN = "shines in other renderers; of lamps ours draws SphereLights, RectLights and DiskLights"
+_UNDRAWN = "drawn by other renderers only; the renderer of Falsework draws SphereLights, RectLights and DiskLights"
 _SAID = {"moved": "moved", "reshaped": "reshaped", "recoloured": "recoloured", "hidden": "hidden", "removed": "removed"}
 
 
@@ -70,7 +70,7 @@ def harvest(
     """
     for path in (edited, scene):
         if path.is_dir():
-            raise InputError("is a folder, and a USD file is wanted here", where=path, hint="Name the file in it")
+            raise InputError("is a folder, not a USD file", where=path, hint="Name a file in it")
         if not path.is_file():
             raise MissingError("no such file", where=path)
     request = {
@@ -98,7 +98,7 @@ def report_lines(found: dict[str, Any]) -> list[str]:
         lines.append(f"{'light':<11} {name}, a {kind}: {_DRAWN if kind in _LAMPS else _UNDRAWN}")
     lines = lines or ["no changes: edits/user.usda is empty"]
     if found["missing"]:
-        lines.append(f"{'missing':<11} {', '.join(found['missing'])}: still there; --remove switches them off")
+        lines.append(f"{'missing':<11} {', '.join(found['missing'])}: kept; --remove deactivates them")
     return lines + [f"{'left out':<11} {line}" for line in found["left_out"]]
 
 

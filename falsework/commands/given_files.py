@@ -54,13 +54,13 @@ def need_folder(place: Path, wanted: str, field: str | None = None, mark: str | 
     if not place.exists():
         raise MissingError("no such folder", where=place, field=field, hint=f"Name {wanted}")
     if not place.is_dir():
-        raise InputError("is a file, and a folder is wanted here", where=place, field=field, hint=f"Name {wanted}")
+        raise InputError("is a file, not a folder", where=place, field=field, hint=f"Name {wanted}")
     from groundwork.output_reading import reading
 
     with reading(place):  # finishes an interrupted replacement
         there = mark is None or (place / mark).is_file()
     if not there:
-        raise MissingError(f"holds no {mark}", where=place, field=field, hint=f"Name {wanted}")
+        raise MissingError(f"has no {mark}", where=place, field=field, hint=f"Name {wanted}")
 
 
 def need_scenario(path: Path) -> None:

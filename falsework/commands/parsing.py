@@ -140,7 +140,7 @@ def _as_input_error(printed: str, program: str) -> InputError:
         return InputError(f"missing: {', '.join(missing)}", where=verb, hint=hint)
     if found := re.fullmatch(r"Unrecognized options: (\S+?)(?:, .*)?", said):
         like = [_option(line) for part in parts[1:] for line in part if re.match(r" {4}--", line)]
-        what = "no such option" if found[1].startswith("-") else "one argument too many"
+        what = "no such option" if found[1].startswith("-") else "too many arguments"
         return InputError(what, where=verb, value=found[1], hint=f"Did you mean {like[0]}? {hint}" if like else hint)
     if found := re.fullmatch(r"invalid choice '(.*)' for argument '(.*)'\. Expected one of \((.*?),?\)\.", said):
         choices = re.findall(r"'([^']*)'", found[3])

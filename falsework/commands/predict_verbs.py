@@ -54,7 +54,7 @@ def predict(
         classes: Classes to write; points of others get 255.
         min_confidence: Points with a lower confidence get class 255.
         link: Points of a class in touching cubes of this side are one instance [m].
-        chunk: Points of the scan in memory at once.
+        chunk: Number of points of the scan in memory at once.
         device: Where a network computes: cpu, whose labels are the same bytes each time, gpu, or auto: a GPU if torch
             finds one.
         as_json: Print one JSON object instead of lines.
@@ -75,7 +75,7 @@ def predict(
         made = predict_scan(scan, output, known, settings, progress)
     for doubt in made.doubts:
         sys.stderr.write(f"warning: {doubt}\n")
-    own = [] if model else [f"by the model of the package; its limits: {shipped_folder() / 'README.md'}"]
+    own = [] if model else [f"with the model of the package; its limits: {shipped_folder() / 'README.md'}"]
     return tell({"labelled": str(output), **asdict(made)}, [*_counts(made), f"labelled {output}", *own], as_json)
 
 
@@ -87,7 +87,9 @@ def _check_paths(scan: Path, output: Path, model: str) -> None:
     if scan.is_dir():
         need_folder(scan, "a scan, or the folder of a cloud", mark="cloud.json")
     if not output.suffix:
-        raise InputError("has no suffix that names a format", where=output, field="-o", hint="Add one, such as .laz")
+        raise InputError(
+            "has no suffix, which selects the format", where=output, field="-o", hint="Add one, such as .laz"
+        )
     if scan.is_file():
         from recon.formats.labeled_copy import check_copy
 
@@ -105,4 +107,4 @@ def _check_table(table: str) -> None:
 def _counts(made: "Prediction") -> list[str]:
     rows = {**made.counts, **({"no class": made.unlabelled} if made.unlabelled else {})}
     lines = [f"{name:<16} {count:>10} points  {count / made.points:6.1%}" for name, count in rows.items()]
-    return [*lines, f"{made.instances} instances; the model saw {made.thinned} of {made.points} points"]
+    return [*lines, f"{made.instances} instances; after thinning, the model saw {made.thinned} of {made.points} points"]

@@ -59,7 +59,7 @@ def repair(root: Path, progress: Progress) -> list[str]:
         if now is None and not (root / "evicted" / f"{place}.json").is_file() and not place.startswith("report/"):
             lines.append(f"store/{place}: not made again")
         elif now is not None and canonical_json(now) != canonical_json(files):
-            lines.append(f"store/{place}: made again, and its bytes are not the former ones")
+            lines.append(f"store/{place}: made again, but its bytes differ from the former ones")
     return lines
 
 

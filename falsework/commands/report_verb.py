@@ -36,14 +36,14 @@ def report(sources: Sources, output: Output, *, as_json: AsJson = False) -> int:
         if not source.exists():
             raise MissingError("no such file or folder", where=source, hint="Check the path")
     if not sources:
-        raise InputError("nothing to report on", allowed=ALLOWED)
+        raise InputError("no source for the report", allowed=ALLOWED)
     need_page(output, "--output")
     kinds = [kind_of(source) for source in sources]
     if len(sources) > 1 and not (set(kinds) <= {"run"} or set(kinds) <= {"model", "scores"}):
         raise InputError(
-            "these cannot share one page",
+            "these cannot be shown on one page",
             value=", ".join(dict.fromkeys(kinds)),
-            allowed="one of anything, several runs, or models and their scores",
+            allowed="one source of any kind, several runs, or models and their scores",
         )
     _write(kinds, sources, output)
     return tell({"report": str(output)}, [f"report  {output}"], as_json)
@@ -75,7 +75,7 @@ def kind_of(source: Path) -> str:
         return "scene"
     if _clouds_in(source):  # result of `reconstruct --mode both`
         return "cloud"
-    raise InputError("nothing here to report on", where=source, allowed=ALLOWED)
+    raise InputError("not a folder that a report can show", where=source, allowed=ALLOWED)
 
 
 def _clouds_in(source: Path) -> dict[str, Path]:

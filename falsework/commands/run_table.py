@@ -100,7 +100,7 @@ class RunTable:
         parts = [f"{self.ended} of {len(self._scenes)} scenes"]
         parts += [f"{count} {state}" for state, count in bad.items() if count]
         if self.rate > 0:
-            parts.append(f"{self.rate:,.1f} an hour" if self.rate < _MANY else f"{self.rate:,.0f} an hour")
+            parts.append(f"{self.rate:,.1f} per hour" if self.rate < _MANY else f"{self.rate:,.0f} per hour")
         if self.ended < len(self._scenes):
             parts.append(f"about {_duration(self.seconds_left)} left")
         return ", ".join(parts)

@@ -61,7 +61,7 @@ def run(
             "number of workers out of range",
             field="--workers",
             value=workers,
-            allowed="0 or more, and none beside --cluster",
+            allowed="0 or more; only 0 with --cluster",
         )
     check_parts(scenes, shard)
     if cluster is not None:
@@ -96,9 +96,9 @@ def _run(scenario: object, output: Path, scenes: list[int] | None, as_json: bool
     for name, reason in outcome.failed.items():
         _say(f"scene {name} failed: {reason}")
     _say(
-        f"{outcome.made} results made, {outcome.reused} were there already"
+        f"{outcome.made} results made, {outcome.reused} existed already"
         if outcome.made
-        else f"nothing to do: all {outcome.reused} results were there already"
+        else f"nothing to do: all {outcome.reused} results existed already"
     )
     for cloud in outcome.clouds:
         _say(f"cloud   {cloud}")

@@ -41,7 +41,7 @@ def mesh(
         visible: Only points that at least one camera of the stage's surveys sees.
         seed: Seed of every random draw.
         set: A further setting, such as `noise=0.005` or `min_views=3`; may be given more than once.
-        allow_root: Folders beside that of the stage from which it may take files.
+        allow_root: Further folders from which the stage may load files.
         as_json: Print one JSON object instead of lines.
     """
     from recon.sampling.sampler_settings import MeshSettings
@@ -76,7 +76,7 @@ def lidar(
         seed: Seed of every random draw.
         set: A further setting, such as `angular_step=0.1`, `positions=[[5, -12, 1.8]]` or `path=global`; may be given
             more than once.
-        allow_root: Folders beside that of the stage from which it may take files.
+        allow_root: Further folders from which the stage may load files.
         as_json: Print one JSON object instead of lines.
     """
     from recon.sampling.sampler_settings import SCANNERS

@@ -44,7 +44,7 @@ def info(
         depth: Levels of the tree.
         files: List every layer and texture with its hash.
         members: List every part of the bridge with its instance id, component and class.
-        allow_root: Folders beside that of the scene from which it may take files.
+        allow_root: Further folders from which the scene may load files.
         as_json: Print one JSON object instead of lines.
     """
     found = _work("info", scene, {"depth": depth}, allow_root)
@@ -66,9 +66,12 @@ def info(
         _say(f"{row['id']:>7}  {row['component']:<20} {row['class']:<12} {row['path']}")
     for name, code in found["layers"].items() if files else ():
         _say(f"{code}  {name}")
-    _say(f"files       {len(found['layers'])}, hash {found['scene_hash']}, as chosen {found['variant_hash']}")
+    _say(
+        f"files       {len(found['layers'])}, hash {found['scene_hash']}, of the selected variants "
+        f"{found['variant_hash']}"
+    )
     for line in found["changed"]:
-        _say(f"since it was authored  {line}")
+        _say(f"changed     {line}")
     return 0
 
 
@@ -77,7 +80,7 @@ def validate(scene: File, *, allow_root: Roots = (), as_json: AsJson = False) ->
 
     Args:
         scene: Scene folder, its root layer, or any other USD file.
-        allow_root: Folders beside that of the scene from which it may take files.
+        allow_root: Further folders from which the scene may load files.
         as_json: Print one JSON object instead of lines.
     """
     findings = _work("validate", scene, {}, allow_root)
@@ -86,7 +89,7 @@ def validate(scene: File, *, allow_root: Roots = (), as_json: AsJson = False) ->
     else:
         for line in findings:
             _say(line)
-        _say(f"{len(findings)} findings" if findings else "sound in every variant")
+        _say(f"{len(findings)} findings" if findings else "valid in every variant")
     return int(bool(findings))
 
 
@@ -115,9 +118,9 @@ def diff(first: File, second: File, *, allow_root: Roots = (), as_json: AsJson =
     for line in lines:
         _say(line)
     if found["same"]:
-        _say("the scenes compose to the same" if lines else "no difference")
+        _say("the composed scenes are equal" if lines else "no difference")
     elif not any(found[word] for word in ("moved", "reshaped", "relabelled")):
-        _say("alike       all that both have stands where it stood: same places, shapes, cameras and labels")
+        _say("unchanged   everything that both scenes have: places, shapes, cameras and labels")
     return 0
 
 
@@ -177,7 +180,7 @@ def flatten(scene: File, output: Output, *, allow_root: Roots = (), as_json: AsJ
     Args:
         scene: Scene folder, or its root layer.
         output: File to write, .usda or .usdc.
-        allow_root: Folders beside that of the scene from which it may take files.
+        allow_root: Further folders from which the scene may load files.
         as_json: Print one JSON object instead of lines.
     """
     output_place(output, [scene])  # if a folder is named, its other files are inputs as well
@@ -204,7 +207,7 @@ def package(
         bake: Bake weathering and fine detail into the textures, for renderers that do not support them; the file then
             holds only the selected variants.
         texels: Side of each baked texture in texels.
-        allow_root: Folders beside that of the scene from which it may take files.
+        allow_root: Further folders from which the scene may load files.
         as_json: Print one JSON object instead of lines.
     """
     output_place(output, [scene])  # if a folder is named, its other files are inputs as well

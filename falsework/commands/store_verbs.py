@@ -25,7 +25,7 @@ def verify(output: tyro.conf.Positional[Path], *, repair: bool = False, as_json:
 
     need_folder(output, OF_A_RUN)
     if not (output / "store").is_dir():
-        raise MissingError("no store in this folder", where=output, hint=f"Name {OF_A_RUN}")
+        raise MissingError("this folder has no store", where=output, hint=f"Name {OF_A_RUN}")
     if repair:
         from falsework.commands.repair import repair as make_whole
 
@@ -38,7 +38,7 @@ def verify(output: tyro.conf.Positional[Path], *, repair: bool = False, as_json:
         return int(bool(wrong))
     for line in wrong:
         sys.stdout.write(line + "\n")
-    said = f"{len(wrong)} things are not as they were written" if wrong else "all stored results are whole"
+    said = f"{len(wrong)} faults" if wrong else "all stored results are complete and unchanged"
     sys.stdout.write(said + "\n")
     return int(bool(wrong))
 
@@ -66,7 +66,9 @@ def clean(
 
     need_folder(output, OF_A_RUN)
     if not (output / MARK).is_file() or read_listing(output / MARK).kind != RUN:
-        raise MissingError("not the output folder of a run", where=output, hint="Name the folder given to run -o")
+        raise MissingError(
+            "not the output folder of a run", where=output, hint="Name the folder that was given to falsework run -o"
+        )
     from falsework.commands.clean import clean as free
 
     with ConsoleProgress() as progress:
@@ -78,7 +80,7 @@ def clean(
     for about, path in paths:
         sys.stdout.write(f"{path}: {about}\n")
     for line in done.left:
-        sys.stdout.write(f"left: {line}\n")
+        sys.stdout.write(f"kept: {line}\n")
     would = "would be " if dry_run else ""
-    sys.stdout.write(f"{len(paths)} things {would}removed, {done.freed / 1e6:.1f} MB {would}freed\n")
+    sys.stdout.write(f"{len(paths)} items {would}removed, {done.freed / 1e6:.1f} MB {would}freed\n")
     return 0

@@ -39,7 +39,7 @@ def score(
         scene: Scene folder, its root layer, or any other USD file with cameras.
         survey: Only this one.
         output: HTML page to write: flight in 3D, plan and elevation, coverage, and members that no flight shows.
-        allow_root: Folders beside that of the scene from which it may take files.
+        allow_root: Further folders from which the scene may load files.
         propose: Search for legs that show the members that no flight shows; `--no-propose` leaves them out.
         as_json: Print one JSON object instead of lines.
     """
@@ -55,7 +55,9 @@ def score(
     with ConsoleProgress() as progress:
         found: list[dict[str, Any]] = read_safely(WORKER, request, stage, progress)
     if not found:
-        raise InputError("has no flight to judge", where=scene, hint="Author it with a survey, or animate a camera")
+        raise InputError(
+            "has no flight to score", where=scene, hint="Author the scene with a survey, or animate a camera in it"
+        )
     if output is not None:
         from falsework.report.survey_page import write_survey_page
 
@@ -115,11 +117,11 @@ def plan(
 def _tell(row: dict[str, Any]) -> None:
     median, worst = row["sampling"]
     _say(f"survey      {row['survey']}: {row['images']} images, {row['length']:.0f} m, {row['duration']:.0f} s")
-    _say(f"clearance   {row['clearance']:.2f} m at least")
+    _say(f"clearance   at least {row['clearance']:.2f} m")
     _say(f"overlap     {100.0 * row['overlap']:.0f} % with the next image: {judged(row['overlap'], ENOUGH_OVERLAP)}")
     linked = row["linked"]
-    _say(f"linked      {100.0 * linked:.0f} % of the images, as predicted: {judged(linked, ENOUGH_LINKED)}")
-    _say(f"sampling    {1e3 * median:.1f} mm a pixel, {1e3 * worst:.1f} mm at the 95th percentile")
+    _say(f"linked      {100.0 * linked:.0f} % of the images (prediction): {judged(linked, ENOUGH_LINKED)}")
+    _say(f"sampling    {1e3 * median:.1f} mm per pixel, {1e3 * worst:.1f} mm at the 95th percentile")
     _say(f"base angle  {row['base_angle']:.0f} degrees")
     for line in coverage_lines(row["by_class"]):
         _say(line)
@@ -136,9 +138,9 @@ def coverage_lines(by_class: Mapping[str, float]) -> list[str]:
     words = {
         "well": f"well (from {100.0 * WELL:.0f} %)",
         "partly": f"partly (from {100.0 * PARTLY:.0f} %)",
-        "poorly": "poorly, expect holes",
+        "poorly": "poorly: expect holes",
     }
-    lines = ["covered     share of the surface that 3 cameras see at 60 degrees or less, hidden faces counted:"]
+    lines = ["covered     share of the surface that 3 cameras see at 60 degrees or less, with hidden faces:"]
     for word, said in words.items():
         found = sorted(
             ((share, name) for name, share in by_class.items() if coverage_word(share) == word), reverse=True
@@ -160,13 +162,15 @@ def _tell_unseen(row: dict[str, Any], scene: Path) -> None:
     if not proposal:
         return
     if proposal["refused"]:
-        _say(f"proposed    nothing: {proposal['refused']}")
+        _say(f"proposed    no legs: {proposal['refused']}")
         return
     shown, hidden = len(proposal["shown"]), len(proposal["hidden"])
-    _say(f"proposed    {proposal['images']} images that show {shown} of these {shown + hidden}")
+    _say(f"proposed    {proposal['images']} images that show {shown} of these {shown + hidden} members; command:")
     _say(f"            falsework survey plan {scene} --kind inspection --for unseen")
     if hidden:
-        _say(f"hidden      from every free place: {' '.join(str(number) for number in proposal['hidden'][:NAMED])}")
+        _say(
+            f"hidden      unseen from all free places: {' '.join(str(number) for number in proposal['hidden'][:NAMED])}"
+        )
 
 
 def _say(line: str) -> None:

@@ -83,7 +83,7 @@ def train(
     )
     if init is not None and settings.model == "forest":
         raise InputError(
-            "a forest cannot begin with another model", field="--init", value=init, hint="Leave --init out"
+            "a forest cannot start from another model", field="--init", value=init, hint="Leave --init out"
         )
     names = _words(channels) or begun.get("channels") or _channels_of(dataset, settings)
     _fit(dataset, output, settings, names, init)
@@ -102,7 +102,7 @@ def _model_facts(model: Path) -> dict[str, Any]:
 
 def _given(dataset: Path | None) -> Path:
     if dataset is None:
-        raise InputError("no data set", hint=f"Name {OF_DATASET}, or give --demo")
+        raise InputError("no data set is given", hint=f"Name {OF_DATASET}, or give --demo")
     need_folder(dataset, OF_DATASET, mark="dataset.json")
     return dataset
 
@@ -175,7 +175,7 @@ def evaluate(
     with ConsoleProgress() as progress, reading(model, dataset):
         if known := _trained_on(trained.facts, source):
             progress.note(
-                f"the model was trained on {len(known)} of these bridges, so that its scores are too good: "
+                f"the model was trained on {len(known)} of these bridges, so its scores are too good: "
                 + ", ".join(name[:12] for name in known)
             )
         record = evaluate_model(_in_classes_of(source, trained), source, progress)
@@ -197,10 +197,10 @@ def evaluate(
 def _check_scores_file(output: Path, inputs: list[Path]) -> None:
     if output.suffix == ".md":
         raise InputError(
-            "the name of the tables beside the scores",
+            "this is the name of the file of tables beside the scores",
             where=output,
             field="-o",
-            hint="Name a .json file: the tables lie beside it",
+            hint="Name a .json file; the tables are written beside it",
         )
     check_output_file(output, inputs, _is_evaluation)
     check_output_file(output.with_suffix(".md"), inputs)
@@ -211,16 +211,16 @@ def _scored(facts: "ModelFacts", dataset: Path, split: str) -> "ScoredSource":
     source: Any = _split(dataset, split, facts.channels)
     if not len(source):
         raise InputError(
-            "nothing in this split",
+            "this split has no samples",
             where=dataset,
             field="--split",
             value=split,
-            hint="Name another one, or keep bridges for it when the data set is made",
+            hint="Name another split, or make the data set with bridges for this one",
         )
     before, now = facts.data.get("scaling"), _facts(source).get("scaling")
     if before and now and dict(before) != dict(now):
         raise InputError(
-            "samples of another scale than those that the model was trained on",
+            "the samples have another scale than those of the model's training",
             where=dataset,
             field="tile.scale",
             value=_spelled(now),
@@ -276,7 +276,7 @@ def _settings(chosen: dict[str, Any], begun: dict[str, Any], given: tuple[str, .
 def _demo(output: Path, seed: int, epochs: int | None, unwanted: list[str], as_json: bool) -> int:
     """Train on the shipped clouds, and print the table."""
     if unwanted:
-        raise InputError("not with --demo, which brings its own", field=unwanted[0], hint="Leave it out, or --demo")
+        raise InputError("not allowed with --demo, which has its own", field=unwanted[0], hint="Leave it or --demo out")
     from learn.demo.demo import demo_table, run_demo
 
     changed: dict[str, Any] = {"seed": seed} | ({} if epochs is None else {"epochs": epochs})

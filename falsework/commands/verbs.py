@@ -71,7 +71,7 @@ def sample_file(
         kind: mesh, terrestrial, mobile or airborne.
         settings: Settings of that sampler.
         progress: Listener.
-        allow_roots: Folders beside that of the stage from which it may take files.
+        allow_roots: Further folders from which the stage may load files.
 
     Raises:
         InputError: No such file, nothing to sample, or an output folder that is not ours.
@@ -118,7 +118,7 @@ def render_file(
         settings: JSON of `RenderSettings`.
         seed: Seed of the sensor.
         progress: Listener.
-        allow_roots: Folders beside that of the stage from which it may take files.
+        allow_roots: Further folders from which the stage may load files.
         choices: JSON of `StageChoices`, or None for the stage as it is.
 
     Returns:
@@ -203,7 +203,7 @@ def report_scene(scene: Path, page: Path) -> None:
     clouds = {path.name: path for path in sorted(scene.glob("cloud/*")) if path.is_dir()}
     samples = {name: path for name, path in clouds.items() if _is_sampled(path)}
     if not captures and not samples:
-        raise MissingError("holds no capture", where=scene, hint="Name a folder such as OUT/scenes/0000")
+        raise MissingError("has no capture", where=scene, hint="Name a folder such as OUT/scenes/0000")
     surveys = {path.name: (path, clouds_of(path.name, clouds)) for path in captures}
     from falsework.report.page import way_to
     from falsework.report.report import write_report
@@ -254,7 +254,7 @@ def export_folder(source: Path, to: str, out: Path, progress: Progress, photogra
         is_cloud = (source / "cloud.json").is_file()
         if not is_cloud and to not in CAPTURE_FORMATS:
             raise InputError(
-                "a format of clouds, and this is not a cloud",
+                "a format for clouds, but this is not a cloud",
                 where=source,
                 field="--to",
                 value=to,

@@ -56,7 +56,7 @@ def view(
 
     with ConsoleProgress() as progress, reading(*inputs):
         viewer = Viewer(subject, port, progress, cloud)
-    sys.stdout.write(f"view    {viewer.address}  (Ctrl-C ends it)\n")
+    sys.stdout.write(f"view    {viewer.address}  (stop with Ctrl-C)\n")
     sys.stdout.flush()
     try:
         threading.Event().wait()

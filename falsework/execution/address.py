@@ -19,7 +19,7 @@ def check_address(address: str) -> None:
     """
     if not _ADDRESS.fullmatch(address) or int(address.rpartition(":")[2]) > _LAST_PORT:
         raise InputError(
-            "not the address of a scheduler",
+            "not an address of a scheduler",
             field="--cluster",
             value=address,
             allowed="tcp://HOST:PORT or tls://HOST:PORT",

@@ -156,7 +156,7 @@ def read_sources(scenario: Scenario, progress: Progress) -> Sources:
     both = {slug(survey) for survey in surveys} & {sample.id for sample in scenario.sample}
     if both:
         raise InputError(
-            "a sample has the name of a survey of the stage",
+            "a sample has the same name as a survey of the stage",
             field="sample.id",
             value=min(both),
             hint="Give it another id",

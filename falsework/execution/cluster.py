@@ -226,13 +226,17 @@ def _standing_cluster(address: str) -> Iterator[Any]:
         client = Client(address, timeout="30s")
     except (OSError, ValueError) as error:
         raise InputError(
-            "no scheduler answers", field="--cluster", value=address, hint="Start one: dask scheduler"
+            "no scheduler answers at this address",
+            field="--cluster",
+            value=address,
+            hint="Start one with: dask scheduler",
         ) from error
     try:
         yield client
     except (CommClosedError, CancelledError):
         raise FalseworkError(
-            f"{address}: the scheduler went away. Finished results stay: start one, then run the same command again"
+            f"{address}: the connection to the scheduler is lost. Finished results are kept; start a scheduler, then "
+            "run the same command again"
         ) from None
     finally:
         with suppress(Exception):

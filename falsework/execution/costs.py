@@ -184,7 +184,7 @@ def check_space(root: Path, stage: str, key: str) -> None:
     if free < needed:
         raise OutOfSpaceError(
             f"{root}: the next result ({stage}) may need {needed / 1e6:.1f} MB of disk space, {free / 1e6:.1f} MB are "
-            "free. Free some, then run the same command again"
+            "free. Free some space, then run the same command again"
         )
 
 

@@ -30,7 +30,9 @@ def run_facts(root: Path, place: str, *, times: bool = True) -> RunFacts:
         MissingError: Not the folder of a run.
     """
     if not is_run(root):
-        raise MissingError("not a run: no scenario.toml with scenes", where=root, hint="Name a folder of falsework run")
+        raise MissingError(
+            "not a run: no scenario.toml with scenes", where=root, hint="Name an output folder of falsework run"
+        )
     scenario = read_toml(root / "scenario.toml")
     scenes = sorted(path for path in root.glob("scenes/*") if path.is_dir())
     events = [event for told in read_events(root) if (event := _event(told)) is not None] if times else []

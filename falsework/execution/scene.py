@@ -204,13 +204,13 @@ class SceneRun:
             faults = self.store.faults(step.task)
             if not faults:
                 return
-            self.progress.note(f"{faults[0]}: made again")
+            self.progress.note(f"{faults[0]}: the result is made again")
             former = self.store.files(step.task)
             self.store.discard(step.task)
         made = self._ensure(step)  # it counts its own results, so it must not be inside the sum
         self.outcome.made += made
         if former is not None and former != self.store.files(step.task):
-            self.progress.note(f"{self.store.folder(step.task)}: its bytes are not the former ones")
+            self.progress.note(f"{self.store.folder(step.task)}: its bytes differ from the former ones")
 
 
 def run_scene(

@@ -97,7 +97,7 @@ def _tiles(facts: "DatasetFacts", counts: dict[str, I64]) -> list[dict[str, str]
         {"label": "bridges", "value": f"{len({row.bridge for row in facts.pieces})}"},
         {"label": "pieces", "value": f"{len(facts.pieces):,}"},
         {"label": "points", "value": f"{total:,}"},
-        {"label": "of them have a class", "value": percent(known / total if total else None)},
+        {"label": "of the points have a class", "value": percent(known / total if total else None)},
         {"label": "classes", "value": f"{len(facts.classes)}"},
         {"label": "points of a sample", "value": f"{facts.settings.points:,}"},
     ]

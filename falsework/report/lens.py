@@ -65,8 +65,8 @@ def tie_rows(cloud: "Cloud", fit: ModelFit | None) -> list[tuple[str, str]]:
     found = said.get("sparse")
     told: dict[str, Any] = found if isinstance(found, dict) else {}
     rows = [("keypoints", told.get("keypoints")), ("pairs of images tried", told.get("pairs"))]
-    rows += [("of these with matches that hold", told.get("verified")), ("tie points", said.get("model_points"))]
-    rows.append(("images that see one, on average", said.get("mean_track_length")))
+    rows += [("of these, verified", told.get("verified")), ("tie points", said.get("model_points"))]
+    rows.append(("images of a tie point, on average", said.get("mean_track_length")))
     if fit is not None:
         away = np.linalg.norm(fit.miss, axis=1)
         rows.append(("keypoints of tie points", len(away)))

@@ -84,7 +84,7 @@ def reconstruction_parts(
         "images": image_table(rows, dict(links)),
         "lens": lens_rows(cloud, capture, truth),
         "ties": tie_rows(cloud, fit)
-        + ([] if one_pixel is None else [("a pixel where the points are [mm]", f"{1000 * one_pixel:.1f}")]),
+        + ([] if one_pixel is None else [("size of a pixel on the surface [mm]", f"{1000 * one_pixel:.1f}")]),
         "misses": miss_figure(fit, (size[0], size[1])) if fit is not None and size else None,
     }
 

@@ -172,7 +172,7 @@ def _tiles(run: RunFacts) -> list[dict[str, str]]:
         {"label": "points", "value": number(points)},
     ]
     if run.events:
-        tiles.append({"label": "of work", "value": duration(sum(event.seconds for event in run.events))})
+        tiles.append({"label": "working time", "value": duration(sum(event.seconds for event in run.events))})
     return tiles
 
 

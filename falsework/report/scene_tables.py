@@ -49,7 +49,9 @@ def headline_tiles(images: int, cloud: "Cloud | None") -> list[dict[str, str]]:
     if np.isfinite(errors).any() and cloud.alignment.get("target", "truth") == "truth":
         tiles.append({"label": "median camera-centre error", "value": f"{np.nanmedian(errors) * 1000:.0f} mm"})
     elif np.isfinite(errors).any():  # distances of cameras to their GPS fixes are errors of the receiver
-        tiles.append({"label": "median distance of a camera from its fix", "value": f"{np.nanmedian(errors):.2f} m"})
+        tiles.append(
+            {"label": "median distance of a camera from its GPS fix", "value": f"{np.nanmedian(errors):.2f} m"}
+        )
     if np.isfinite(cloud.columns["surface_distance"]).any():
         near = cloud.columns["surface_distance"] <= NEAR
         right = (
@@ -59,10 +61,10 @@ def headline_tiles(images: int, cloud: "Cloud | None") -> list[dict[str, str]]:
         )
         quiet = float(np.mean(cloud.columns["uncertainty"] <= NOISE_THRESHOLD))
         tiles.append(
-            {"label": f"of the points lie within {NEAR:g} m of the true surface", "value": f"{near.mean():.1%}"}
+            {"label": f"of the points are within {NEAR:g} m of the true surface", "value": f"{near.mean():.1%}"}
         )
         tiles.append({"label": f"have an uncertainty of at most {NOISE_THRESHOLD:g} m", "value": f"{quiet:.1%}"})
-        tiles.append({"label": "of the near points carry the surface's class", "value": f"{right:.1%}"})
+        tiles.append({"label": "of these points have the class of the surface", "value": f"{right:.1%}"})
     return tiles
 
 
@@ -89,9 +91,9 @@ def placing_rows(alignment: Mapping[str, Any]) -> list[tuple[str, str]]:
     limits = alignment.get("expected_error", {})
     rows = [("unit of length", "unknown")] if alignment.get("unit") == "unknown" else []
     if alignment.get("unfixed"):
-        rows.append(("GPS does not fix the frame", str(alignment["unfixed"])))
+        rows.append(("GPS does not determine the frame", str(alignment["unfixed"])))
     if alignment.get("agreeing_fixes") is not None:
-        rows.append(("fixes that agree", f"{alignment['agreeing_fixes']} of {alignment['fixes']}"))
+        rows.append(("GPS fixes that agree", f"{alignment['agreeing_fixes']} of {alignment['fixes']}"))
     rows += [
         (
             f"error of {key.partition('_')[0]}, 95 % below",
@@ -169,7 +171,10 @@ def noise_rows(noise: dict[str, Any] | None) -> list[tuple[str, str]]:
     for band in noise["by_distance"]:
         span = f"from {band['from']:g} m" if band["to"] is None else f"{band['from']:g} to {band['to']:g} m"
         rows.append((f"noisy of the {band['points']:,} seen {span} away", percent(band["noisy_share"])))
-    for name, place in (("displacement", "where their pixels look"), ("surface_distance", "the true surface")):
+    for name, place in (
+        ("displacement", "the point where their pixels look"),
+        ("surface_distance", "the true surface"),
+    ):
         found, limit = noise[f"against_{name}"], f"{noise['threshold']:g} m"
         if name != "displacement":  # the noisy are displaced by definition
             rows.append((f"of the noisy, off by more than {limit} from {place}", percent(found["precision"])))

@@ -38,8 +38,8 @@ def write_survey_page(path: Path, surveys: Sequence[Mapping[str, Any]], scene: s
     write_page(
         path,
         "survey.html.j2",
-        title="Flights, before they are flown",
-        lead=f"{scene}: found by casting rays through every image; nothing was rendered",
+        title="Planned flights",
+        lead=f"{scene}: calculated by ray casting for every image; nothing was rendered",
         surveys=[_survey(number, row) for number, row in enumerate(surveys)],
         unseen=[_unseen_row(name, few) for name, few in last.get("hardly_seen", {}).items()],
         proposal=_proposal(last.get("proposal"), scene),
@@ -76,7 +76,7 @@ def _tiles(row: Mapping[str, Any]) -> list[dict[str, str]]:
     return [
         {"value": f"{row['images']:,}", "label": "images"},
         {"value": f"{row['length']:.0f} m", "label": f"flight, {row['duration']:.0f} s"},
-        {"value": f"{row['clearance']:.2f} m", "label": "least clearance"},
+        {"value": f"{row['clearance']:.2f} m", "label": "smallest clearance"},
         {
             "value": percent(overlap),
             "label": f"overlap with the next image: {judged(overlap, ENOUGH_OVERLAP)}",
@@ -84,10 +84,10 @@ def _tiles(row: Mapping[str, Any]) -> list[dict[str, str]]:
         },
         {
             "value": percent(linked),
-            "label": f"images linked, as predicted: {judged(linked, ENOUGH_LINKED)}",
+            "label": f"images linked (prediction): {judged(linked, ENOUGH_LINKED)}",
             "verdict": "good" if linked >= ENOUGH_LINKED else "bad",
         },
-        {"value": _millimeters(median), "label": f"a pixel, median; {_millimeters(worst)} at the 95th percentile"},
+        {"value": _millimeters(median), "label": f"pixel size, median; {_millimeters(worst)} at the 95th percentile"},
         {"value": f"{row['base_angle']:.0f}°", "label": "base angle, median"},
     ]
 

@@ -44,7 +44,7 @@ def _lead(models: int, scores: int) -> str:
     """Say what the page is of; models without scores are told how to get some."""
     counted = ((models, "model", "models"), (scores, "table of scores", "tables of scores"))
     of = ", ".join(f"{count} {several if count > 1 else one}" for count, one, several in counted if count)
-    return of if scores else f"{of}; for scores: falsework evaluate MODEL SET -o scores.json, and name the file, too"
+    return of if scores else f"{of}; for scores: falsework evaluate MODEL DATASET -o scores.json, and name it, too"
 
 
 def read_evaluation(path: Path) -> dict[str, Any]:
@@ -60,12 +60,12 @@ def read_evaluation(path: Path) -> dict[str, Any]:
     told = (record.get("format"), record.get("format_version")) if isinstance(record, dict) else None
     if not isinstance(record, dict) or told != ("falsework.evaluation", 3):
         raise InputError(
-            "not scores of this version",
+            "not a file of scores of this version",
             where=path,
             field="format",
             value=told,
             allowed="falsework.evaluation, version 3",
-            hint="falsework evaluate MODEL DATASET -o scores.json writes them",
+            hint="Write it with falsework evaluate MODEL DATASET -o scores.json",
         )
     return record
 
@@ -74,10 +74,12 @@ def _model(name: str, folder: Path) -> dict[str, Any]:
     """Read the training record of a model, without its weights."""
     path = folder / FACTS
     if not path.is_file():
-        raise MissingError(f"not a model: no {FACTS}", where=folder, hint="Name a folder of falsework train")
+        raise MissingError(
+            f"not a model: no {FACTS}", where=folder, hint="Name a folder that falsework train has written"
+        )
     stored = read_json(path)
     if not isinstance(stored, dict) or stored.get("format") != "falsework.model":
-        raise InputError("not a model of ours", where=path, field="format", allowed="falsework.model")
+        raise InputError("not a model of Falsework", where=path, field="format", allowed="falsework.model")
     training = stored.get("training") or {}
     log = _log(folder / LOG)
     best = training.get("validation") or {}
@@ -89,14 +91,14 @@ def _model(name: str, folder: Path) -> dict[str, Any]:
         "tiles": [
             {"label": "network", "value": str(stored.get("network", "–"))},
             {"label": "epochs", "value": number(len(log)) if log else "–"},
-            {"label": "picked epoch", "value": number(_epoch_number(training.get("picked_epoch")))},
+            {"label": "best epoch", "value": number(_epoch_number(training.get("picked_epoch")))},
             {"label": "mean IoU on validation", "value": percent(best.get("miou"))},
-            {"label": "bridges to train on", "value": number(len(training.get("training_bridges", ())))},
-            {"label": "for validation", "value": number(len(training.get("validation_bridges", ())))},
+            {"label": "bridges for training", "value": number(len(training.get("training_bridges", ())))},
+            {"label": "bridges for validation", "value": number(len(training.get("validation_bridges", ())))},
         ],
         "bridges": {
             "was trained on": set(training.get("training_bridges", ())),
-            "picked its epoch by": set(training.get("validation_bridges", ())),
+            "chose its epoch by": set(training.get("validation_bridges", ())),
         },
         "classes": [[str(label), number(count)] for label, count in counted if count],
         "absent": ", ".join(str(label) for label, count in counted if not count),
@@ -210,14 +212,17 @@ def _tiles(record: Mapping[str, Any]) -> list[dict[str, str]]:
         ((one, row["points"]) for one, row in record["classes"].items()), key=lambda pair: pair[1], default=("–", 0)
     )
     return [
-        {"label": f"mean IoU of the {record['classes_averaged']} classes there", "value": percent(record["mean_iou"])},
         {
-            "label": f"the same up to {record['sure']['uncertainty']:g} m of uncertainty",
+            "label": f"mean IoU of the {record['classes_averaged']} classes that occur",
+            "value": percent(record["mean_iou"]),
+        },
+        {
+            "label": f"the same for points up to {record['sure']['uncertainty']:g} m of uncertainty",
             "value": percent(record["sure"]["mean_iou"]),
         },
         {"label": "overall accuracy", "value": percent(record["overall_accuracy"])},
         {
-            "label": f"accuracy of always saying {largest}",
+            "label": f"accuracy if every point were {largest}",
             "value": percent(points / record["points"] if record["points"] else None),
         },
         {"label": "mean accuracy", "value": percent(record["mean_accuracy"])},
@@ -262,12 +267,12 @@ def _calibration(record: Mapping[str, Any]) -> go.Figure | None:
         marker={"color": SERIES[0], "size": [5 + 16 * (row["points"] / record["points"]) ** 0.5 for row in rows]},
         line={"color": SERIES[0]},
         name="this model",
-        hovertemplate="says %{x:.2f}, right %{y:.2f}<extra></extra>",
+        hovertemplate="confidence %{x:.2f}, correct %{y:.2f}<extra></extra>",
     )
     plain_layout(figure, 340)
     return figure.update_layout(
-        xaxis={"title": "probability that the model gives", "range": [0, 1]},
-        yaxis={"title": "share that is right", "range": [0, 1]},
+        xaxis={"title": "confidence of the model", "range": [0, 1]},
+        yaxis={"title": "share that is correct", "range": [0, 1]},
     )
 
 
@@ -282,8 +287,8 @@ def _errors(record: Mapping[str, Any]) -> go.Figure | None:
     )
     plain_layout(figure, 340)
     return figure.update_layout(
-        xaxis={"title": "share of the points that is kept, surest first"},
-        yaxis={"title": "share of them that is wrong", "rangemode": "tozero"},
+        xaxis={"title": "share of the points that is kept, by decreasing confidence"},
+        yaxis={"title": "share of errors among them", "rangemode": "tozero"},
     )
 
 

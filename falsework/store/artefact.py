@@ -103,7 +103,7 @@ def read_manifest(path: Path) -> dict[str, Any]:
     if said != (None if manifest["format_version"] == 1 else digest(manifest)):
         raise InputError("changed", where=path)
     if manifest["key"] != task_key(*(manifest[name] for name in ("stage", "version", "settings", "inputs"))):
-        raise InputError("its key is not that of its contents", where=path)
+        raise InputError("its key does not fit its contents", where=path)
     return manifest
 
 
@@ -127,7 +127,7 @@ def file_faults(folder: Path, files: dict[str, dict[str, Any]], hashes: Hashes |
         if name not in files:
             wrong.append(f"{name}: not in the manifest")
         elif not stat.S_ISREG(mode):
-            wrong.append(f"{name}: not a plain file")
+            wrong.append(f"{name}: not a regular file")
         elif not _is_as_written(path, files[name], hashes):
             wrong.append(f"{name}: changed")
     return sorted(wrong + [f"{name}: missing" for name in files.keys() - present])

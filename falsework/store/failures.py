@@ -101,7 +101,7 @@ def write_failure(path: Path, task: dict[str, Any], failure: Failure, work: Path
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.is_dir():
-        raise InputError("is in the way of a record", where=path, hint="Move it elsewhere")
+        raise InputError("is at the place of a record of Falsework", where=path, hint="Move it elsewhere")
     record = json.loads(json.dumps({"format_version": FORMAT_VERSION, **task, **asdict(failure)}))
     write_json(work / RECORD, {**record, "digest": digest(record)})
     (work / RECORD).replace(path)

@@ -54,7 +54,7 @@ def abandoned(root: Path) -> list[Leftover]:
     present = {path.parent.name for path in root.glob(f"store/*/*/{MANIFEST}")}
     for path in sorted(root.glob("failed/*.json")):
         if path.stem in present and read_failure(path) is not None:
-            found.append(Leftover("record of a failure that was mended", (path,), path.stem))
+            found.append(Leftover("record of a failure that no longer occurs", (path,), path.stem))
     return found
 
 
@@ -131,7 +131,7 @@ def unshared_textures(root: Path, leftovers: Iterable[Leftover]) -> list[Leftove
         if KEY.fullmatch(path.name) and path.is_file() and not path.is_symlink():
             seen = path.stat()
             if seen.st_nlink == links[(seen.st_dev, seen.st_ino)] + 1:
-                found.append(Leftover("texture of no scene", (path,)))
+                found.append(Leftover("texture that no scene uses", (path,)))
     return found
 
 
@@ -162,7 +162,7 @@ def _rooms(root: Path) -> Iterator[Leftover]:
         lock = room / f"{key}.lock"
         paths += [lock] if lock.is_file() and not lock.is_symlink() else []
         if paths:
-            yield Leftover("half-made result", tuple(paths), key)
+            yield Leftover("unfinished result", tuple(paths), key)
 
 
 def _is_temporary(path: Path) -> bool:

@@ -146,7 +146,7 @@ class Store:
         except InputError as error:
             return [str(error)]
         if manifest["key"] != task.key:
-            return [f"{folder / MANIFEST}: is of another result"]
+            return [f"{folder / MANIFEST}: belongs to another result"]
         return [f"{folder}/{line}" for line in file_faults(folder, manifest["files"], self._hashes)]
 
     def discard(self, task: Task) -> bool:
@@ -224,7 +224,7 @@ class Store:
             except FileExistsError:
                 if not link.is_symlink():
                     raise InputError(
-                        "is in the way of a link to the store", where=link, hint="Move it elsewhere"
+                        "is at the place of a link to the store", where=link, hint="Move it elsewhere"
                     ) from None
                 self._replace_link(link, text)
 

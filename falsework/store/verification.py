@@ -113,7 +113,7 @@ def _inspect_result(root: Path, folder: Path, findings: Findings, hashes: Hashes
         return
     true = f"{manifest['stage']}/{manifest['key']}"
     if true != place:
-        findings.add(f"{name}: misplaced, it is store/{true}", place)
+        findings.add(f"{name}: misplaced: it belongs to store/{true}", place)
         findings.misplaced[place] = true
         return
     findings.manifests[place] = manifest
@@ -131,7 +131,7 @@ def _inspect_inputs(root: Path, findings: Findings) -> None:
                 continue
             wanted = f"{stage}/{key}"
             if not (root / "store" / wanted).is_dir() and not _evicted(root, stage, key):
-                findings.add(f"store/{wanted}: missing, store/{place} was made from it", wanted)
+                findings.add(f"store/{wanted}: missing, but store/{place} was made from it", wanted)
 
 
 def _inspect_links(root: Path, findings: Findings) -> None:

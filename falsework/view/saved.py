@@ -40,7 +40,7 @@ PLACES = {
     "hillside": "on a hillside",
 }
 SOURCES = {
-    SFM_SPARSE: "points that its photographs have in common",
+    SFM_SPARSE: "tie points of its photographs",
     SFM_DENSE: "points reconstructed from its photographs",
     MESH: "points on the surface",
     LIDAR_TERRESTRIAL: "points of a laser scanner on the ground",

@@ -51,7 +51,7 @@ def find_subject(place: Path) -> Subject:
     name = place.absolute().name
     if place.is_file():
         if place.suffix not in USD:
-            raise InputError("nothing here to show", where=place, allowed=ALLOWED)
+            raise InputError("nothing that can be shown", where=place, allowed=ALLOWED)
         return Subject(name, place, {}, {})
     if (place / "cloud.json").is_file():
         return Subject(name, None, {}, {name: place})
@@ -63,5 +63,5 @@ def find_subject(place: Path) -> Subject:
     captures = {path.parent.name: path.parent for path in sorted(place.glob("capture/*/cameras.json"))}
     clouds = {path.parent.name: path.parent for path in sorted(place.glob("cloud/*/cloud.json"))}
     if not (stage.is_file() or captures or clouds):
-        raise InputError("nothing here to show", where=place, allowed=ALLOWED)
+        raise InputError("nothing that can be shown", where=place, allowed=ALLOWED)
     return Subject(name, stage if stage.is_file() else None, captures, clouds)

@@ -53,7 +53,9 @@ def read_part(text: str) -> Part:
     """
     found = _PART.fullmatch(text.strip())
     if found is None:
-        raise ValueError(f"no such clouds: {text!r}; allowed: CLOUD, SET/CLOUD, or CLOUD ~ OTHER-CLOUD for its noise")
+        raise ValueError(
+            f"no such clouds: {text!r}; allowed: CLOUD, SET/CLOUD, or CLOUD ~ OTHER for noise like that of OTHER"
+        )
     return Part(found[1] or DEFAULT_SET, found[2], found[3] or "")
 
 
@@ -63,82 +65,83 @@ class ExperimentSettings(Settings):
     title: str = ""
     """Heading of its page."""
     arms: dict[str, tuple[str, ...]]
-    """What is trained: a name, and the clouds that its windows come from: `CLOUD`, `SET/CLOUD` or, with the noise of
-    another cloud fitted on the training bridges, `CLOUD ~ OTHER`."""
+    """What is trained: a name, and the clouds that its windows come from: `CLOUD`, `SET/CLOUD`, or `CLOUD ~ OTHER` for
+    noise like that of another cloud, fitted on the training bridges."""
     tests: dict[str, str]
     """What every arm is tested on: a name, and the clouds."""
     pairs: tuple[tuple[str, str], ...] = ()
     """Arms to compare, first minus second; empty for all pairs."""
     windows: Literal["all", "pair"] = "all"
-    """Train on the windows that are valid in all arms, each arm once; or for each pair on those valid in both."""
+    """all: train each arm once, on the windows that are valid in all arms; pair: for each pair on those valid in
+    both."""
     models: tuple[str, ...] = Field(default=("pointnet2-ssg",), min_length=1)
     """Networks, or `forest`."""
     seeds: int = Field(default=5, ge=1, le=100)
-    """Trainings of each arm and model; the same seeds in every arm."""
+    """Number of trainings of each arm and model; all arms have the same seeds."""
     first_seed: int = Field(default=0, ge=0, le=10**6)
-    """The first of them."""
+    """The first seed; the others follow."""
     steps: int = Field(default=5000, ge=1, le=10**7)
-    """Steps of a training, the same in every arm, however many windows it has."""
+    """Number of steps of a training, the same in every arm, independent of its number of windows."""
     epochs: int = Field(default=10, ge=1, le=1000)
-    """Looks at validation on the way; the weights of the best are kept."""
+    """Number of validations during a training; the weights of the best one are kept."""
     batch: int = Field(default=8, ge=1, le=1024)
-    """Samples of a step."""
+    """Samples per step."""
     recipe: Literal["paper", "modern"] = "modern"
     """As in `falsework train`."""
     learning_rate: float | None = Field(default=None, gt=0.0, le=1.0)
-    """Largest learning rate [1]; that of the recipe when left out."""
+    """Largest learning rate [1]; left out: that of the recipe."""
     accelerator: Literal["cpu", "gpu"] = "cpu"
-    """What networks are trained and tested on; only the processor's results are the same bytes again."""
+    """Device on which networks are trained and tested; only results of the CPU are the same bytes in every run."""
     network: dict[str, dict[str, Any]] = Field(default_factory=dict)
     """Settings of the networks and the forest, by name."""
     channels: tuple[str, ...] = ("x", "y", "z")
-    """What is seen of a point. Colours of meshes and lasers are unlit materials: comparisons with them say nothing."""
+    """Inputs of a point. Do not compare with colors: meshes and lasers have those of unlit materials."""
     mode: Literal["metric", "paper", "whole"] = "metric"
     """Metric tiles, the paper's windows along the bridge, or draws from whole bridges."""
     table: str = "kim2023"
     """Table of classes."""
     noisy: float = Field(default=0.1, gt=0.0, le=MOST)
-    """Uncertainty above which a point is noisy: left out of training, never out of tests [m]."""
+    """Uncertainty above which a point is noisy: it is left out of training, but not out of tests [m]."""
     noisy_class: bool = False
-    """Noisy points are a class instead."""
+    """Make noisy points a class instead."""
     filters: dict[str, float] = Field(default_factory=dict)
-    """Arms that keep points up to another uncertainty than `noisy`, at least as large: the windows that they share with
-    the others are those that `noisy` leaves full enough; 1000 keeps all points [m]."""
+    """Arms that keep points up to an uncertainty other than `noisy`, and not smaller; 1000 keeps all points [m]. Their
+    windows are still those that are valid with `noisy`."""
     points: int = Field(default=4096, ge=16, le=1_000_000)
     """Points of a draw."""
     fewest: int = Field(default=1024, ge=1, le=1_000_000)
-    """Points with which a window is valid."""
+    """Number of points that a valid window has at least."""
     test_draws: int = Field(default=2, ge=1, le=10_000)
-    """Draws of each test window at most; without repetition until all of its points were drawn."""
+    """Largest number of draws of each test window; no point is repeated before all were drawn."""
     shares: tuple[float, float, float] = (0.6, 0.1, 0.3)
     """Shares of the bridges for training, validation and test; of a set that is not tested on, the first two count."""
     split_seed: int = Field(default=0, ge=0, le=2**31 - 1)
     """Seed of the order in which bridges are shared out."""
     held: tuple[str, ...] = ()
-    """Bridges for the test, by the first digits of their hash; empty: by the shares."""
+    """Bridges for the test, by the first digits of their hash; empty: by `shares`."""
     tile: TileSettings = Field(default_factory=lambda: TileSettings(stride=10.0))
     """Metric tiles."""
     window: WindowSettings = Field(default_factory=WindowSettings)
     """The paper's windows, laid along the first named cloud of each set."""
     augment: AugmentSettings = Field(default_factory=AugmentSettings)
-    """Changes of training samples."""
+    """Augmentation of training samples."""
     forest_draws: int = Field(default=400, ge=1, le=1_000_000)
-    """Draws that a forest is trained on, the same number in every arm; it takes no steps."""
+    """Number of draws that a forest is trained on, the same in every arm; `steps` does not apply to it."""
     draws: int = Field(default=2000, ge=100, le=1_000_000)
-    """Draws of the bootstrap."""
+    """Number of draws of the bootstrap."""
     level: float = Field(default=0.95, gt=0.5, lt=1.0)
     """Coverage of the intervals [1]."""
 
     @model_validator(mode="after")
     def _names_fit(self) -> Self:
         if not self.arms or not self.tests or not all(self.arms.values()):
-            raise ValueError("an experiment needs arms, each of some clouds, and tests")
+            raise ValueError("an experiment needs arms, each with at least one cloud, and tests")
         for text in (*self.tests.values(), *(part for parts in self.arms.values() for part in parts)):
             read_part(text)
         for pair in self.pairs:
             for name in pair:
                 if name not in self.arms:
-                    raise ValueError(f"pairs names no arm with {name!r}; allowed: {', '.join(self.arms)}")
+                    raise ValueError(f"pairs has {name!r}, which is not an arm; allowed: {', '.join(self.arms)}")
         self._check_filters()
         for name in self.channels:
             if name not in CHANNELS:
@@ -146,21 +149,21 @@ class ExperimentSettings(Settings):
         if "height" in self.channels and self.mode != "metric":
             raise ValueError('the channel height needs mode = "metric"')
         if not self.channels:
-            raise ValueError("a network needs channels, such as x, y, z")
+            raise ValueError("channels is empty; allowed: at least one, such as x, y, z")
         if min(self.shares) < 0.0 or abs(sum(self.shares) - 1.0) > 1e-6:
-            raise ValueError("shares must be three numbers from 0 that add up to 1")
+            raise ValueError("shares must be three numbers of at least 0 that add up to 1")
         return self
 
     def _check_filters(self) -> None:
         for name, most in self.filters.items():
             if name not in self.arms:
-                raise ValueError(f"filters names no arm with {name!r}; allowed: {', '.join(self.arms)}")
+                raise ValueError(f"filters has {name!r}, which is not an arm; allowed: {', '.join(self.arms)}")
             if not self.noisy <= most <= MOST:
                 raise ValueError(
                     f"filters.{name} is {most:g}; allowed: {self.noisy:g} (noisy) to {MOST:g}, which keeps all points"
                 )
         if self.filters and self.noisy_class:
-            raise ValueError("filters leave noisy points out, noisy_class makes them a class; choose one of them")
+            raise ValueError("filters and noisy_class cannot be combined; leave one of them out")
 
     def parts(self, arm: str) -> tuple[Part, ...]:
         """List the clouds of an arm.

@@ -82,14 +82,17 @@ def sensor_places(folder: Path) -> F64:
         places = np.full((1, 3), np.nan)
     if places is None:
         raise InputError(
-            "it has no sensor positions, so its noise cannot be fitted",
+            "has no sensor positions, so its noise cannot be fitted",
             where=folder,
             field="arms",
-            hint="Name a laser's or a reconstruction's clouds after ~",
+            hint="After ~, name the clouds of a laser scanner or a reconstruction",
         )
     if not len(places) or not np.isfinite(places).all():
         raise InputError(
-            "does not say where its sensor stood", where=folder, field="statistics", hint="Make the cloud again"
+            "does not contain the positions of its sensor",
+            where=folder,
+            field="statistics",
+            hint="Make the cloud again",
         )
     return places
 
@@ -122,7 +125,7 @@ def fit_noise(pairs: Sequence[tuple[Path, Path]]) -> SensorNoise:
         InputError: No bridge has both, or the noisy cloud has no sensor.
     """
     if not pairs:
-        raise InputError("no training bridge has both clouds", field="arms", hint="Take another cloud after ~")
+        raise InputError("no training bridge has both clouds", field="arms", hint="After ~, name another cloud")
     bins = len(RANGES) * len(COSINES)
     errors: list[list[F64]] = [[] for _ in range(bins)]
     ratios: list[list[F64]] = [[] for _ in range(bins)]

@@ -155,7 +155,7 @@ def _read(source: CloudSource, settings: CutSettings, progress: Progress) -> Lab
     lacking = [name for name in settings.inputs if name not in (*cloud.inputs, HEIGHT)]
     if lacking:
         raise InputError(
-            f"has no column {lacking[0]} for a channel",
+            f"has no column {lacking[0]}, which a channel needs",
             where=source.path,
             field="channels",
             value=lacking[0],

@@ -109,7 +109,7 @@ def share_out(settings: ExperimentSettings, bridges: Mapping[str, Sequence[str]]
     if strange:
         names = sorted({bridge[:12] for name, own in bridges.items() if name in trained & tested for bridge in own})
         raise InputError(
-            "no bridge that could be held out has a name that begins so",
+            "no bridge that can be held out has a name that begins with this",
             field="held",
             value=min(strange),
             allowed=", ".join(names) or "nothing: no set is both trained on and tested on",
@@ -118,10 +118,10 @@ def share_out(settings: ExperimentSettings, bridges: Mapping[str, Sequence[str]]
     both = sorted(bridge for (_, bridge), split in found.items() if split == TEST and bridge in seen)
     if both:
         raise InputError(
-            "a bridge is in a set to train on and in one to test on",
+            "a bridge is in a set for training and in a set for the test",
             field="tests",
             value=both[0],
-            hint="Take other bridges for one of them",
+            hint="Use other bridges in one of them",
         )
     return found
 
@@ -164,7 +164,7 @@ def _too_few(what: str, field: str, part: Part) -> InputError:
         f"no bridge is left to {what}",
         field=field,
         value=str(part),
-        hint="Give more bridges (they have to have the clouds of everything compared), or change shares or held",
+        hint="Give more bridges, each with all the clouds that are compared, or change shares or held",
     )
 
 

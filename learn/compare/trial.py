@@ -74,7 +74,7 @@ def train_trial(
     """
     if not source.windows:
         raise InputError(
-            "no window is left to train on", field="fewest", hint="Lower fewest, or take bridges that all arms show"
+            "no window is left to train on", field="fewest", hint="Lower fewest, or give bridges that all arms show"
         )
     if settings.model == FOREST:
         train_forest(source, settings, folder, progress, data)

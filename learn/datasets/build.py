@@ -35,7 +35,7 @@ I64 = NDArray[np.int64]
 CARD = "README.md"
 _WITHOUT = {
     "train": "nothing can be trained on this data set",
-    "val": "training holds a bridge out of train instead, and needs two there; a forest needs none",
+    "val": "training then holds out a bridge of train, and needs two there; a forest needs none",
     "test": "evaluate needs --split val",
 }
 
@@ -129,7 +129,7 @@ def _note_empty(
     """Report which splits are empty, and what cannot be done without them."""
     for split, share in zip(SPLITS, settings.shares, strict=True):
         if not any(row.split == split for row in pieces):
-            wanted = "" if share else ", as shares has it"
+            wanted = "" if share else ", and its share is 0"
             progress.note(f"{split} is empty: the sources show {len(splits)} bridge(s){wanted}; {_WITHOUT[split]}")
 
 
@@ -144,7 +144,9 @@ def _note_shared(
         held, seen = ({getattr(known[number], key) for number in numbers} - {None, ""} for numbers in used)
         names = sorted(known[number].name for number in used[0] if getattr(known[number], key) in held & seen)
         if names:
-            progress.note(f"the test has {words} of the training: {', '.join(names)}; its scores may be too good")
+            progress.note(
+                f"the test has {words} in common with the training: {', '.join(names)}; its scores may be too good"
+            )
 
 
 def _with_own_classes(settings: DatasetSettings, sources: Sequence[Source]) -> DatasetSettings:
@@ -152,7 +154,7 @@ def _with_own_classes(settings: DatasetSettings, sources: Sequence[Source]) -> D
     if settings.table != OWN:
         return settings
     if settings.noisy_class:
-        raise InputError("own classes have no class of noisy points", field="noisy_class", value=True, allowed="false")
+        raise InputError("own classes have no class for noisy points", field="noisy_class", value=True, allowed="false")
     found: dict[str, int] = {}
     for source in sources:
         if source.class_map is None:
@@ -176,7 +178,10 @@ def _check_sources(sources: Sequence[Source], known: Sequence[SourceFacts]) -> N
     for source, facts in zip(sources, known, strict=True):
         if facts.digest in digests:
             raise InputError(
-                "the same points twice", where=source.path, value=digests[facts.digest], hint="Name each cloud once"
+                "the same points are given twice",
+                where=source.path,
+                value=digests[facts.digest],
+                hint="Name each cloud once",
             )
         digests[facts.digest] = facts.name
 

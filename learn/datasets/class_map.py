@@ -25,30 +25,32 @@ SEGMENT, CLASSIFICATION = "segment", "classification"
 class CodeRow(Settings):
     """Meaning of one number in a file."""
 
-    id: int = Field(ge=0, le=255, description="Number in the file")
-    name: str = Field(description="Name in the file's own words")
+    id: int = Field(ge=0, le=255, description="Class number in the file")
+    name: str = Field(description="Name of the class in the file")
     parts: tuple[str, ...] = Field(
         default=(), description="Component kinds, or classes of the base table, that it covers"
     )
-    to: Mapping[str, str] = Field(default={}, description="Class in a table, where the parts alone do not determine it")
+    to: Mapping[str, str] = Field(
+        default={}, description="Class in a table of classes, if `parts` does not determine it"
+    )
 
 
 class ClassMapFile(Settings):
     """A class map as TOML or JSON."""
 
-    title: str = Field(default="", description="Name for people")
-    source: str = Field(default="", description="Where the numbers come from")
-    licence: str = Field(default="", description="Terms of the data")
+    title: str = Field(default="", description="Title of the map")
+    source: str = Field(default="", description="Source of the class numbers")
+    licence: str = Field(default="", description="Licence of the data")
     column: str = Field(
         default=SEGMENT,
         min_length=1,
-        description="Column of the numbers: segment (labels under any usual name), classification (LAS' own field), or "
-        "the name of any other column",
+        description="Column of the class numbers: segment (labels under any usual name), classification (the field of "
+        "LAS), or the name of any other column",
     )
-    use: Literal["train", "evaluate"] = Field(default="train", description="What the data may be used for")
-    table: str = Field(default="", description="A table of ours that has the same numbers")
-    test: tuple[str, ...] = Field(default=(), description="Bridges that the publishers keep for the test")
-    code: tuple[CodeRow, ...] = Field(default=(), description="The numbers")
+    use: Literal["train", "evaluate"] = Field(default="train", description="Permitted use of the data")
+    table: str = Field(default="", description="Table of classes of Falsework with the same numbers")
+    test: tuple[str, ...] = Field(default=(), description="Bridges that the publisher reserves for the test")
+    code: tuple[CodeRow, ...] = Field(default=(), description="The class numbers")
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,7 @@ def _checked(name: str, facts: ClassMapFile, where: object) -> ClassMap:
     parts = {*component_classes(), *taxonomy(BASE).classes}
     for row in facts.code:
         if row.id in seen:
-            raise InputError("a number that stands twice", where=where, field="code.id", value=row.id)
+            raise InputError("a number occurs twice", where=where, field="code.id", value=row.id)
         seen.add(row.id)
         for part in row.parts:
             if part not in parts:
@@ -182,7 +184,7 @@ def _checked(name: str, facts: ClassMapFile, where: object) -> ClassMap:
             row if before is None or "parts" in row.model_fields_set else row.model_copy(update={"parts": before.parts})
         )
     if not rows:
-        raise InputError("names no number", where=where, field="code", hint="Add [[code]] with id, name and parts")
+        raise InputError("has no class number", where=where, field="code", hint="Add [[code]] with id, name and parts")
     return ClassMap(name, facts, rows)
 
 

@@ -114,7 +114,7 @@ def identify(path: Path, class_map: ClassMap | None, bridge: str = "") -> Source
         found = bridge or stored.get("bridge", "")
         if not isinstance(found, str) or not found:
             raise InputError(
-                "does not say which bridge it shows, so that no bridge can be kept for the test",
+                "does not state its bridge, so no bridge can be held out for the test",
                 where=path,
                 field="bridge",
                 hint="Make the cloud again, or name it with --bridge",
@@ -129,10 +129,10 @@ def identify(path: Path, class_map: ClassMap | None, bridge: str = "") -> Source
         raise MissingError("no such file", where=path, hint="Name the folder of a cloud, or a scan")
     if class_map is None:
         raise InputError(
-            "a scan from elsewhere needs a class map",
+            "a scan of another program needs a class map",
             where=path,
             field="--class-map",
-            hint="Name one of the package, or a .toml file of your own",
+            hint="Name a map of the package, or a .toml file of your own",
         )
     whole = file_digest(path)
     number = (re.findall(r"\d+", path.stem) or [""])[-1].lstrip("0")
@@ -191,14 +191,17 @@ def read_labeled(
     codes = scan.classification if column == CLASSIFICATION else scan.segment
     if codes is None:
         raise InputError(
-            "has no labels",
+            "has no column of labels",
             where=path,
             field=column,
             hint="Name another class map, or write the column into the file",
         )
     unknown = sorted({int(code) for code in np.unique(codes)} - class_map.codes.keys())
     if unknown:
-        progress.note(f"{path.name}: numbers that the class map {class_map.name} lacks count as unlabelled: {unknown}")
+        progress.note(
+            f"{path.name}: class numbers that are not in the class map {class_map.name} are read as "
+            f"unlabelled: {unknown}"
+        )
     inputs = {name: values for name, values in (("color", scan.color), ("normal", scan.normal)) if values is not None}
     nothing = np.full(len(scan), np.nan, np.float32)
     instance = None if scan.instance is None else scan.instance.astype(np.int64)
@@ -212,7 +215,7 @@ def _still(found: LabeledCloud, cloud: Cloud, progress: Progress) -> LabeledClou
     gone = np.isnan(cloud.columns[_MARKS]) & ~np.isnan(found.uncertainty)
     if not gone.any():
         return found
-    progress.note(f"{int(gone.sum())} points of what moves are left out")
+    progress.note(f"{int(gone.sum())} points of moving objects are left out")
     inputs = {name: values[~gone] for name, values in found.inputs.items()}
     instance = None if found.instance is None else found.instance[~gone]
     return LabeledCloud(

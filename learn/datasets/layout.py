@@ -230,5 +230,5 @@ def _row(path: Path, stored: Mapping[str, Any]) -> PieceRow:
         raise InputError("invalid piece", where=path, field="pieces", value=row.name)
     for name in (row.name, row.split):
         if not isinstance(name, str) or Path(name).name != name or name in ("", ".", ".."):
-            raise InputError("a name that leaves the data set", where=path, field="pieces", value=name)
+            raise InputError("a name that leads out of the data set", where=path, field="pieces", value=name)
     return row

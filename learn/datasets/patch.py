@@ -110,7 +110,7 @@ def check_channels(channels: tuple[str, ...], present: Mapping[str, Any] | tuple
             raise InputError("not a channel", where=where, field="channels", value=name, allowed=", ".join(CHANNELS))
         if CHANNELS[name] != "coord" and CHANNELS[name] not in present:
             raise InputError(
-                f"has no column {CHANNELS[name]} for a channel",
+                f"has no column {CHANNELS[name]}, which a channel needs",
                 where=where,
                 field="channels",
                 value=name,

@@ -35,7 +35,7 @@ def split_bridges(sources: Sequence[SourceFacts], settings: DatasetSettings) -> 
         found = [bridge for bridge in bridges if bridge.startswith(name)]
         if not name or len(found) != 1:
             raise InputError(
-                "does not begin the name of exactly one bridge",
+                "is not the beginning of the name of exactly one bridge",
                 field="test",
                 value=name,
                 allowed=", ".join(bridge[:12] for bridge in bridges),

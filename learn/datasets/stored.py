@@ -108,7 +108,7 @@ class StoredSplit:
         """
         if not self.facts.identified:
             raise InputError(
-                "made before pieces said which points of a cloud they hold",
+                "was made by an older version, whose pieces do not state their points",
                 where=self.folder,
                 hint="Make the data set again",
             )

@@ -29,29 +29,38 @@ _PLANTS = ("tree", "shrub")  # component kinds whose leaves scatter more in real
 class Variation(Settings):
     """Settings of the augmentation, beside rotation, mirroring and scaling."""
 
-    samples: int = Field(default=1000, ge=1, le=1_000_000, description="Samples of an epoch")
-    by_class: float = Field(default=0.5, ge=0.0, le=1.0, description="Share of the pieces chosen for a drawn class [1]")
+    samples: int = Field(default=1000, ge=1, le=1_000_000, description="Number of samples of an epoch [1]")
+    by_class: float = Field(
+        default=0.5, ge=0.0, le=1.0, description="Share of the pieces that are chosen by a random class [1]"
+    )
     thinned: float = Field(default=0.5, ge=0.0, le=1.0, description="Share of the samples that are thinned [1]")
-    least: float = Field(default=0.1, gt=0.0, le=1.0, description="Smallest share of the points that is left [1]")
+    least: float = Field(
+        default=0.1, gt=0.0, le=1.0, description="Smallest share of the points that thinning leaves [1]"
+    )
     halved: float = Field(default=0.15, ge=0.0, le=1.0, description="Share of the samples cut by a vertical plane [1]")
     empty: float = Field(
         default=0.0,
         ge=0.0,
         le=1.0,
-        description="Share of the pieces chosen among those without any part of a bridge, by what they show [1]",
+        description="Share of the pieces without any part of a bridge, chosen by their content [1]",
     )
     clutter: float = Field(
         default=0.0,
         ge=0.0,
         le=1.0,
-        description="Share of the samples that are no piece but a made up square of land [1]",
+        description="Share of the samples that are a synthetic square of land instead of a piece [1]",
     )
-    bare: float = Field(default=0.05, ge=0.0, le=1.0, description="Share of the samples without their bridge [1]")
-    alone: float = Field(default=0.0, ge=0.0, le=1.0, description="Share of the samples with nothing but a bridge [1]")
-    tilt: float = Field(default=4.0, ge=0.0, le=45.0, description="Largest tilt [deg]")
-    jitter: float = Field(default=0.05, ge=0.0, le=1.0, description="Largest deviation of the points' noise [m]")
+    bare: float = Field(default=0.05, ge=0.0, le=1.0, description="Share of the samples whose bridge is removed [1]")
+    alone: float = Field(default=0.0, ge=0.0, le=1.0, description="Share of the samples with only a bridge [1]")
+    tilt: float = Field(default=4.0, ge=0.0, le=45.0, description="Largest tilt of the vertical [deg]")
+    jitter: float = Field(
+        default=0.05, ge=0.0, le=1.0, description="Largest standard deviation of the points' noise [m]"
+    )
     rustle: float = Field(
-        default=0.0, ge=0.0, le=2.0, description="Largest deviation of a further noise of plants' points [m]"
+        default=0.0,
+        ge=0.0,
+        le=2.0,
+        description="Largest standard deviation of additional noise of the points of plants [m]",
     )
     lift: float = Field(default=0.5, ge=0.0, le=10.0, description="Largest error of the height of the ground [m]")
 

@@ -57,7 +57,7 @@ def lay_grid(low: F64, high: F64, size: float, where: object = None) -> VoxelGri
     most = _MOST_CELLS * size
     if ((high - origin) >= most).any():
         raise InputError(
-            f"the points reach over {float((high - low).max()):.0f} m",
+            f"the points extend over {float((high - low).max()):.0f} m",
             where=where,
             field="voxel",
             value=size,

@@ -113,11 +113,11 @@ def _lay(cloud: LabeledCloud, settings: WindowSettings, where: object) -> Iterat
     deck = np.flatnonzero(cloud.deck)
     if len(deck) < _FEWEST_DECK:
         raise InputError(
-            "has no labelled deck to lay windows along",
+            "has no labelled deck for windows along the bridge",
             where=where,
             value=len(deck),
             allowed=f"at least {_FEWEST_DECK} points of the deck",
-            hint="Use mode metric",
+            hint="Use --mode metric",
         )
     axis = _long_axis(cloud.coord[deck, :2])
     across = np.array([-axis[1], axis[0]])

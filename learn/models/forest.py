@@ -40,7 +40,7 @@ def grow_forest(
 
     present = np.unique(labels)
     if len(present) < 2:
-        raise InputError("all labelled points are of one class, and training needs two", field="labels")
+        raise InputError("all labelled points have one class; training needs at least two", field="labels")
     forest = RandomForestClassifier(
         trees, max_depth=depth, class_weight="balanced", random_state=seed, n_jobs=1, min_samples_leaf=2
     )
@@ -101,7 +101,7 @@ def _check(arrays: Arrays, columns: int) -> None:
         child = arrays[name].astype(np.int64)[inside]
         sound = sound and bool((child > nodes[inside]).all() and (child < count).all())
     if not sound:
-        raise InputError("a damaged forest, or one of other features", field="arrays", value=columns)
+        raise InputError("a damaged forest, or one with other features", field="arrays", value=columns)
 
 
 @njit(cache=True, nogil=True)

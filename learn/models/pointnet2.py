@@ -40,13 +40,13 @@ class PointNet2Settings(Settings):
     """PointNet++."""
 
     kind: Literal["pointnet2-ssg", "pointnet2-msg"] = "pointnet2-ssg"
-    """One ball about each point, or two."""
+    """ssg: one ball around each point; msg: two."""
     counts: tuple[int, ...] = Field(default=(1024, 256, 64, 16), min_length=2, max_length=4)
-    """Points of each coarser level; fewer levels than four leave out the coarsest."""
+    """Number of points of each coarser level; with fewer than four levels, the coarsest are left out."""
     unit: float = Field(default=1.0, gt=0.0, le=1000.0)
-    """What the radii 0.1 to 0.8 are multiplied by [m or 1]: 1 for clouds scaled to a unit cube, as published."""
+    """Factor for the radii 0.1 to 0.8 [m or 1]; 1 is for clouds scaled to a unit cube, as published."""
     dropout: float = Field(default=0.5, ge=0.0, lt=1.0)
-    """Share of the head's features that a training step leaves out [1]."""
+    """Dropout of the head: share of its features that a training step leaves out [1]."""
 
 
 class PointNet2(nn.Module):

@@ -26,15 +26,15 @@ class PointNextSettings(Settings):
     """PointNeXt."""
 
     kind: Literal["pointnext-s", "pointnext-b"] = "pointnext-s"
-    """S: two layers and a shortcut in each set abstraction. B: one layer, and residual blocks behind it."""
+    """s: two layers and a shortcut in each set abstraction; b: one layer, and residual blocks after it."""
     width: int = Field(default=32, ge=4, le=256)
-    """Features of the finest level; each coarser one has twice as many."""
+    """Number of features of the finest level; each coarser level has twice as many."""
     radius: float = Field(default=0.1, gt=0.0, le=1000.0)
     """Radius of the first ball [m or 1], doubled at each level: 0.1 for points 0.04 apart, as published."""
     neighbours: int = Field(default=32, ge=2, le=128)
-    """Points of a ball."""
+    """Number of points of a ball."""
     dropout: float = Field(default=0.5, ge=0.0, lt=1.0)
-    """Share of the head's features that a training step leaves out [1]."""
+    """Dropout of the head: share of its features that a training step leaves out [1]."""
 
 
 class PointNext(nn.Module):

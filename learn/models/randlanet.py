@@ -27,22 +27,24 @@ class RandlaNetSettings(Settings):
     kind: Literal["randlanet"] = "randlanet"
     """Name of the network."""
     widths: tuple[int, ...] = Field(default=(16, 64, 128, 256, 512), min_length=2, max_length=6)
-    """Half the features of each layer; the published network for laser scans has the first four."""
+    """Half the number of features of each layer; the published network for laser scans has the first four layers."""
     ratios: tuple[int, ...] = (4, 4, 4, 4, 2)
-    """By how much the cloud is thinned after each layer."""
+    """Factor by which the cloud is thinned after each layer [1]."""
     neighbours: int = Field(default=16, ge=2, le=64)
-    """Nearest neighbours that a point sees."""
+    """Number of nearest neighbours of a point."""
     dropout: float = Field(default=0.5, ge=0.0, lt=1.0)
-    """Share of the head's features that a training step leaves out [1]."""
+    """Dropout of the head: share of its features that a training step leaves out [1]."""
     sampling_seed: int = Field(default=0, ge=0)
     """Seed of the random sampling."""
 
     @model_validator(mode="after")
     def _as_many(self) -> "RandlaNetSettings":
         if len(self.widths) != len(self.ratios) or any(width % 2 or not 2 <= width <= WIDEST for width in self.widths):
-            raise ValueError(f"widths and ratios need the same length, and widths are even, from 2 to {WIDEST}")
+            raise ValueError(
+                f"widths and ratios must have the same length, and widths must be even numbers from 2 to {WIDEST}"
+            )
         if any(ratio < 1 for ratio in self.ratios):
-            raise ValueError("a ratio is 1 or more")
+            raise ValueError("ratios must be 1 or more")
         return self
 
 

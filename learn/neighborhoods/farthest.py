@@ -35,7 +35,7 @@ def farthest_points(coord: F32, count: int) -> I64:
             field="points",
             value=len(coord),
             allowed=f"{count} or more",
-            hint="Take larger tiles, or a smaller model",
+            hint="Use larger tiles or a smaller model",
         )
     columns = np.ascontiguousarray(coord.T, dtype=np.float64)
     return _choose(columns[0], columns[1], columns[2], count)

@@ -88,7 +88,7 @@ def random_pyramid(coord: F32, ratios: Sequence[int], neighbors: int, seed: int)
             field="points",
             value=len(coord),
             allowed=f"{least} or more",
-            hint="Take larger tiles, or fewer layers",
+            hint="Use larger tiles or fewer layers",
         )
     arrays: dict[str, NDArray[np.int32]] = {}
     kept = np.random.default_rng([seed, len(coord)]).permutation(len(coord))

@@ -56,7 +56,7 @@ def nearest(coord: F32, centers: F32, count: int) -> I64:
             field="points",
             value=len(coord),
             allowed=f"{count} or more",
-            hint="Take larger tiles, or a smaller model",
+            hint="Use larger tiles or a smaller model",
         )
     _, found = KDTree(coord).query(centers, k=count)
     return np.array(found, dtype=np.int64).reshape(len(centers), count)

@@ -133,7 +133,7 @@ def sum_classes(
     check_table(wanted)
     if own not in (wanted, BASE, COMPONENTS):
         raise InputError(
-            f"the model's classes are those of {own}, too coarse for another table",
+            f"the model has the classes of {own}, which do not determine those of another table",
             field="--table",
             value=wanted,
             allowed=own,
@@ -145,7 +145,7 @@ def sum_classes(
         found = name if name in names and own == wanted else class_of(known, name, component_classes().get(name, name))
         if found not in names:
             raise InputError(
-                "a class of the model that the table does not know",
+                "the table has no class for a class of the model",
                 field="--table",
                 value=name,
                 allowed=", ".join(names),

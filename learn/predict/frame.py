@@ -78,15 +78,15 @@ def choose_frame(said: float | None, settings: PredictSettings, where: object) -
         raise InputError(
             "its coordinates are longitudes and latitudes",
             where=where,
-            hint="Project it into a system in metres or feet first",
+            hint="Project them into a coordinate system in metres or feet first",
         )
     if meters is None:
         raise InputError(
-            "does not say the unit of its coordinates",
+            "does not state the unit of its coordinates",
             where=where,
             field="--unit",
             allowed=", ".join(UNITS),
-            hint="Name it, or give --scale, the metres that one unit of a cloud without scale stands for",
+            hint="Give --unit, or --scale with the length of one unit [m]",
         )
     return Frame(meters, np.array(_TURNS[settings.up], np.float64))
 
@@ -100,4 +100,4 @@ def contradiction(said: float | None, frame: Frame) -> str:
     """
     if not said or abs(frame.meters / said - 1.0) < _SAME:
         return ""
-    return f"the scan says {said:g} m a unit and you say {frame.meters:g} m: what you say counts"
+    return f"the scan states a unit of {said:g} m, and you gave {frame.meters:g} m: yours is used"

@@ -67,9 +67,9 @@ def shipped_folder() -> Path:
     folder = Path(str(files("learn").joinpath("shipped")))
     if not (folder / "model.json").is_file():
         raise MissingError(
-            "this installation has no model of its own",
+            "this installation does not contain the model of the package",
             field="--model",
-            hint="Name a model that falsework train has written",
+            hint="Name a folder that falsework train has written",
         )
     return folder
 
@@ -109,10 +109,15 @@ def named_model(name: str, device: Device = "cpu") -> PointModel:
     try:
         model = found()
     except TypeError as error:
-        raise InputError(f"not called without arguments: {error}", field="--model", value=name) from None
+        raise InputError(f"cannot be called without arguments: {error}", field="--model", value=name) from None
     lacking = [
         word for word in ("classes", "table", "channels", "tile", "points", "probabilities") if not hasattr(model, word)
     ]
     if lacking:
-        raise InputError("does not return a model", field="--model", value=name, allowed=f"with {lacking[0]}")
+        raise InputError(
+            "returns an object that is not a model",
+            field="--model",
+            value=name,
+            allowed=f"an object with the attribute {lacking[0]}",
+        )
     return model

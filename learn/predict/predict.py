@@ -128,7 +128,7 @@ def _check_outputs(source: Path, out: Path, former: dict[str, Any]) -> None:
 def _check_link(settings: PredictSettings, model: PointModel) -> None:
     if settings.link < model.tile.voxel:
         raise InputError(
-            "smaller than the model's voxel",
+            "is smaller than the model's voxel",
             field="--link",
             value=settings.link,
             allowed=f"at least {model.tile.voxel:g} m",
@@ -168,12 +168,12 @@ def _refuse_boxes_of_another(record: dict[str, Any], out: Path) -> None:
         raise InputError(
             f"belongs to {other.name}",
             where=out.with_suffix(BOXES),
-            hint="Choose a name for the copy that differs in more than its suffix",
+            hint="Choose a name for the copy that does not differ in its suffix alone",
         )
 
 
 def _doubts(contradicted: str, seen: int, count: int) -> tuple[str, ...]:
-    few = f"the model saw {seen} of {count} points: is the unit right?" if seen < max(_FEWEST_SEEN * count, 2) else ""
+    few = f"thinning left only {seen} of {count} points: check the unit" if seen < max(_FEWEST_SEEN * count, 2) else ""
     return tuple(line for line in (contradicted, few) if line)
 
 
@@ -238,7 +238,7 @@ def vote(cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = 
         for (rows, _), told in zip(waiting, model.probabilities([sample for _, sample in waiting]), strict=True):
             if told.shape != (len(rows), len(model.classes)):
                 raise InputError(
-                    "the model returned an array of another shape",
+                    "the model returned an array of a wrong shape",
                     field="probabilities",
                     value=told.shape,
                     allowed=str((len(rows), len(model.classes))),
@@ -309,7 +309,7 @@ def _file_of(source: Path, out: Path) -> tuple[Path, float | None]:
             allowed=", ".join(_OWN_FILES),
         )
     if not (source / name).is_file():
-        hint = f"Make it with falsework export {source} --to {Path(name).suffix[1:]} -o DIR, and label that"
-        raise MissingError(f"this cloud holds no {name} to copy", where=source, hint=hint)
+        hint = f"Make it with falsework export {source} --to {Path(name).suffix[1:]} -o DIR, and label that file"
+        raise MissingError(f"this cloud has no {name} to copy", where=source, hint=hint)
     alignment = read_json(source / "cloud.json").get("alignment", {})
     return source / name, 0.0 if alignment.get("target") == "none" else 1.0

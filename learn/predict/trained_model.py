@@ -87,7 +87,7 @@ def read_trained_model(folder: Path, device: Device = "cpu") -> TrainedModel:
     where, stored = folder / FACTS, trained.facts.data.get("settings")
     if not isinstance(stored, dict):
         raise InputError(
-            "does not say which data set it was trained on",
+            "does not state its data set",
             where=where,
             field="data.settings",
             hint="Train it on a data set of falsework dataset",
@@ -95,8 +95,7 @@ def read_trained_model(folder: Path, device: Device = "cpu") -> TrainedModel:
     settings = parse_settings(DatasetSettings, stored, where)
     if settings.mode != "metric":
         raise InputError(
-            "trained on the paper's windows, which are read off the labels: it can be evaluated, "
-            "but no unlabelled scan can be cut so",
+            "trained on the paper's windows, which need labels: it can be evaluated, but it cannot label a scan",
             where=folder,
             field="--model",
             value=settings.mode,
@@ -105,6 +104,10 @@ def read_trained_model(folder: Path, device: Device = "cpu") -> TrainedModel:
     unknown = [name for name in trained.channels if name not in CHANNELS]
     if unknown:
         raise InputError(
-            "an input that no scan has", where=where, field="channels", value=unknown[0], allowed=", ".join(CHANNELS)
+            "an input that scans do not have",
+            where=where,
+            field="channels",
+            value=unknown[0],
+            allowed=", ".join(CHANNELS),
         )
     return TrainedModel(trained, settings)

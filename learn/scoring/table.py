@@ -78,7 +78,11 @@ def _calibration(record: Mapping[str, Any]) -> list[str]:
         if round(20 * kept) in (2, 5, 10, 15, 20)
     ]
     rows = [[f"{kept:.0%}", _figure(wrong)] for kept, wrong in pairs]
-    return ["", "Share of errors among the surest points:", "", *table(["kept", "wrong"], rows)] if rows else []
+    return (
+        ["", "Share of errors among the points with the highest confidence:", "", *table(["kept", "wrong"], rows)]
+        if rows
+        else []
+    )
 
 
 def _confusion(record: Mapping[str, Any]) -> list[str]:
@@ -91,7 +95,7 @@ def _confusion(record: Mapping[str, Any]) -> list[str]:
     rows = [[names[i], *(_figure(record["confusion_shares"][i][j], 2) for j in seen)] for i in seen]
     return [
         "",
-        "What the points of each class were taken for, as shares of its points:",
+        "Confusion matrix, as shares of the points of each true class:",
         "",
         *table(["true class", *(names[j] for j in seen)], rows),
     ]

@@ -26,12 +26,14 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     try:
         with ZipFile(path) as packed:
             if any(part.compress_type != ZIP_STORED for part in packed.infolist()) or packed.testzip() is not None:
-                raise ValueError("a part that is not what was written")
+                raise ValueError("a part has changed")
         found = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # the parsers of both may raise any exception
         raise InputError(
-            f"a damaged checkpoint: {type(error).__name__}", where=path, hint="Remove it: the training begins again"
+            f"a damaged checkpoint: {type(error).__name__}",
+            where=path,
+            hint="Remove it; the training then starts again",
         ) from None
     if not isinstance(found, dict):
-        raise InputError("not a checkpoint", where=path, hint="Remove it: the training begins again")
+        raise InputError("not a checkpoint", where=path, hint="Remove it; the training then starts again")
     return found

@@ -22,13 +22,13 @@ class ForestSettings(Settings):
     """A random forest."""
 
     scales: tuple[int, ...] = Field(default=(10, 30, 100), min_length=1, max_length=6)
-    """Numbers of neighbours whose covariance describes a point."""
+    """Numbers of nearest neighbours whose covariances describe a point."""
     trees: int = Field(default=60, ge=1, le=1000)
     """Number of trees."""
     depth: int = Field(default=16, ge=1, le=40)
     """Largest depth of a tree."""
     points: int = Field(default=200_000, ge=100, le=10_000_000)
-    """Most points that it is trained on, drawn evenly from all samples."""
+    """Largest number of training points, drawn evenly from all samples."""
 
 
 def train_forest(

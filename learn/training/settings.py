@@ -17,39 +17,40 @@ class TrainSettings(Settings):
     model: str = "pointnet2-ssg"
     """Network to train."""
     network: dict[str, Any] = Field(default_factory=dict)
-    """Settings of the network."""
+    """Settings of the network; see the tables of the networks."""
     recipe: Literal["paper", "modern"] = "modern"
-    """paper: what is known of the paper's training. modern: AdamW, one cycle of the learning rate, class weights by the
-    root of the frequency, Lovasz-softmax, half of the samples chosen by class, points that count less the less sure
-    they are, samples as of other sensors, a head of its own for noisy points."""
+    """paper: the paper's training, as far as it is known. modern: AdamW, one cycle of the learning rate, class weights
+    by the square root of the frequency, Lovasz-softmax, half of the samples chosen by class, points weighted by their
+    certainty, samples as from other sensors, a separate head for noisy points."""
     epochs: int = Field(default=50, ge=1, le=10_000)
     """Passes over the training samples."""
     batch: int = Field(default=8, ge=1, le=1024)
-    """Samples of a step."""
+    """Samples per step."""
     learning_rate: float | None = Field(default=None, gt=0.0, le=1.0)
-    """Largest learning rate [1]; that of the recipe when left out."""
+    """Largest learning rate [1]; left out: that of the recipe."""
     seed: int = Field(default=0, ge=0)
     """Seed of weights, order, draws and dropout."""
     validation: float = Field(default=0.2, ge=0.0, lt=1.0)
-    """Share of the bridges that are held out where the data set has no split for validation [1]; 0: none is, and the
-    last epoch is taken."""
+    """Share of the bridges that are held out if the data set has no validation split [1]; 0: none, and the weights of
+    the last epoch are used."""
     class_aware: float | None = Field(default=None, ge=0.0, le=1.0)
-    """Share of an epoch's samples that are chosen by class, each class alike [1]; that of the recipe when left out."""
+    """Share of an epoch's samples that are chosen by class, all classes equally often [1]; left out: that of the
+    recipe."""
     doubt: float | None = Field(default=None, ge=0.0, le=1000.0)
-    """Uncertainty at which a point counts for 1/e in the cross-entropy [m], 0 for all alike; that of the recipe when
-    left out."""
+    """Uncertainty at which a point has the weight 1/e in the cross-entropy; 0: all have the same weight [m]. Left out:
+    that of the recipe."""
     sensors: SensorSettings | None = None
-    """Changes towards other sensors; those of the recipe when left out."""
+    """Augmentation that imitates other sensors; left out: that of the recipe."""
     workers: int = Field(default=0, ge=0, le=64)
-    """Processes that load samples; 0 loads them in between."""
+    """Number of processes that load samples; 0: the training process loads them."""
     precision: Literal["32-true", "bf16-mixed"] = "32-true"
-    """Numbers of the training."""
+    """Floating-point precision of the training."""
     accelerator: Literal["auto", "cpu", "gpu"] = "auto"
-    """What to train on; only the processor's results are the same bytes again."""
+    """Device of the training; only results of the CPU are the same bytes in every run."""
     devices: int = Field(default=1, ge=1, le=64)
-    """Processes that train together (DDP), each with batches and, where there are any, a GPU of its own."""
+    """Number of processes that train together (DDP), each with its own batches and, if there are any, its own GPU."""
     freeze_encoder: bool = False
-    """Train the way back up and the head alone."""
+    """Train only the decoder and the head."""
 
 
 @dataclass(frozen=True)

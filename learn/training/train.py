@@ -150,11 +150,11 @@ def _check_gpu(settings: TrainSettings) -> None:
     count = torch.cuda.device_count()
     if trains_on_gpu(settings) and settings.devices > count:
         raise InputError(
-            "more than there are GPUs",
+            "more processes than GPUs",
             field="devices",
             value=settings.devices,
             allowed=f"at most {count}",
-            hint="Train with fewer, or with --set accelerator=cpu",
+            hint="Use fewer, or --set accelerator=cpu",
         )
 
 
@@ -168,7 +168,7 @@ def _set_task(data: TrainingData, settings: TrainSettings, init: Path | None) ->
     counts = count_labels(source, rows, settings.seed)
     if int(counts.any(axis=0).sum()) < 2:
         raise InputError(
-            "all labelled points are of one class, and training needs two",
+            "all labelled points have one class; training needs at least two",
             field="classes",
             value=", ".join(classes),
             hint="Add clouds that show other classes",
@@ -233,16 +233,16 @@ def _check(
 ) -> tuple[str, ...]:
     if not rows or not (held or not settings.validation):
         raise InputError(
-            "too few bridges: a whole one is held out for validation",
+            "too few bridges: a whole bridge is held out for validation",
             field="bridges",
             value=len({source.bridge(row) for row in range(len(source))}),
             allowed="2 or more",
-            hint="Add clouds of another bridge, or give --set validation=0: nothing is held out then, "
-            "and the last epoch is taken",
+            hint="Add clouds of another bridge, or use --set validation=0: then nothing is held out, "
+            "and the weights of the last epoch are used",
         )
     if validation.classes != source.classes:
         raise InputError(
-            "training and validation have other classes",
+            "training and validation have different classes",
             field="classes",
             value=", ".join(validation.classes),
             allowed=", ".join(source.classes),
@@ -250,7 +250,7 @@ def _check(
     shared = {source.bridge(row) for row in rows} & {validation.bridge(row) for row in held}
     if shared and validation is not source and settings.recipe != "paper":
         raise InputError(
-            "validation shares bridges with the training",
+            "training and validation have a bridge in common",
             field="bridge",
             value=sorted(shared)[0],
             hint="Split by bridge, or train with --recipe paper",

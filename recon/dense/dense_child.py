@@ -248,10 +248,10 @@ def _for_each(work: Callable[[int], Any], count: int, name: str, threads: int, p
 
 def _why_nothing(views: tuple[View, ...], known: list[float], settings: ReconSettings) -> str:
     if not any(len(view.sources) for view in views):
-        return "no two images share enough sparse points under a useful angle"
+        return "no two images share enough sparse points at a useful angle"
     least, _ = AGREEMENT[settings.filter]
     share = float(np.mean(known))
-    return f"depth is known for {share:.1%} of the pixels, and {least} views agree on none of it"
+    return f"depth is known for {share:.1%} of the pixels, but no {least} views agree on a depth"
 
 
 if __name__ == "__main__":

@@ -51,7 +51,7 @@ def measure_with_colmap(
             field="recon.dense.method",
             value="colmap",
             allowed="auto, sgm, patchmatch",
-            hint="Choose another, or install pycolmap-cuda12",
+            hint="Choose another method, or install pycolmap-cuda12",
         )
     longest = max(camera.pinhole.width, camera.pinhole.height)
     smaller = pycolmap.UndistortCameraOptions(max_image_size=longest)

@@ -160,7 +160,7 @@ def _reach(camera: Pinhole, distortion: Distortion) -> tuple[tuple[int, int], tu
         straight = distortion.undistort((rim - [camera.cx, camera.cy]) / [camera.fx, camera.fy])
     except ValueError as error:
         raise RejectedSceneError(
-            "bad_lens", f"the lens that structure from motion found folds the image: {error}"
+            "bad_lens", f"the lens distortion that structure from motion found cannot be inverted: {error}"
         ) from None
     rim = straight * [camera.fx, camera.fy] + [camera.cx, camera.cy]
     low = np.maximum(np.round(rim.min(axis=0)), [-_GROWTH * width, -_GROWTH * height]).astype(int)

@@ -105,7 +105,7 @@ def _intrinsics(model: str, params: tuple[float, ...]) -> dict[str, Any]:
         "OPENCV": ("fl_x", "fl_y", "cx", "cy", "k1", "k2", "p1", "p2"),
     }
     if model not in names:
-        raise InputError("a camera model that nerfstudio does not know", value=model, allowed=", ".join(names))
+        raise InputError("a camera model that nerfstudio does not have", value=model, allowed=", ".join(names))
     found = dict(zip(names[model], params, strict=True))
     if "f" in found:
         found["fl_x"] = found["fl_y"] = found.pop("f")
@@ -135,6 +135,6 @@ def _copy_photographs(photographs: Path | None, names: tuple[str, ...], out: Pat
         file = photographs / name
         if Path(name).is_absolute() or ".." in Path(name).parts or not is_regular(file):
             raise MissingError(
-                "a photograph of the cloud is not there", where=file, hint="Name the cloud's own capture"
+                "a photograph of the cloud is missing", where=file, hint="Name the capture that the cloud was made from"
             )
         write_bytes(out / "images" / stems[name], read_picture(file))

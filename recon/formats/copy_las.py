@@ -55,7 +55,7 @@ def copy_las(source: Path, rows: LasRows, out: Path, labels: Iterable[Labels], c
             "has bytes in its points that cannot be copied",
             where=source,
             value=rows.header.size,
-            hint="Write it anew with another program",
+            hint="Write the file again with another program",
         )
     with whole_file(out) as partial, _writer(partial, header, out, said) as writer:
         for first, part in _pieces(labels):

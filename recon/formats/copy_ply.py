@@ -90,5 +90,5 @@ def _copy_text(
             line = file.readline()
             body = line.rstrip(b"\r\n")
             if len(body.split()) != len(vertex.properties):
-                raise InputError("has not one point on each line", where=source, hint="Write it as binary PLY")
+                raise InputError("does not have one point per line", where=source, hint="Write it as binary PLY")
             copy.write(body.rstrip() + f" {label} {sure:.6g} {instance}".encode() + (line[len(body) :] or b"\n"))

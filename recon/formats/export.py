@@ -30,7 +30,7 @@ def export_cloud(source: Path, to: str, out: Path, photographs: Path | None = No
         InputError: Not a cloud, an unknown format, or a format for which the cloud lacks something.
     """
     if to not in EXPORTS:
-        raise InputError("not a format of clouds", where=source, field="--to", value=to, allowed=", ".join(EXPORTS))
+        raise InputError("not a cloud format", where=source, field="--to", value=to, allowed=", ".join(EXPORTS))
     return EXPORTS[to](source, read_cloud(source), out, photographs)
 
 

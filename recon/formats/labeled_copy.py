@@ -37,7 +37,7 @@ def check_copy(source: Path, out: Path) -> None:
     allowed = (*_KINDS.get(magic_of(source), SUFFIXES), *_LAS)
     if out.suffix.lower() not in allowed:
         raise InputError(
-            "another format than the scan",
+            "not the format of the scan",
             where=out,
             field="-o",
             value=out.suffix,
@@ -46,7 +46,7 @@ def check_copy(source: Path, out: Path) -> None:
     if out.exists() and (out.is_dir() or out.samefile(source)):
         raise InputError("is a folder, or the scan itself", where=out, field="-o", hint="Choose another name")
     if not out.parent.is_dir():
-        raise InputError("no such folder", where=out.parent, field="-o", hint="Make it first")
+        raise InputError("no such folder", where=out.parent, field="-o", hint="Make the folder first")
 
 
 def write_labeled_copy(

@@ -44,4 +44,4 @@ def refuse_labeled(path: Path, names: tuple[str, ...]) -> None:
     """
     found = [name for name in NAMES if name in names]
     if found:
-        raise InputError("holds predictions already", where=path, field=found[0], hint="Name the scan itself")
+        raise InputError("already has predictions", where=path, field=found[0], hint="Name the original scan")

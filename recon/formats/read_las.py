@@ -109,7 +109,10 @@ def open_las(path: Path, most_points: int, progress: Progress = SILENT) -> Itera
         room = (path.stat().st_size - header.offset) // header.size
         if room < header.count:
             raise InputError(
-                f"cut off: there is room for {room} points", where=path, value=header.count, hint="Copy it again"
+                f"cut off: the file has room for {room} points only",
+                where=path,
+                value=header.count,
+                hint="Copy it again",
             )
         yield LasRows(path, header, np.memmap(path, np.uint8, "r", header.offset, (header.count, header.size)))
         return
@@ -117,7 +120,7 @@ def open_las(path: Path, most_points: int, progress: Progress = SILENT) -> Itera
         raw, need = Path(folder) / "points", header.count * header.size
         if need > min(_MOST_BYTES, shutil.disk_usage(folder).free):
             raise InputError(
-                f"claims {need / 1e9:.1f} GB when unpacked, more than there is room for",
+                f"needs {need / 1e9:.1f} GB when unpacked, more than is free",
                 where=path,
                 value=header.count,
                 hint="Cut it into tiles, or thin it out",
@@ -168,11 +171,11 @@ def read_header(path: Path) -> LasHeader:
         number, compressed = kind & 0x3F, bool(kind & 0x80)
         if number not in _SIZES or width < _SIZES[number]:
             raise InputError(
-                "an impossible point format",
+                "an invalid point format",
                 where=path,
                 field="point format",
                 value=(number, width),
-                allowed="0 to 10, and records as long as these need",
+                allowed="0 to 10, with records of at least its length",
             )
         count = (struct.unpack_from("<Q", head, 247)[0] if minor == 4 else 0) or legacy
         numbers = np.frombuffer(head, "<f8", 12, 131)
@@ -184,7 +187,7 @@ def read_header(path: Path) -> LasHeader:
     extra = _extra_dimensions(path, found.get(("LASF_Spec", 4), b""), _SIZES[number], width)
     laszip = found.get(("laszip encoded", 22204), b"")
     if compressed and not laszip:
-        raise InputError("compressed, but without the record that says how", where=path, field="laszip record")
+        raise InputError("compressed, but without the laszip record", where=path, field="laszip record")
     names = found.get(("LASF_Spec", 0), b"")
     table = {
         names[at]: names[at + 1 : at + 16].split(b"\0")[0].decode("ascii", "replace")
@@ -208,7 +211,7 @@ def _records(path: Path, data: bytes, count: int) -> dict[tuple[str, int], bytes
         _, user, number, length, _ = _VLR_HEAD.unpack_from(data, at)
         at += _VLR_HEAD.size
         if at + length > len(data):
-            raise InputError(f"record {row} is longer than there is room", where=path, field="records", value=length)
+            raise InputError(f"record {row} reaches beyond the points", where=path, field="records", value=length)
         found.setdefault((user.split(b"\0")[0].decode("ascii", "replace"), number), data[at : at + length])
         at += length
     return found
@@ -322,9 +325,9 @@ def _check_bounds(path: Path, coord: F64, bounds: F64) -> None:
     slack = _BEYOND[0] + _BEYOND[1] * np.abs(bounds[1] - bounds[0])
     if (coord.min(axis=0) < bounds[0] - slack).any() or (coord.max(axis=0) > bounds[1] + slack).any():
         raise InputError(
-            "points lie outside the bounds that its header states",
+            "points lie outside the bounds in the header",
             where=path,
             value=[coord.min(axis=0).tolist(), coord.max(axis=0).tolist()],
             allowed=str(bounds.tolist()),
-            hint="It is damaged: copy it again, or write its header anew",
+            hint="Copy the file again, or correct its header",
         )

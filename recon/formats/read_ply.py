@@ -127,9 +127,9 @@ def read_ply_header(path: Path) -> tuple[str, list[Element], int]:
         else:
             raise InputError("an unknown line in the header", where=path, value=line[:80])
         if (elements and len(elements[-1].properties) > _MOST_PROPERTIES) or len(elements) > _MOST_PROPERTIES:
-            raise InputError("more columns than are supported", where=path, allowed=f"at most {_MOST_PROPERTIES}")
+            raise InputError("too many columns", where=path, allowed=f"at most {_MOST_PROPERTIES}")
     if order is None:
-        raise InputError("does not say its format", where=path, allowed=", ".join(_ORDERS))
+        raise InputError("does not state its format", where=path, allowed=", ".join(_ORDERS))
     for element in elements:
         names = [name for name, _ in element.properties]
         if len(set(names)) < len(names):
@@ -144,7 +144,7 @@ def _read_binary(path: Path, order: str, elements: list[Element], start: int) ->
         if start + element.count * row.itemsize > length:
             room = (length - start) // max(row.itemsize, 1)
             raise InputError(
-                f"cut off: there is room for {room} rows",
+                f"cut off: the file has room for {room} rows only",
                 where=path,
                 field=element.name,
                 value=element.count,
@@ -168,14 +168,14 @@ def _read_text(path: Path, _: str, elements: list[Element], start: int) -> list[
             "cut off, or its header states a wrong number of points",
             where=path,
             value=need,
-            allowed=f"at most {length // 2} numbers in a text of this length",
+            allowed=f"up to {length // 2} numbers in a text of this length",
         )
     if length > _MOST_TEXT:
         raise InputError(
             "too large a text file",
             where=path,
             value=length,
-            allowed=f"{_MOST_TEXT} bytes",
+            allowed=f"up to {_MOST_TEXT} bytes",
             hint="Write it as binary PLY",
         )
     parts: list[NDArray[np.float64]] = []
@@ -191,7 +191,7 @@ def _read_text(path: Path, _: str, elements: list[Element], start: int) -> list[
         parts.append(_numbers(path, [rest]))
     numbers = np.concatenate([*parts, np.zeros(0)])
     if len(numbers) < need:
-        raise InputError(f"cut off: it holds {len(numbers)} numbers", where=path, value=need, hint="Copy it again")
+        raise InputError(f"cut off: it has {len(numbers)} numbers only", where=path, value=need, hint="Copy it again")
     tables, at = [], 0
     for element in elements:
         width = len(element.properties)
@@ -234,7 +234,7 @@ def _scan(path: Path, columns: dict[str, NDArray[Any]], labels: bool | str) -> S
 def _color(path: Path, values: NDArray[Any]) -> NDArray[np.uint8]:
     """Convert colours of 8 or 16 bits, or from 0 to 1."""
     if not np.isfinite(values).all() or values.min() < 0:
-        raise InputError("not a colour", where=path, field="red, green, blue")
+        raise InputError("not a color", where=path, field="red, green, blue")
     top = values.max()
     if np.issubdtype(values.dtype, np.floating) and top <= 1.0:
         return np.rint(values * 255).astype(np.uint8)
@@ -242,4 +242,4 @@ def _color(path: Path, values: NDArray[Any]) -> NDArray[np.uint8]:
         return values.astype(np.uint8)
     if top <= 65535:
         return (values / 257).astype(np.uint8)
-    raise InputError("not a colour", where=path, field="red, green, blue", value=float(top), allowed="0 to 65535")
+    raise InputError("not a color", where=path, field="red, green, blue", value=float(top), allowed="0 to 65535")

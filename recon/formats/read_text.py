@@ -54,7 +54,11 @@ def read_text(path: Path, most_points: int, labels: bool | str = True) -> Scan:
     length = path.stat().st_size
     if length > _MOST_TEXT or length // _SHORTEST_LINE > most_points * 100:
         raise InputError(
-            "too large a text file", where=path, value=length, allowed=f"{_MOST_TEXT} bytes", hint="Convert it to LAZ"
+            "too large a text file",
+            where=path,
+            value=length,
+            allowed=f"up to {_MOST_TEXT} bytes",
+            hint="Convert it to LAZ",
         )
     if not length:
         raise InputError("holds no points", where=path)
@@ -72,10 +76,10 @@ def read_text(path: Path, most_points: int, labels: bool | str = True) -> Scan:
     columns = names or (_PTS if path.suffix.lower() == ".pts" else LAYOUTS).get(width, LAYOUTS.get(width))
     if columns is None or len(columns) != width:
         raise InputError(
-            "columns without names",
+            "an unknown number of columns without names",
             where=path,
             value=width,
-            allowed=f"{', '.join(map(str, LAYOUTS))} columns, or a first line of names",
+            allowed=f"{', '.join(map(str, LAYOUTS))} columns, or a first line with names",
         )
     return scan_of_columns(path, {name: table[:, place] for place, name in enumerate(columns)}, labels)
 
@@ -94,7 +98,7 @@ def first_line(path: Path, head: list[bytes]) -> tuple[int, tuple[str, ...], str
         InputError: No text, or a name twice.
     """
     if b"\0" in head[0] or len(head[0]) >= _LONGEST_LINE:
-        raise InputError("neither text nor another format that is known", where=path)
+        raise InputError("neither text nor another known format", where=path)
     first = head[0].decode("ascii", "replace").strip()
     words = re.split(r"[,;\s]+", first.lstrip("/# "))
     second = head[1].decode("ascii", "replace")

@@ -72,7 +72,7 @@ def read_scan(
         "neither LAS, LAZ, PLY, E57, NPY nor text",
         where=path,
         value=magic,
-        allowed=f"a file of these kinds; text is known by its name: {' '.join(read_text.SUFFIXES)}",
+        allowed=f"a file of one of these kinds; text by its suffix: {' '.join(read_text.SUFFIXES)}",
         hint="Convert it to LAZ",
     )
 

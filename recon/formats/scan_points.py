@@ -60,7 +60,7 @@ def check_count(path: Path, count: int, most: int) -> None:
         raise InputError("holds no points", where=path)
     if count > most:
         raise InputError(
-            "claims too many points",
+            "has too many points",
             where=path,
             value=count,
             allowed=f"at most {most}",
@@ -85,7 +85,7 @@ def check_coordinates(path: Path, coord: F64) -> None:
             f"the position of point {row} is not finite or farther than {FARTHEST:.0e} m",
             where=path,
             value=tuple(float(value) for value in coord[row]),
-            hint="Write the file anew without such points",
+            hint="Write the file again without such points",
         )
 
 
@@ -131,7 +131,7 @@ def as_colors(path: Path, values: NDArray[Any]) -> NDArray[np.uint8]:
         InputError: A value that is none of these.
     """
     if not np.isfinite(values).all() or values.min() < 0 or values.max() > 65535:
-        raise InputError("not a colour", where=path, field="red, green, blue", allowed="0 to 1, 0 to 255 or 0 to 65535")
+        raise InputError("not a color", where=path, field="red, green, blue", allowed="0 to 1, 0 to 255 or 0 to 65535")
     if values.max() <= 1.0 and (values != np.floor(values)).any():
         return np.rint(values * 255).astype(np.uint8)
     return (values if values.max() <= 255 else values / 257).astype(np.uint8)

@@ -38,7 +38,9 @@ def unpack(request: dict[str, Any], progress: Progress) -> int:
         laszip = bytes.fromhex(request["laszip"])
         packs = lazrs.LazVlr(laszip).item_size()
         if packs != size:
-            raise InputError("the compressor's record is for other points", where=path, value=packs, allowed=str(size))
+            raise InputError(
+                "the laszip record does not fit the point format", where=path, value=packs, allowed=str(size)
+            )
         with path.open("rb") as packed, Path(request["out"]).open("wb") as out:  # not atomic: a temporary file
             packed.seek(request["offset"])
             unpacker = lazrs.LasZipDecompressor(packed, laszip)

@@ -85,7 +85,7 @@ def _read_jpeg(data: bytes) -> tuple[tuple[int, int], bytes, bytes]:
     at, exif, xmp = 2, b"", b""
     while True:
         if data[at] != 0xFF:
-            raise ValueError("no marker where one must be")
+            raise ValueError("a marker is missing")
         marker = data[at + 1]
         at += 2
         if marker == 0xFF:  # a fill byte before the marker
@@ -121,7 +121,7 @@ def _read_tiff(data: bytes) -> tuple[dict[int, Values], dict[int, Values], dict[
         return {}, {}, {}
     order = {b"II": "<", b"MM": ">"}.get(data[:2])
     if order is None:
-        raise ValueError("neither byte order")
+        raise ValueError("an unknown byte order")
     (start,) = struct.unpack_from(order + "I", data, 4)
     root = _read_directory(data, order, start)
     lens, place = (_number(root, tag) for tag in (0x8769, 0x8825))

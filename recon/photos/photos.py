@@ -117,7 +117,9 @@ def _photographs(folder: Path) -> list[Path]:
     stems = [path.stem for path in found]
     for stem, path in zip(stems, found, strict=True):
         if stems.count(stem) > 1:
-            raise InputError("two photographs of one name", where=folder, value=path.name, hint="Rename one")
+            raise InputError(
+                "two photographs with the same name", where=folder, value=path.name, hint="Rename one of them"
+            )
     return found
 
 
@@ -131,7 +133,7 @@ def _common_size(folder: Path, paths: list[Path], headers: list[PhotoHeader]) ->
                 where=folder,
                 field=path.name,
                 value=size,
-                hint="Put the photographs of each size into a folder of their own, and those of one camera into one",
+                hint="Put the photographs of each camera into a separate folder",
             )
     return usual
 
@@ -148,8 +150,8 @@ def _prior(
                 where=folder,
                 field=path.name,
                 value=f"{header.focal_px:.0f} px",
-                allowed=f"{focal:.0f} px as most of the others, within 10 %",
-                hint="Put those of each focal length into a folder of their own",
+                allowed=f"{focal:.0f} px like most of the others, within 10 %",
+                hint="Put the photographs of each focal length into a separate folder",
             )
     prior = CalibrationPrior(focal_px=focal, cx=size[0] / 2.0, cy=size[1] / 2.0)
     return prior, FOCAL_FROM_EXIF if told else FOCAL_GUESSED

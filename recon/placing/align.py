@@ -148,7 +148,7 @@ def align(
     spread = np.linalg.svd(goal[inliers] - goal[inliers].mean(axis=0), compute_uv=False).astype(np.float64)
     method = "centres+rotations" if by_rotations else "centres"
     if not by_rotations and spread[1] < _STRAIGHT * spread[0]:
-        raise RejectedSceneError("straight_path", "all cameras stand on one line, and their centres fix no rotation")
+        raise RejectedSceneError("straight_path", "all cameras lie on one line, so their centres determine no rotation")
     straying = ~known | (far > target.center_limit)
     twisted = by_rotations & (twist > settings.rotation_limit)
     count = len(target.centers)
@@ -195,7 +195,7 @@ def check_share(status: tuple[str, ...], settings: AlignmentSettings) -> None:
         raise RejectedSceneError(
             "too_few_cameras",
             f"{invalid} of {count} cameras are invalid (unregistered or outliers), more than "
-            f"{settings.max_invalid_share:.0%}. Take more images, or raise [recon.alignment] max_invalid_share",
+            f"{settings.max_invalid_share:.0%}. Take more photographs, or raise [recon.alignment] max_invalid_share",
         )
 
 
@@ -228,7 +228,7 @@ def find_inliers(source: F64, goal: F64, known: Mask, limit: float, iterations: 
         inliers = far[np.argmin(cost)] <= limit
         if inliers.sum() >= _MIN_CAMERAS:
             return inliers
-    raise RejectedSceneError("alignment_failed", "no similarity brings three cameras to where they were")
+    raise RejectedSceneError("alignment_failed", "no similarity brings three cameras to their known positions")
 
 
 def _central_rotation(rotations: F64, inliers: Mask) -> F64:
@@ -246,7 +246,7 @@ def _misfit(similarity: Similarity, source: F64, goal: F64, turned: F64 | None) 
 
 def _fit(source: F64, goal: F64, turned: F64 | None, inliers: Mask) -> Similarity:
     if inliers.sum() < _MIN_CAMERAS:
-        raise RejectedSceneError("alignment_failed", "fewer than three cameras agree on where they were")
+        raise RejectedSceneError("alignment_failed", "fewer than three cameras agree with their known positions")
     source, goal = source[inliers], goal[inliers]
     if turned is None:
         scale, rotation, translation = fit_similarity(source, goal)
@@ -259,6 +259,6 @@ def _with_rotation(rotation: F64, source: F64, goal: F64) -> Similarity:
     source_mean, goal_mean = source.mean(axis=0), goal.mean(axis=0)
     spread = np.linalg.norm(source - source_mean)
     if spread == 0.0:
-        raise RejectedSceneError("alignment_failed", "all cameras stand in one place, and nothing fixes the scale")
+        raise RejectedSceneError("alignment_failed", "all cameras are in one place, so nothing determines the scale")
     scale = float(np.linalg.norm(goal - goal_mean) / spread)
     return Similarity(scale, rotation, goal_mean - scale * rotation @ source_mean)

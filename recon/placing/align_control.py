@@ -73,10 +73,10 @@ def align_to_control(
     bars = [bar for bar in control.bars if bar.ends[0] in places and bar.ends[1] in places]
     if len(known) < _LEAST_POINTS and not bars:
         raise InputError(
-            f"{len(known)} of {len(control.points)} control points are marked in two registered photographs",
+            f"only {len(known)} of {len(control.points)} control points are marked in two registered photographs",
             where=control.file,
             allowed=f"{_LEAST_POINTS} or more, or a scale bar between marked points",
-            hint="Mark each in more photographs",
+            hint="Mark each point in more photographs",
         )
     if len(known) < _LEAST_POINTS:
         alignment = _scaled(model, rows, target, places, control, rng)
@@ -112,9 +112,9 @@ def _fixed_frame(
     if fit is None or errors is None or errors.unfixed():
         wide = "" if errors is None else f" ({errors.unfixed()})"
         raise InputError(
-            f"the control points fix no coordinate frame{wide}",
+            f"the control points do not determine a coordinate frame{wide}",
             where=file,
-            hint="Take points that do not lie on one line, and see that each is marked where it is",
+            hint="Use points that do not lie on one line, and check that each is marked correctly",
         )
     return fit, errors
 

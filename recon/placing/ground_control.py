@@ -106,10 +106,10 @@ def read_ground_control(path: Path) -> GroundControl:
     try:
         text = read_regular(path).decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise InputError("not a text file", where=path, hint="Name a gcp_list.txt, or markers as CSV") from None
+        raise InputError("not a text file", where=path, hint="Name a gcp_list.txt, or a CSV file of markers") from None
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
     if not lines:
-        raise InputError("the file is empty", where=path, hint="Name a gcp_list.txt, or markers as CSV")
+        raise InputError("the file is empty", where=path, hint="Name a gcp_list.txt, or a CSV file of markers")
     if any(_heads(line) for _, line in lines):
         return _read_tables(path, lines)
     return _read_list(path, lines)
@@ -120,11 +120,11 @@ def _read_list(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
     system = read_system(lines[0][1])
     if system is None:
         raise InputError(
-            "the first line names no system of coordinates",
+            "the first line names no coordinate system",
             where=path,
             field="line 1",
             value=lines[0][1][:60],
-            allowed="EPSG:…, WGS84 UTM …N, a PROJ string; or tables with heads as of Metashape",
+            allowed="EPSG:…, WGS84 UTM …N, a PROJ string; or tables with a header as from Metashape",
         )
     points: dict[str, ControlPoint] = {}
     for number, line in lines[1:]:
@@ -178,7 +178,9 @@ def _read_tables(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
             point.sigma = (along, along, _positive(path, number, numbers.get("sigma_up", along)))
         if "camera" in given:
             if not {"u", "v"} <= numbers.keys():
-                raise InputError("a mark without a pixel", where=path, field=f"line {number}", value=line[:60])
+                raise InputError(
+                    "a mark without pixel coordinates", where=path, field=f"line {number}", value=line[:60]
+                )
             _mark(path, number, point, given["camera"], (numbers["u"], numbers["v"]))
     measured = tuple(_bar(path, number, label, numbers, points) for number, label, numbers in bars)
     return GroundControl(path, system or MapSystem("local", None), tuple(points.values()), measured)
@@ -224,7 +226,7 @@ def _positive(path: Path, line: int, value: float) -> float:
 def _place(path: Path, line: int, point: ControlPoint, position: Triple) -> None:
     if point.position is not None and point.position != position:
         raise InputError(
-            "one name at two places", where=path, field=f"line {line}", value=point.name, hint="Rename one"
+            "one point has two positions", where=path, field=f"line {line}", value=point.name, hint="Rename one"
         )
     point.position = position
 

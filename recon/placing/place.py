@@ -115,16 +115,16 @@ def read_control(path: Path, capture: Capture) -> GroundControl:
     """
     control = read_ground_control(path)
     if (capture.folder / TRUTH).is_dir():
-        raise InputError("a capture with truth is placed by it", where=capture.folder, hint="Leave --gcp out")
+        raise InputError("a capture with truth is aligned to its truth", where=capture.folder, hint="Leave --gcp out")
     known = {PurePath(image.file).stem for image in capture.images}
     marked = [mark.image for point in control.points for mark in point.marks]
     if not any(PurePath(image).stem in known for image in marked):
         raise InputError(
-            "marks none of the photographs",
+            "has no mark in these photographs",
             where=path,
             value=marked[0] if marked else None,
-            allowed=f"names as {capture.images[0].file}",
-            hint=f"See that it belongs to {capture.folder}",
+            allowed=f"names like {capture.images[0].file}",
+            hint=f"Check that it belongs to {capture.folder}",
         )
     return control
 

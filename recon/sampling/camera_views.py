@@ -36,7 +36,9 @@ def count_views(points: F64, scene: FlatScene, survey: str, rays: RayScene, prog
     products = [product for product in scene.products if scene.cameras[product.camera].path]
     names = [product.name for product in products]
     if not names:
-        raise InputError("has no camera that could see a point", field="min_views", hint="Add a survey to the stage")
+        raise InputError(
+            "has no camera of a survey", field="min_views", hint="Add a survey to the stage, or set min_views = 0"
+        )
     if survey and survey not in names:
         raise InputError("no such survey on the stage", field="survey", value=survey, allowed=", ".join(names))
     chosen = [product for product in products if survey in ("", product.name)]

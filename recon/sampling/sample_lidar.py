@@ -61,7 +61,7 @@ def sample_lidar(scene: FlatScene, folder: Path, settings: AnyScanner, progress:
             f"the scan has {total} rays",
             **_dense(settings),
             allowed=f"at most {MOST_RAYS} rays",
-            hint="Take wider steps, fewer stations or strips",
+            hint="Choose larger steps, or fewer stations or strips",
         )
     water, plants = made_of(scene, surface, WATER), made_of(scene, surface, PLANTS)
     target = Target(surface, look, rays, water, plants)
@@ -74,9 +74,9 @@ def sample_lidar(scene: FlatScene, folder: Path, settings: AnyScanner, progress:
     parts = _scan_all(shots, measure, settings, progress)
     points = sum(len(part["rows"]) for part in parts)
     if not points:
-        raise InputError("no return of the scanner lies in the scope", field="scope", value=settings.scope)
+        raise InputError("the scanner gets no point in the scope", field="scope", value=settings.scope)
     for name in look.unread:
-        progress.note(f"{name}: not readable as a texture; its points have the colour below it")
+        progress.note(f"{name}: not readable as a texture; its points have the color of the material")
     progress.stage("write", 0)
     mixed = sum(int(part.pop("mixed").sum()) for part in parts)
     facts |= {"rays": total, "mixed_share": mixed / points, "settings": settings.model_dump(mode="json")}
@@ -138,7 +138,10 @@ def _survey_way(scene: FlatScene, survey: str) -> F64:
             if len(way) > 1:
                 return way
             raise InputError(
-                "this survey does not move", field="path", value=survey, hint="Name another survey, or deck"
+                "the camera of this survey does not move",
+                field="path",
+                value=survey,
+                hint="Name another survey, or deck",
             )
     names = ", ".join(product.name for product in scene.products if scene.cameras[product.camera].path)
     raise InputError("no such survey on the stage", field="path", value=survey, allowed=f"deck, {names}")
@@ -167,7 +170,7 @@ def _scan_all(
             raise InputError(
                 f"the scan gives more than {MOST_POINTS} points",
                 **_dense(settings),
-                hint="Take wider steps, fewer stations or strips, or thin it: voxel",
+                hint="Choose larger steps, or fewer stations or strips, or thin the cloud with voxel",
             )
     return _thinned(parts, settings.voxel) if settings.voxel and parts else parts
 

@@ -67,7 +67,7 @@ def sample_mesh(scene: FlatScene, folder: Path, settings: MeshSettings, progress
     wanted = settings.points if settings.points is not None else round(settings.density * area)
     if not 1 <= wanted <= MOST_POINTS:
         raise InputError(
-            f"{area:.1f} m² at this density are {wanted} points",
+            f"{area:.1f} m² at this density give {wanted} points",
             field="density",
             value=settings.density,
             allowed=f"1 to {MOST_POINTS} points",
@@ -86,7 +86,7 @@ def sample_mesh(scene: FlatScene, folder: Path, settings: MeshSettings, progress
 
     found, drawn = _enough(wanted, settings.points is not None, draw)
     for name in look.unread:
-        progress.note(f"{name}: not readable as a texture; its points have the colour below it")
+        progress.note(f"{name}: not readable as a texture; its points have the color of the material")
     progress.stage("write", 0)
     facts = {
         "area": area,
@@ -152,10 +152,10 @@ def _enough(wanted: int, exact: bool, draw: Callable[[int], Drawn]) -> tuple[Dra
         drawn, kept = drawn + min(_BATCH, missing), kept + len(found[-1].rows)
     if kept < (wanted if exact else 1):
         raise InputError(
-            f"of {drawn} points on the surface, {kept} are seen",
+            f"only {kept} of {drawn} points on the surface are seen",
             field="points",
             value=wanted,
-            hint="Ask for fewer points, or for fewer views",
+            hint="Ask for fewer points, or lower min_views",
         )
     columns = {name: np.concatenate([getattr(part, name) for part in found])[:wanted] for name in vars(found[0])}
     return Drawn(**columns), drawn

@@ -63,7 +63,7 @@ def place_stations(
     seen = np.array([_sees(spot, targets, surface.normals[rows], rays, settings) for spot in spots])
     hint = "Give the stations with --set positions=[[x, y, z]]"
     if not seen.any():
-        raise InputError("no firm place from which a scanner would see the bridge", field="stations", hint=hint)
+        raise InputError("no firm ground from which a scanner would see the bridge", field="stations", hint=hint)
     chosen: list[int] = []
     missing = np.ones(len(targets), bool)
     while len(chosen) < settings.stations:

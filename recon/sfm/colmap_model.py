@@ -75,7 +75,7 @@ def read_model(folder: Path) -> SparseModel:
         joined = np.concatenate([*seen, np.zeros(0, _POINT2D)])
         _check_numbers(camera_params, np.array(poses), table, joined)
     except (OSError, struct.error, ValueError, IndexError, KeyError, OverflowError) as error:
-        raise InputError(f"not a whole COLMAP model: {error}", where=folder, hint="Reconstruct again") from None
+        raise InputError(f"not a complete COLMAP model: {error}", where=folder, hint="Reconstruct again") from None
     point = np.searchsorted(ids, joined["point"])
     by_point = np.argsort(point, kind="stable")
     return SparseModel(
@@ -105,7 +105,7 @@ def _check_numbers(
         if not np.isfinite(values).all():
             raise ValueError(f"a {name} is not finite")
     if not np.isin(keypoints["point"], points["id"]).all():
-        raise ValueError("a keypoint belongs to a point that is not there")
+        raise ValueError("a keypoint belongs to a point that does not exist")
 
 
 def rotation_from_quaternion(quaternion: F64) -> F64:
@@ -165,7 +165,7 @@ def _read_points(data: bytes) -> NDArray[np.void]:
         starts[row] = at
         at += _POINT3D.itemsize + _TRACK_ELEMENT * struct.unpack_from("<Q", data, at + length_at)[0]
     if at != len(data):
-        raise ValueError("points3D.bin has another length than its tracks say")
+        raise ValueError("the length of points3D.bin does not fit its tracks")
     raw = np.frombuffer(data, np.uint8)
     fixed = raw[starts[:, None] + np.arange(_POINT3D.itemsize)]
     return np.ascontiguousarray(fixed).view(_POINT3D).reshape(count)
@@ -184,5 +184,5 @@ def check_whole(model: Path) -> None:
         read_model(model)
     except InputError:
         raise OutOfSpaceError(
-            f"{model.parent}: no space left on the disk. Free some, then run the same command again"
+            f"{model.parent}: no space left on the disk. Free some space, then run the same command again"
         ) from None

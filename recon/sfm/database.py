@@ -52,11 +52,13 @@ def empty_journal(database: Path) -> None:
     except sqlite3.OperationalError as error:
         if error.sqlite_errorcode & 0xFF in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
             raise OutOfSpaceError(
-                f"{database.parent}: no space left on the disk. Free some, then run the same command again"
+                f"{database.parent}: no space left on the disk. Free some space, then run the same command again"
             ) from None
-        raise ChildError(f"{database}: {error}. Close what has it open, then run the same command again") from None
+        raise ChildError(
+            f"{database}: {error}. Close the program that has it open, then run the same command again"
+        ) from None
     if pages != brought:
-        raise ChildError(f"{database}: another program reads it. Close that, then run the same command again")
+        raise ChildError(f"{database}: another program reads it. Close that program, then run the same command again")
 
 
 def copy_images(whole: Path, part: Path, images: Iterable[int]) -> None:

@@ -119,7 +119,7 @@ def _leave_runaways_out(model: pycolmap.Reconstruction, settings: SparseSettings
         leave_out(model, away)
         adjust_robustly(model, _threads(settings))
     if names:
-        progress.note(f"left out, for their cameras ran away from all others: {', '.join(sorted(names))}")
+        progress.note(f"left out, because their cameras are far away from all others: {', '.join(sorted(names))}")
     return names
 
 
@@ -193,7 +193,7 @@ def _map_incrementally(
         progress.advance(min(done, total))
 
     found: dict[int, pycolmap.Reconstruction] = {}
-    for stage, motion in (("mapping", {}), ("mapping, from views straight ahead", _STRAIGHT_AHEAD)):
+    for stage, motion in (("mapping", {}), ("mapping, from forward-looking views", _STRAIGHT_AHEAD)):
         options = _mapper_options(settings, seed)
         for name, value in motion.items():
             setattr(options.mapper, name, value)
@@ -230,16 +230,21 @@ def _grow_largest(
     fixes = _fixes(capture)
     if not ranked or ranked[0].num_reg_images() == total or not ranked[0].num_points3D() or not fixes:
         return {}
-    progress.stage("mapping, by fewer matches", 0)
+    progress.stage("mapping, with fewer matches", 0)
     before = ranked[0].num_reg_images()
     ranked[0], facts = grow(ranked[0], database, capture.folder, scratch, options, fixes)
     after = ranked[0].num_reg_images()
     if facts["added"]:
-        progress.note(f"growth by fewer matches: {before} of {total} images became {after}")
+        progress.note(f"images added with fewer matches: {before} of {total} images became {after}")
     if facts["misplaced"]:
-        progress.note(f"growth by fewer matches: {facts['misplaced']:.0f} images removed that GPS does not confirm")
+        progress.note(
+            f"images added with fewer matches: {facts['misplaced']:.0f} removed again, because GPS does not "
+            "confirm them"
+        )
     if facts["moved"] > MOST_MOVED:
-        progress.note(f"growth by fewer matches bent the model of {after} images (by {facts['moved']:.1%}): not taken")
+        progress.note(
+            f"images added with fewer matches deformed the model of {after} images (by {facts['moved']:.1%}): not used"
+        )
     return facts
 
 

@@ -72,7 +72,7 @@ def run_sparse(capture: Capture, work: Path, settings: ReconSettings, progress: 
     """
     count = len(capture.images)
     if count < _MIN_IMAGES:
-        raise RejectedSceneError("too_few_images", f"{count} images: a reconstruction needs {_MIN_IMAGES} at least")
+        raise RejectedSceneError("too_few_images", f"{count} images: a reconstruction needs at least {_MIN_IMAGES}")
     features = _extract(capture, work, settings, progress)
     keypoints: list[int] = features.result["keypoints"]
     if sum(number >= _FEW_KEYPOINTS for number in keypoints) < _MIN_IMAGES:
@@ -83,11 +83,11 @@ def run_sparse(capture: Capture, work: Path, settings: ReconSettings, progress: 
     matches = _match(capture, features, work, settings, progress)
     pairs: int = matches.result["pairs"]
     if matches.result["verified"] == 0:
-        raise RejectedSceneError(NO_OVERLAP, f"none of {pairs} image pairs shows the same thing")
+        raise RejectedSceneError(NO_OVERLAP, f"in none of {pairs} image pairs do both images show the same objects")
     mapped = _map(capture, matches, work, settings, progress)
     if not any(model["points"] for model in mapped.result["models"]):
         raise RejectedSceneError(
-            "no_model", "the mapper found no pair of images to start from: the camera only turned, or hardly moved"
+            "no_model", "the mapper found no pair of images to start from: the camera only rotated, or hardly moved"
         )
     figures = {
         "keypoints": sum(keypoints),

@@ -58,7 +58,7 @@ def read_stored_model(place: Path, capture: Capture) -> Sparse:
     """
     folder = next((path for path in (place, place / MODEL) if (path / _FILE).is_file()), None)
     if folder is None:
-        raise MissingError(f"holds no {_FILE}", where=place, hint="Name a model, or a cloud that was made with its own")
+        raise MissingError(f"holds no {_FILE}", where=place, hint="Name a model, or a cloud with its own model")
     stored = read_json(folder / _FILE)
     found = (stored.get("format"), stored.get("format_version")) if isinstance(stored, dict) else None
     if found != (FORMAT, FORMAT_VERSION):
@@ -76,7 +76,7 @@ def read_stored_model(place: Path, capture: Capture) -> Sparse:
         raise InputError(
             "was made from other photographs",
             where=folder,
-            hint=f"Leave the model out, or see that it belongs to {capture.folder}",
+            hint=f"Leave the model out, or check that it belongs to {capture.folder}",
         )
     colmap, names = folder / _COLMAP, {image.file for image in capture.images}
     model = read_model(colmap)

@@ -17,7 +17,7 @@ FEW = 50  # points of a class in a window: fewer teach a network little
 PIXEL_WORDS = {
     "no_depth": "no depth found",
     "views": "too few photographs agree",
-    "seen_through": "others see past it",
+    "seen_through": "other photographs see through it",
     "angle": "photographs too close together",
 }
 """Why pixels of a dense cloud's depth maps are in no point, by their names in its statistics."""
@@ -133,4 +133,4 @@ def _why(pixels: Mapping[str, int]) -> str:
         return ""
     most = max(lost, key=lambda fate: lost[fate])
     share = pixels["in_points"] / sum(pixels.values())
-    return f" ({share:.0%} of its pixels in points; most others: {PIXEL_WORDS[most]})"
+    return f" ({share:.0%} of its pixels are in points; main reason: {PIXEL_WORDS[most]})"

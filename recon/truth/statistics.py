@@ -75,7 +75,11 @@ def verdict_in_words(status: tuple[str, ...], points: int, found: int, note: str
     where = f" ({others})" if others else ""
     count = f"{points:,} of {found:,}" if points < found else f"{points:,}"
     who = "the points" if lost == ["unlabelled"] else ", ".join(lost)
-    hint = f" (more than half of {who} left out as unsure: raise [recon] max_deviation for more)" if lost else ""
+    hint = (
+        f" (more than half of {who} left out as too uncertain: raise [recon] max_deviation to keep more)"
+        if lost
+        else ""
+    )
     return f"{status.count(OK)} of {len(status)} photographs ok{where}, {count} points{hint}; {note}"
 
 

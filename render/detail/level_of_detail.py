@@ -84,7 +84,7 @@ def level_of_detail(scene: FlatScene, track: CameraTrack, camera: Pinhole, sight
     steps, most = crowd.steps(counts, budget)
     chosen = scene.draws.part.copy()
     chosen[rows] = parts[steps, np.arange(len(rows))]
-    line = f"{most:,} triangles in one view, over the triangle_budget: the background has no more to spare"
+    line = f"{most:,} triangles in one view, more than triangle_budget: the background is already as simple as possible"
     return replace(
         scene,
         geometry=pile.geometry(),

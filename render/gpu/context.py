@@ -82,10 +82,10 @@ def open_context(device: str = "auto") -> Gl:
             if raw is not None:
                 return _finish(raw, "egl", device)
         if device not in ("auto", "software"):
-            raise InputError("no OpenGL 4.5 on this device", field="device", value=device, hint="Take device = 'auto'")
+            raise InputError("no OpenGL 4.5 on this device", field="device", value=device, hint="Set device = 'auto'")
     folder = osmesa_folder()
     if folder is None:
-        raise InputError("no OpenGL 4.5: neither EGL nor the OSMesa wheel can be had", hint=MEND)
+        raise InputError("no OpenGL 4.5: neither EGL nor the OSMesa wheel is available", hint=MEND)
     try:
         return _finish(OsmesaContext(folder), "osmesa", device)
     except OSError as error:
@@ -150,7 +150,9 @@ def _finish(raw: Any, backend: str, device: str) -> Gl:
     )
     driver = Driver(backend, info["GL_RENDERER"], info["GL_VERSION"], info["GL_VENDOR"], software)
     if device == "gpu" and software:
-        raise InputError("only a software device answers", field="device", value=device, hint="Take device = 'auto'")
+        raise InputError(
+            "only a software device is available", field="device", value=device, hint="Set device = 'auto'"
+        )
     functions = GlFunctions(raw.load)
     functions.clip_depth_zero_to_one()
     return Gl(context, functions, driver)

@@ -323,9 +323,11 @@ def check_scene(scene: FlatScene) -> None:
     if not finite.all():
         ids = {row.id: row.path for row in scene.instances}
         bad = int(draws.instance[np.argmin(finite)])
-        raise InputError("a transform is not finite", field=ids.get(bad, f"instance {bad}"), hint="Mend its xformOps")
+        raise InputError(
+            "a transform is not finite", field=ids.get(bad, f"instance {bad}"), hint="Correct its xformOps"
+        )
     if not np.isfinite(geometry.positions).all():
-        raise InputError("a mesh has positions that are not finite", hint="Mend its points")
+        raise InputError("a mesh has positions that are not finite", hint="Correct its points")
     last = geometry.part_first.astype(np.int64) + geometry.part_count
     tables = (
         (geometry.triangles, len(geometry.positions)),

@@ -53,11 +53,11 @@ def read_arrays(path: Path, wanted: Mapping[str, tuple[str, tuple[int, ...]]]) -
             entries = {name: archive.getinfo(f"{name}.npy") for name in wanted}
             claimed = sum(entry.file_size for entry in entries.values())
             if claimed > min(MOST_BYTES, _TIGHTEST * size + _SLACK * len(wanted)):
-                raise ValueError(f"it claims {claimed / 1e9:.1f} GB")
+                raise ValueError(f"its header states {claimed / 1e9:.1f} GB")
             found = {}
             for name, (kind, row) in wanted.items():
                 if entries[name].compress_type not in _PACKED:
-                    raise ValueError(f"{name} is packed in an unknown way")
+                    raise ValueError(f"{name} has an unknown compression")
                 with archive.open(entries[name]) as member:
                     found[name] = _read_array(cast(BinaryIO, member), name, entries[name].file_size, kind, row)
             return found
@@ -65,7 +65,7 @@ def read_arrays(path: Path, wanted: Mapping[str, tuple[str, tuple[int, ...]]]) -
         reason = str(error.args[0])
     except _UNSOUND as error:
         reason = str(error)
-    raise InputError(f"not whole: {reason}", where=path, hint="Make it again, or copy it again")
+    raise InputError(f"incomplete or damaged: {reason}", where=path, hint="Make it again, or copy it again")
 
 
 def _read_array(member: BinaryIO, name: str, size: int, kind: str, row: tuple[int, ...]) -> NDArray[Any]:
@@ -79,7 +79,7 @@ def _read_array(member: BinaryIO, name: str, size: int, kind: str, row: tuple[in
         raise ValueError(f"{name} is {dtype} {shape}, not {kind} {('rows', *row)}")
     need = math.prod(shape) * dtype.itemsize
     if need < 0 or member.tell() + need != size:
-        raise ValueError(f"{name} says {shape}, and holds {size} bytes")
+        raise ValueError(f"{name} states the shape {shape}, but has {size} bytes")
     data = member.read(need)
     if len(data) != need or member.read(1):  # the last read compares the check sum
         raise ValueError(f"{name} is cut off")

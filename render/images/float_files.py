@@ -54,5 +54,5 @@ def decode_float(path: Path) -> F32:
     """
     pixels = decode_exr(path) if path.suffix.lower() == ".exr" else image_files.decode(path)
     if pixels.ndim != 3 or pixels.dtype != np.float32:
-        raise InputError("not a floating-point picture in colours", where=path)
+        raise InputError("not a floating-point color picture", where=path)
     return np.nan_to_num(pixels[..., :3], nan=0.0, posinf=1.0, neginf=0.0)

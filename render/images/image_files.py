@@ -104,7 +104,7 @@ def decode(path: Path, size: tuple[int, int] | None = None) -> NDArray[Any]:
     if size is not None and said not in (None, size):
         raise InputError("not the size that cameras.json states", where=path, value=said, allowed=str(size))
     if said is not None and said[0] * said[1] > MOST_PIXELS:
-        raise InputError("the image is too large", where=path, value=said, allowed=f"{MOST_PIXELS / 1e6:.0f} Mpx")
+        raise InputError("the image is too large", where=path, value=said, allowed=f"up to {MOST_PIXELS / 1e6:.0f} Mpx")
     gray = decode_gray_png(data)
     if gray is not None:
         return gray

@@ -44,9 +44,9 @@ def _decoded(data: bytes) -> U8:
     note, has_map, kind, first, length, map_bits, _, _, width, height, bits, flags = _HEADER.unpack_from(data)
     plain, packed = kind & ~_PACKED, bool(kind & _PACKED)
     if plain not in (_MAPPED, _COLOR, _GRAY) or width * height == 0 or width * height > MOST_PIXELS:
-        raise ValueError(f"kind {kind} of {width} x {height} pixels")
+        raise ValueError(f"image type {kind}, {width} x {height} pixels")
     if bits not in ((8,) if plain != _COLOR else (15, 16, 24, 32)):
-        raise ValueError(f"{bits} bits a pixel")
+        raise ValueError(f"{bits} bits per pixel")
     at, size = _HEADER.size + note, (bits + 7) // 8
     table = np.zeros((0, 0), np.uint8)
     if has_map:

@@ -119,7 +119,7 @@ def check_bands(bands: tuple[tuple[int, int], ...], height: int, where: Path) ->
     edges = [0, *(end for _, end in bands)]
     rises = all(first < end for first, end in bands)
     if not rises or [first for first, _ in bands] != edges[:-1] or edges[-1] != height:
-        raise InputError("bands that do not cover the rows", where=where, field="shutter", hint=_MEND)
+        raise InputError("bands that do not cover all rows", where=where, field="shutter", hint=_MEND)
 
 
 def check_image(pixels: NDArray[Any], kinds: tuple[str, ...], size: tuple[int, int], where: Path) -> None:

@@ -176,7 +176,7 @@ def _read_dome(dome: Dome, warnings: list[str]) -> F32:
         try:
             return _reduced(_decode_panorama(Path(dome.file))) * tint
         except InputError as error:
-            warnings.append(f"{error}; the dome is drawn plain")
+            warnings.append(f"{error}; the dome is drawn in one color")
     return np.broadcast_to(tint, (2, 4, 3)).copy()
 
 

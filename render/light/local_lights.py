@@ -69,7 +69,7 @@ def choose_local_lights(scene: FlatScene, box: tuple[F64, F64]) -> tuple[LocalLi
     kept = np.sort(np.argsort(-strength, kind="stable")[:MOST])
     left = len(lights) - len(kept)
     kinds = "lamps" if any(light.sides for light in lights) else "SphereLights"
-    said = [f"{left} of {len(lights)} {kinds} are left out: the {MOST} that give most light shine"] if left else []
+    said = [f"{left} of {len(lights)} {kinds} are left out: only the {MOST} brightest are drawn"] if left else []
     radii = np.array([light.radius for light in lights])
     sides = np.array([light.sides or np.zeros((2, 3)) for light in lights], np.float64).reshape(-1, 2, 3)
     return LocalLights(positions[kept], radii[kept], intensities[kept], sides[kept]), said

@@ -213,7 +213,10 @@ def _drawable_light(scene: FlatScene, box: tuple[F64, F64]) -> tuple[FlatScene, 
     times = exposure_stops(scene, daylight, box)
     if not times:
         return scene, daylight, said
-    said = [*said, f"the light of the stage is drawn at 2^{-times} of its strength: it has no unit, and is metered"]
+    said = [
+        *said,
+        f"the light of the stage is drawn at 2^{-times} of its strength; it has no unit, so only the exposure changes",
+    ]
     scene = dimmed(scene, times)
     return scene, read_daylight(scene)[0], said
 

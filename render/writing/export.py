@@ -139,7 +139,7 @@ def write_video(capture: Capture, out: Path, progress: Progress) -> list[str]:
         str(path), cv2.VideoWriter.fourcc(*"mp4v"), _FILM_RATE, (size[0] * (1 if truth is None else 2), size[1])
     )
     if not film.isOpened():
-        raise InputError("OpenCV here cannot write mp4", where=path, hint="Install opencv-python-headless from a wheel")
+        raise InputError("this OpenCV cannot write mp4", where=path, hint="Install opencv-python-headless with pip")
     progress.stage("film", len(capture.images))
     for row in range(len(capture.images)):
         parts = [cv2.resize(load_image(capture, row), size, interpolation=cv2.INTER_AREA)]
@@ -162,9 +162,9 @@ def _truth(capture: Capture) -> Truth:
     truth = read_truth(capture)
     if truth is None:
         raise InputError(
-            "holds no truth, and so no true cameras",
+            "has no truth, and so no true cameras",
             where=capture.folder,
-            hint="Reconstruct it: the cloud's folder holds a COLMAP model",
+            hint="Reconstruct it; the cloud's folder then has a COLMAP model",
         )
     return truth
 

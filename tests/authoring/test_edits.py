@@ -114,7 +114,7 @@ def test_new_cameras_and_lamps_come_home(scene: Path, tmp_path: Path) -> None:
     _write_centimeters(scene, file, lamp=True)
     found = harvest_edits(file, scene, Labeling())
     assert (found.cameras, found.lights, found.moved) == ({"Drone": 3}, {"Lamp": "SphereLight"}, [])
-    assert found.left_out == ["global_Camera: a Camera that the file lacks stays"]
+    assert found.left_out == ["global_Camera: the file has no such Camera: it is kept"]
     assert validate_scene(scene) == []
     flat = read_stage(scene)
     (track,) = [camera for camera in flat.cameras if camera.name == "Drone"]
@@ -210,7 +210,7 @@ def test_wrong_input_is_named(scene: Path, other: Usd.Stage, tmp_path: Path) -> 
         Labeling.parse(["Box=tree_house"])
     strange = Usd.Stage.CreateNew(str(tmp_path / "strange.usda"))
     cube(strange, "/Thing")
-    with pytest.raises(InputError, match="holds no prim with a userProperties:falseworkId"):
+    with pytest.raises(InputError, match="has no prim with a userProperties:falseworkId"):
         bring_home(scene, strange)
     with pytest.raises(InputError, match="has no sublayer"):
         harvest_edits(tmp_path / "strange.usda", tmp_path / "strange.usda", Labeling())

@@ -179,7 +179,10 @@ def test_edits_count_for_the_look_that_the_file_chose(scene: Path, tmp_path: Pat
     surface.GetInput("diffuseColor").Set(Gf.Vec3f(0.5, 0.25, 0.125))
     found, _ = bring_home(scene, over)
     assert found.recoloured == ["Role_PierConcrete"]
-    assert found.left_out == ["look=clean is chosen in the file: edits count for it; scene set look=clean chooses it"]
+    assert found.left_out == [
+        "look=clean is selected in the file, so the edits apply to it; select it in the scene with: "
+        "scene set look=clean"
+    ]
     text = (scene.parent / EDITS).read_text(encoding="utf-8")
     assert '"clean" {' in text
     assert '"weathered" {' not in text

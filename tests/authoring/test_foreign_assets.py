@@ -171,7 +171,7 @@ def test_an_asset_is_validated_before_it_moves_in(
     """Were the kinds of a world not mended, the scene would not take it, and would stay as it is."""
     monkeypatch.setattr(foreign_background, "mend", lambda layer: None)
     before, folders = file_bytes(own_scene.parent), sorted(own_scene.parent.rglob("*"))
-    with pytest.raises(InputError, match=r"would leave the scene unsound.*kind 'assembly' below a prim"):
+    with pytest.raises(InputError, match=r"would make the scene invalid.*kind 'assembly' below a prim"):
         set_choices(own_scene, {"background": str(write_model(tmp_path / "mine"))}, print)
     assert file_bytes(own_scene.parent) == before
     assert sorted(own_scene.parent.rglob("*")) == folders
@@ -185,7 +185,7 @@ def test_a_look_brings_its_own_textures_only(own_scene: Path, tmp_path: Path) ->
     files = {path.relative_to(place).as_posix() for path in place.rglob("*") if path.is_file()}
     assert files == {"look.usda", "textures/a.png"}
     assert validate_scene(own_scene) == []
-    with pytest.raises(InputError, match="the name of a look of ours"):
+    with pytest.raises(InputError, match="the name of a look of Falsework"):
         set_choices(own_scene, {"look": str(file.rename(file.with_name("weathered.usda")))}, print)
 
 

@@ -128,10 +128,10 @@ def enormous_image(folder: Path) -> Path:
 
 
 BAD: dict[str, tuple[Callable[[Path], Path], str]] = {
-    "truncated glb": (truncated_glb, "cut short"),
-    "truncated ply": (short_ply, "invalid|cut short"),
-    "index": (far_index, "invalid|not there"),
-    "gltf index": (far_index_gltf, "names a vertex that is not there"),
+    "truncated glb": (truncated_glb, "incomplete"),
+    "truncated ply": (short_ply, "invalid|incomplete"),
+    "index": (far_index, "invalid|does not exist"),
+    "gltf index": (far_index_gltf, "names a vertex that does not exist"),
     "gltf count": (count_beyond, "at most|beyond its buffer"),
     "20 M triangles": (crowd, "holds 20000000 triangles.*decimate"),
     "many nodes": (crowd_of_nodes, "triangles.*decimate"),
@@ -147,9 +147,9 @@ BAD: dict[str, tuple[Callable[[Path], Path], str]] = {
     "image missing": (lambda f: gltf(f, images=[{"uri": "gone.png"}]), r"texture gone\.png is not there"),
     "buffer remote": (lambda f: gltf(f, buffers=[{"byteLength": 9, "uri": f"{HTTP}//nowhere/b.bin"}]), "is remote"),
     "buffer absolute": (lambda f: gltf(f, buffers=[{"byteLength": 9, "uri": "/etc/hostname"}]), "leads out"),
-    "buffer short": (lambda f: gltf(f, buffers=[{"byteLength": 10**9, "uri": "data:;base64,AAAA"}]), "holds 3"),
+    "buffer short": (lambda f: gltf(f, buffers=[{"byteLength": 10**9, "uri": "data:;base64,AAAA"}]), "has only 3"),
     "gltf circle": (lambda f: gltf(f, nodes=[{"children": [1]}, {"children": [0]}]), "cycle"),
-    "gltf packed": (lambda f: gltf(f, extensionsRequired=["KHR_draco_mesh_compression"]), "packed with"),
+    "gltf packed": (lambda f: gltf(f, extensionsRequired=["KHR_draco_mesh_compression"]), "compressed with"),
     "mtl climbs": (lambda f: obj(f, library="../tile.mtl"), "leads out"),
     "mtl remote": (lambda f: obj(f, library=f"{HTTP}//nowhere/tile.mtl"), "is remote"),
     "map climbs": (lambda f: obj(f, image="../../sheet.png"), "leads out"),

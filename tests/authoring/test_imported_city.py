@@ -155,7 +155,7 @@ def test_versions_sequences_templates_and_missing_semantics_say_the_same(tmp_pat
         ({"type": "FeatureCollection"}, "not CityJSON"),
         (document(version="9.0"), "unknown version"),
         (document(vertices=[[float("nan"), 0, 0]] * 8), "not finite|NaN is not"),
-        (document(vertices=document()["vertices"][:3]), "a vertex that is not there"),
+        (document(vertices=document()["vertices"][:3]), "a vertex that does not exist"),
         (document(vertices=[[10**15, 0, 0], *document()["vertices"][1:]]), "km from its middle"),
         (document(CityObjects={}), "neither buildings nor ground"),
         (document(transform={"scale": 1}), "invalid CityJSON"),

@@ -119,8 +119,8 @@ def test_a_mix_flies_its_legs_in_order(slab: Drawn) -> None:
 
 
 def test_a_leg_names_no_camera_of_its_own() -> None:
-    """What is written down belongs to the whole flight; the error names the leg and the key."""
-    with pytest.raises(InputError, match=r"legs\[0\]\.width belongs to the whole flight"):
+    """What is written down applies to the whole flight; the error names the leg and the key."""
+    with pytest.raises(InputError, match=r"legs\[0\]\.width applies to the whole flight"):
         parse_settings(MixSettings, {"kind": "mix", "legs": [{"kind": "grid", "width": 640}]}, "test")
 
 

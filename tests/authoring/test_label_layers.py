@@ -136,7 +136,7 @@ def test_a_table_without_a_row_is_found(scene: Path) -> None:
     change_layer(path, lambda layer: layer.ImportFromString(whole.replace('"deck_slab"', '"deck_slap"')))
     findings = validate_scene(scene / "scene.usda")
     assert findings
-    assert all("component 'deck_slab' has no row in the taxonomy 'hgcnn'" in line for line in findings)
+    assert all("component 'deck_slab' has no class in the taxonomy 'hgcnn'" in line for line in findings)
     change_layer(path, lambda layer: layer.ImportFromString(whole.replace('"electric_pole", "noisy', '"pole", "noisy')))
     assert any("labelNames and labelClasses do not fit" in line for line in validate_scene(scene / "scene.usda"))
 

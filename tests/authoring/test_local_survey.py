@@ -229,9 +229,9 @@ def test_same_seed_same_flight_and_sections_do_not_disturb(subject: Subject) -> 
 @pytest.mark.parametrize(
     ("settings", "problem"),
     [
-        ({"station": 400.0}, "holds no bridge"),
+        ({"station": 400.0}, "contains no part of the bridge"),
         ({"safety": 5.0, "beside": 2.0, "above": 1.0}, "no free space"),
-        ({"images": [2000, 2100], "length": 6.0, "cell": 1.0}, "no flight of the length"),
+        ({"images": [2000, 2100], "length": 6.0, "cell": 1.0}, "no flight of the requested length"),
         ({"target": 999_999}, "no component of the bridge has this id"),
     ],
 )
@@ -264,7 +264,9 @@ def test_a_divided_box_names_what_divides_it() -> None:
     deck = Component("Deck", "deck_slab", "Role_DeckConcrete", "Superstructure", box((0, -4, 6), (40, 4, 7)), 1)
     wall = Component("Wall", "building", "brick", "Ways", box((19.8, -60, -1), (20.2, 60, 60)), 40_009)
     subject = make_subject((deck,), (*flat_site(), wall))
-    with pytest.raises(InputError, match=r"no flight of the length .* 5\d% of the free space .* at the instance 40009"):
+    with pytest.raises(
+        InputError, match=r"no flight of the requested length.* 5\d% of the free space .* instance 40009"
+    ):
         fly(subject, 0, station=0.0, images=[300, 400])
 
 

@@ -150,16 +150,16 @@ def _wear(folder: Path) -> None:
 
 
 FAULTS: dict[str, tuple[Callable[[Path], object], str]] = {
-    "nothing": (lambda f: f.mkdir(), "holds no surface"),
+    "nothing": (lambda f: f.mkdir(), "has no surface"),
     "no such": (lambda f: None, "no such folder"),
     "unknown family": (lambda f: _zip(f / "Thing_1K.zip", {"Thing_Color.png": _image(RED, ".png")}), "no family"),
     "no zip": (lambda f: (f.mkdir(), (f / "concrete.zip").write_bytes(b"PK nonsense")), "not a valid archive"),
     "climbs": (lambda f: _zip(f / "concrete.zip", {"../../concrete_Color.png": _image(RED, ".png")}), "leads out"),
     "bomb": (lambda f: _zip(f / "concrete.zip", {"concrete_Color.png": bytes(30_000_000)}), "times its size"),
     "huge png": (lambda f: _zip(f / "concrete.zip", {"concrete_Color.png": _bomb_png()}), "100000 x 100000"),
-    "cut jpg": (lambda f: _zip(f / "concrete.zip", {"concrete_Color.jpg": _image(RED, ".jpg", 256)[:700]}), "whole"),
-    "cut png": (lambda f: _zip(f / "concrete.zip", {"concrete_Color.png": _image(RED, ".png", 256)[:150]}), "whole"),
-    "no picture": (lambda f: _zip(f / "concrete.zip", {"concrete_Color.png": b"text"}), "whole"),
+    "cut jpg": (lambda f: _zip(f / "concrete.zip", {"concrete_Color.jpg": _image(RED, ".jpg", 256)[:700]}), "complete"),
+    "cut png": (lambda f: _zip(f / "concrete.zip", {"concrete_Color.png": _image(RED, ".png", 256)[:150]}), "complete"),
+    "no picture": (lambda f: _zip(f / "concrete.zip", {"concrete_Color.png": b"text"}), "complete"),
     "bad exr": (lambda f: _zip(f / "concrete.zip", {"concrete_diff.exr": b"v/1\x01" + bytes(99)}), "cannot be read"),
 }
 

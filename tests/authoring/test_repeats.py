@@ -275,7 +275,9 @@ def test_what_one_instance_cannot_say_is_told(scene: Path, other: Usd.Stage) -> 
     mesh.GetPointsAttr().Set([(x, y, 2 * z) for x, y, z in mesh.GetPointsAttr().Get()])
     found = bring_home(scene, other)
     assert found == Harvest(
-        left_out=["Town_Lamps_004: is an instance, and keeps the shape and the material that it shares with others"]
+        left_out=[
+            "Town_Lamps_004: is an instance, and keeps the shape and material that it shares with other instances"
+        ]
     )
 
 

@@ -174,9 +174,13 @@ def test_what_is_drawn_is_what_can_be_fixed() -> None:
 @pytest.mark.parametrize(
     ("kind", "layout", "words"),
     [
-        ("valley", LOW, r"site\.crossing: .*seats are only 6\.1 m.*7 m high and more"),
-        ("rail", Layout(Alignment(4.6), (0.0, 20.0), 8.0, 1.2), r"site\.crossing: .*under seats 5 m high"),
-        ("harbour", TALL, r"site\.crossing: no room.*60 m and more"),
+        ("valley", LOW, r"site\.crossing: .*seats are only 6\.1 m.*at least 7 m high"),
+        (
+            "rail",
+            Layout(Alignment(4.6), (0.0, 20.0), 8.0, 1.2),
+            r"site\.crossing: .*under bearing seats at least 5 m high",
+        ),
+        ("harbour", TALL, r"site\.crossing: no room.*at least 60 m"),
         ("rail", Layout(Alignment(9.0), (0.0, 10.0), 8.0, 1.2), r"site\.crossing: no room"),
         ("river", Layout(Alignment(0.2), (0.0, 120.0), 8.0, 1.2), r"bridge\.clearance: the ground .* above the deck"),
     ],

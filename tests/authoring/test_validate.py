@@ -99,7 +99,7 @@ def _unknown_shader(stage: Usd.Stage) -> None:
         (_same_name, "prim name Deck_000: used 2 times"),
         (_half_sample, f"{CAMERA}: time samples are not 0 to N - 1"),
         (_other_lens, f"{CAMERA}: lens"),
-        (_broken_kind, "/World/Bridge/BridgeGeom/Superstructure: kind 'component' below a prim that is no group"),
+        (_broken_kind, "/World/Bridge/BridgeGeom/Superstructure: kind 'component' below a prim that is not a group"),
         (_binding_without_schema, "[MissingMaterialBindingAPI]"),
         (_unknown_shader, "NoSuchShader"),
     ],
@@ -127,10 +127,10 @@ def test_fault_in_a_variant_names_it(scene: Path) -> None:
 @pytest.mark.parametrize(
     ("path", "expected"),
     [
-        ("/etc/hostname", "must start with ./ and never climb"),
-        ("../outside.png", "must start with ./ and never climb"),
-        ("./a/../../outside.png", "must start with ./ and never climb"),
-        ("https:x.png", "must start with ./ and never climb"),
+        ("/etc/hostname", "must start with ./ and have no .."),
+        ("../outside.png", "must start with ./ and have no .."),
+        ("./a/../../outside.png", "must start with ./ and have no .."),
+        ("https:x.png", "must start with ./ and have no .."),
         ("./textures/gone.png", "there is no such file"),
     ],
 )

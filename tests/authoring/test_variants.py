@@ -301,8 +301,8 @@ def test_a_world_in_map_coordinates_is_moved(own_scene: Path, tmp_path: Path) ->
     assert dict(zip(inputs[::2], inputs[1::2], strict=True))["origin"] == "500123.456 5800000 123"
     assert validate_scene(own_scene) == []
     set_choices(own_scene, {"background": str(_plane(tmp_path / "far.usda", -60.0, 5e5))}, warn, (5e5, 0.0, 0.0))
-    assert "/Town/Plain: its points are stored 31 mm coarse" in lines[0]
-    with pytest.raises(InputError, match=r"--re-origin: only a USD file as background"):
+    assert "/Town/Plain: its points are far from their origin, and rounded to 31 mm" in lines[0]
+    with pytest.raises(InputError, match=r"--re-origin: only a background from a USD file"):
         set_choices(own_scene, {"background": "none"}, warn, origin)
 
 
@@ -359,7 +359,7 @@ def test_a_model_that_is_not_usd_is_told_how_to_become_a_world(own_scene: Path, 
         lambda: set_choices(own_scene, {"background": str(model)}, print),
         lambda: write_variant(own_scene, "late", {"background": str(model)}, print),
     ):
-        with pytest.raises(InputError, match=r"w\.glb: background: is no USD file.*background import FILE -o DIR"):
+        with pytest.raises(InputError, match=r"w\.glb: background: is not a USD file.*background import FILE -o DIR"):
             choose_it()
     assert file_bytes(own_scene.parent) == before
     with pytest.raises(InputError, match=r"found 'taxonomi'\); allowed: look, background, light$"):

@@ -42,7 +42,7 @@ def photographs(out: Path) -> str:
 
 
 CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
-    "a file as scenario": (lambda out: falsework.author("x.toml", out), "load_scenario reads a file"),  # type: ignore[arg-type]
+    "a file as scenario": (lambda out: falsework.author("x.toml", out), "use load_scenario"),  # type: ignore[arg-type]
     "workers": (lambda out: falsework.run(SCENARIO, out, workers=-1), "number of workers out of range"),
     "scenes": (lambda out: falsework.run(SCENARIO, out, scenes=[9]), "no such scene"),
     "settings to sample": (lambda out: falsework.sample("x.usda", out, WRONG), "settings of a wrong class"),
@@ -75,7 +75,7 @@ CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
         lambda out: falsework.save_cloud(
             replace(toy_cloud(1, 50), columns={**toy_cloud(1, 50).columns, "mine": np.zeros(50)}), out
         ),
-        "a column that the format does not have",
+        "not a column of the format",
     ),
 }
 

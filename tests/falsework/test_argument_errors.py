@@ -16,7 +16,7 @@ LINES = {
     "scene": r"scene: no verb; allowed: info, validate, .*\. See falsework scene --help",
     "run": r"run: missing: SCENARIO, -o/--output\. See falsework run --help",
     "scene info": r"scene info: missing: SCENE\. See falsework scene info --help",
-    "run a b -o out": r"run: one argument too many \(found 'b'\)\. See falsework run --help",
+    "run a b -o out": r"run: too many arguments \(found 'b'\)\. See falsework run --help",
     "run a -o out --sceens 1:2": r"run: no such option \(found '--sceens'\)\. Did you mean --scenes\? See .*",
     "run a -o": r"run: -o/--output: its value is missing\. See falsework run --help",
     "verify -o out": r"verify: OUTPUT: its value is missing\. See falsework verify --help",
@@ -26,7 +26,7 @@ LINES = {
     "export d -o o --to lazz": r"export: --to: not one of the choices \(found 'lazz'\); allowed: laz, .*'laz'\?",
     "reconstruct d -o o --mode spare": r"reconstruct: --mode: .*; allowed: both, dense, sparse\. .*'sparse'\?",
     "gallery families -o o --family slap": r"gallery: --family: .*; allowed: arch, .*\. Did you mean 'slab'\?",
-    "gallery looks -o o --world city": r"--world: not with looks \(found 'city'\); allowed: with worlds alone",
+    "gallery looks -o o --world city": r"--world: not with looks \(found 'city'\); allowed: only with worlds",
     "scene set s look=a --re-origin 1 2": r"scene set: --re-origin: needs 3 values \(found 2\)\. See .*",
 }
 

@@ -89,7 +89,7 @@ def test_nothing_of_a_running_process_goes(run: Run, tmp_path: Path) -> None:
     _leave_other = out / "work" / ("cd" * 32)
     _leave_other.mkdir()
     with hold_lock(out / "work" / f"{KEY}.lock"):
-        with pytest.raises(InputError, match="a run is working"):
+        with pytest.raises(InputError, match="a run is in progress"):
             clean(out, SILENT, unused=True)
         assert (out / "work" / KEY / "inner/000000.jpg").is_file()
         said = clean(out, SILENT, dry_run=True)
@@ -216,9 +216,9 @@ def test_verb(run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
 
     run()
     _leave(tmp_path / "out")
-    assert ask(tmp_path / "out", "--dry-run")[1].endswith("4 things would be removed, 0.0 MB would be freed\n")
+    assert ask(tmp_path / "out", "--dry-run")[1].endswith("4 items would be removed, 0.0 MB would be freed\n")
     code, said = ask(tmp_path / "out", "--json")
     answer = json.loads(said)
     assert (code, answer["freed_bytes"], len(answer["removed"]), answer["version"]) == (0, 5760, 4, 1)
-    assert ask(tmp_path / "out") == (0, "0 things removed, 0.0 MB freed\n")
+    assert ask(tmp_path / "out") == (0, "0 items removed, 0.0 MB freed\n")
     assert ask(tmp_path)[0] == 2

@@ -140,7 +140,7 @@ def test_a_file_where_a_folder_is_wanted(
     places: dict[str, str | Path] = {"@": file, "/": folder, "out": tmp_path / "out", "out.laz": tmp_path / "out.laz"}
     places |= {word: word.replace("@", str(file)) for word in THREE}
     line = _fails([places.get(word, word) for word in words], capsys)
-    assert "is a file, and a folder is wanted here" in line
+    assert "is a file, not a folder" in line
     assert "notes.txt" in line
     assert wanted in line
     assert sorted(path.name for path in tmp_path.iterdir()) == ["folder", "notes.txt"]
@@ -159,7 +159,7 @@ def test_without_the_extra_learning_says_what_to_install(tmp_path: Path) -> None
     words = ["train", str(tmp_path), "-o", str(tmp_path / "model")]
     done = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, text=True)
     assert done.returncode == 2, done.stderr
-    assert done.stderr.startswith("falsework: this needs the package torch")
+    assert done.stderr.startswith("falsework: this command needs the package torch")
     assert "falsework[learn]" in done.stderr
     assert "Traceback" not in done.stderr
 
@@ -171,7 +171,7 @@ def test_what_cannot_be_drawn_names_the_file(tmp_path: Path, capsys: pytest.Capt
     for verb in ("author", "run"):
         line = _fails([verb, scenario, "-o", tmp_path / verb], capsys)
         assert line.startswith(f"falsework: {scenario}: bridge.slab.spans: ")
-        assert "(found 300.0); allowed: 5 to 18 m. The nearest is 18 m" in line
+        assert "(found 300.0); allowed: 5 to 18 m. The nearest valid value is 18 m" in line
 
 
 def test_foreign_output_folder_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -201,7 +201,7 @@ def test_a_folder_that_is_gone(
     (tmp_path / "gone").mkdir()
     monkeypatch.chdir(tmp_path / "gone")
     (tmp_path / "gone").rmdir()
-    assert "no longer there" in _fails(["doctor"], capsys)
+    assert "does not exist any more" in _fails(["doctor"], capsys)
 
 
 def test_stage_without_geometry(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -277,7 +277,7 @@ def test_the_doctor_blames_no_driver_for_a_foreign_package(monkeypatch: pytest.M
     checks = {check.name: check for check in examine()}
     assert "frame" not in checks
     assert (checks["gl"].verdict, checks["package names"].verdict) == ("WARN", "FAIL")
-    assert checks["gl"].found == "not tried: the Python package render is not the one of Falsework"
+    assert checks["gl"].found == "not tried: the Python package render is not that of Falsework"
     assert "apt-get" not in checks["gl"].hint
     assert str(tmp_path / "render/__init__.py") in checks["package names"].found
 

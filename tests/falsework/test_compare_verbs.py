@@ -212,7 +212,7 @@ def test_a_plan_tells_what_is_missing_and_writes_nothing(
     """Before anything is there, when all is, and with one seed more."""
     code, said, _ = compare(capsys, bridges, tmp_path / "cmp", "--plan")
     assert code == 0
-    assert "tests are counted once the bridges are cut" in said
+    assert "tests are counted after the bridges are cut" in said
     assert not (tmp_path / "cmp").exists()
     before = contents(whole / "cmp")
     for words, wanted in (
@@ -247,7 +247,7 @@ def test_the_models_are_those_of_train(whole: Path) -> None:
         (("--set", 'models=["forst"]'), "allowed: pointnet2-ssg"),
         (("--set", 'network={"forest": {"tree": 3}}'), "trees"),
         (("--set", 'table="kim"'), "kim2023"),
-        (("--set", 'held=["zz"]'), "could be held out"),
+        (("--set", 'held=["zz"]'), "can be held out"),
         (("--set", "fewest=100000"), "no window"),
         (("--set", "seeds=0"), "greater than or equal to 1"),
         (("--set", 'channels=["x", "y", "uncertainty"]'), "not a channel"),
@@ -275,9 +275,9 @@ def test_a_folder_of_bridges_is_as_good_as_each(
     (tmp_path / "empty").mkdir()
     wrong = [
         ([*bridges, bridges[0]], "given twice"),
-        ([tmp_path / "empty"], "no clouds are in it"),
+        ([tmp_path / "empty"], "contains no clouds"),
         ([], "Name the folder of a run"),
-        ([bridges[1], f"korea={bridges[0]}"], "names no such set"),
+        ([bridges[1], f"korea={bridges[0]}"], "has no such set"),
     ]
     for sources, reason in wrong:
         code, _, error = call(capsys, "compare", *sources, "-o", tmp_path / "out", "--preset", preset)
@@ -293,7 +293,7 @@ def test_one_name_for_a_folder_of_bridges(
     code, _, error = call(capsys, "compare", bridges[0].parent, "-o", tmp_path / "cmp", *words)
     assert code == 2
     assert "has several bridges" in error
-    assert "Name the folder of each bridge, and one --bridge for each" in error
+    assert "Name the folder of each bridge, with one --bridge for each" in error
 
 
 def test_clouds_of_two_bridges_in_one_folder(

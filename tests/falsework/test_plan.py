@@ -294,7 +294,7 @@ def test_verb(
     assert (said["made"], said["reused"], said["scenes_to_do"]) == (5, 8, 1)
     assert (said["version"], said["stages"]["cloud"]["rejected"]) == (1, 1)
     assert json.loads(ask("plan", scenario, "-o", out, "--json", "--scenes", "1:2")[1])["made"] == 0
-    assert "nothing to do: all 5 results are there" in ask("plan", scenario, "-o", out, "--scenes", "1:2")[1]
+    assert "nothing to do: all 5 results exist already" in ask("plan", scenario, "-o", out, "--scenes", "1:2")[1]
     monkeypatch.setattr(costs, "free_space", lambda path: 0)
     code, said = ask("run", scenario, "-o", out)
     assert (code, "0.0 MB are free" in said) == (4, True)

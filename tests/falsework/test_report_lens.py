@@ -53,7 +53,7 @@ def test_tie_points_in_figures() -> None:
     miss = np.array([[3.0, 4.0], [0.0, 1.0], [1.0, 0.0]])
     rows = dict(tie_rows(cloud, fit_of(miss, np.zeros((3, 2)))))
     assert rows["keypoints"] == "9,000"
-    assert rows["of these with matches that hold"] == "10"
+    assert rows["of these, verified"] == "10"
     assert rows["their median residual [px]"] == "1"
     assert float(rows["root of their mean square [px]"]) == pytest.approx(3.0)
     assert tie_rows(replace(cloud, statistics={}), None) == []

@@ -348,7 +348,7 @@ def test_the_verb_knows_what_it_is_given(
     folder = both[0][0].parent
     assert [kind_of(folder / name) for name in ("set", "model", "scores.json")] == ["dataset", "model", "scores"]
     assert kind_of(folder) == "comparison"
-    with pytest.raises(FalseworkError, match="nothing here to report on"):
+    with pytest.raises(FalseworkError, match="not a folder that a report can show"):
         kind_of(tmp_path)
     page = tmp_path / "page.html"
     code, out, _ = call(capsys, "report", folder / "model", folder / "scores.json", "-o", page)

@@ -51,9 +51,9 @@ def test_confusion_stands_under_its_names(tmp_path: Path) -> None:
     for words in (
         "Neither there nor predicted: bearing.",
         "water deck 3 50.0%",
-        "50.0% accuracy of always saying water",
-        "mean IoU of the 3 classes there",
-        "Model m picked its epoch by b1: its scores there are too good.",
+        "50.0% accuracy if every point were water",
+        "mean IoU of the 3 classes that occur",
+        "Model m chose its epoch by b1: its scores there are too good.",
     ):
         assert words in text, words
 

@@ -33,7 +33,7 @@ def test_limits_and_residuals_stand_in_the_report() -> None:
     open_frame = {"unit": "unknown", "unfixed": "scale ±128 %", "expected_error": {"scale_percent": 127.7}}
     assert placing_rows(open_frame) == [
         ("unit of length", "unknown"),
-        ("GPS does not fix the frame", "scale ±128 %"),
+        ("GPS does not determine the frame", "scale ±128 %"),
         ("error of scale, 95 % below", "128 %"),
     ]
 

@@ -178,13 +178,13 @@ def test_what_stands_in_the_way_is_one_line(run: Run, tmp_path: Path) -> None:
     key = next((out / "failed").iterdir()).stem
     (out / "failed" / f"{key}.json").unlink()
     (out / "work" / f"{key}.lock").mkdir()
-    assert "in the way of a lock" in run(2).failed["0001"]
+    assert "not a lock file of Falsework" in run(2).failed["0001"]
     (out / "work" / f"{key}.lock").rmdir()
     (out / "failed" / f"{key}.json").mkdir()
-    assert "in the way of a record" in run(2, faults={"cloud:1": "reject"}).failed["0001"]
+    assert "at the place of a record" in run(2, faults={"cloud:1": "reject"}).failed["0001"]
     (out / "scenes/0000/stage").unlink()
     (out / "scenes/0000/stage").write_text("mine")
-    assert "in the way of a link" in run(2).failed["0000"]
+    assert "at the place of a link" in run(2).failed["0000"]
     assert (out / "scenes/0000/stage").read_text() == "mine"
 
 
@@ -292,8 +292,8 @@ def test_remade_input_of_other_bytes_is_said(run: Run, tmp_path: Path, monkeypat
             said.append(message)
 
     run_scenario(tiny_scenario(), out, Listener())
-    assert any("scene.usda: changed: made again" in line for line in said)
-    assert any("its bytes are not the former ones" in line for line in said)
+    assert any("scene.usda: changed: the result is made again" in line for line in said)
+    assert any("its bytes differ from the former ones" in line for line in said)
 
 
 def test_scenes_of_a_run_share_their_textures(run: Run, tmp_path: Path) -> None:

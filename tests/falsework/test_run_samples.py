@@ -74,7 +74,7 @@ def test_every_result_of_a_scene_is_counted(chained: Any) -> None:
 
 def test_without_samples_the_scenario_is_written_as_ever() -> None:
     """The file in a run's folder has no such key then, and with samples it reads back as itself, flights or none."""
-    assert "sample" not in tiny_scenario().as_toml().replace("samples are clouds", "")
+    assert "sample" not in tiny_scenario().as_toml().replace("Samples count as clouds", "")
     for more in ({"sample": [MESH, TRIPOD]}, {"sample": [MESH], "survey": [{"kind": "grid"}]}):
         scenario = parse_settings(Scenario, dict(more), "tiny")
         assert len(scenario.survey) == len(more.get("survey", []))
@@ -148,8 +148,8 @@ def test_repair_and_clean(run: Run, tmp_path: Path) -> None:  # noqa: F811
     assert contents(out) == whole
     run(2, sample=[MESH])
     assert {one.about for one in clean(out, SILENT, unused=True).removed} == {
-        "sample of no scene",
-        "report of no scene",
+        "sample that no scene uses",
+        "report that no scene uses",
     }
     assert Store(out).verify() == []
     assert run(2, sample=[MESH]).made == 0

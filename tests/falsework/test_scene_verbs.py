@@ -54,7 +54,7 @@ def test_from_the_store_to_a_package(stored: Path, tmp_path: Path, capsys: pytes
     answer = json.loads(_run(capsys, "info", mine, "--json")[1])
     assert answer["selected"]["look"] == "clean"
     assert answer["changed"] == []
-    assert _run(capsys, "validate", mine)[:2] == (0, "sound in every variant\n")
+    assert _run(capsys, "validate", mine)[:2] == (0, "valid in every variant\n")
     assert _run(capsys, "package", mine, "-o", tmp_path / "a.usdz")[0] == 0
     assert (tmp_path / "a.usdz").is_file()
     assert _run(capsys, "flatten", mine, "-o", tmp_path / "flat/scene.usdc")[0] == 0
@@ -88,9 +88,9 @@ def test_diff_says_that_all_stayed_where_it_did(
     found |= {"moved": {}, "look": {}, "relabelled": {}, "layers": {"scene.usda": "changed"}}
     found |= {word: [] for word in ("reshaped", "light", "added", "removed")}
     monkeypatch.setattr(scene_verbs, "_work", lambda *_: found)
-    assert "alike  " in _run(capsys, "diff", stored, stored)[1]
+    assert "unchanged  " in _run(capsys, "diff", stored, stored)[1]
     found[differs] = {"moved": {"/A": 1.0}, "reshaped": ["/A"], "relabelled": {"/A": [["a", "1"], ["b", "1"]]}}[differs]
-    assert "alike  " not in _run(capsys, "diff", stored, stored)[1]
+    assert "unchanged  " not in _run(capsys, "diff", stored, stored)[1]
 
 
 def test_info_for_people(stored: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -111,9 +111,12 @@ def test_info_for_people(stored: Path, capsys: pytest.CaptureFixture[str]) -> No
         (["set", "{stored}", "look=clean"], ["read-only", "scene checkout"]),
         (["info", "{own}.no"], ["no such file"]),
         (["diff", "{own}", "{folder}/bridge"], ["holds no scene.usda"]),
-        (["set", "{own}", "background=none", "--re-origin", "1", "2", "3"], ["--re-origin", "only a USD file"]),
+        (
+            ["set", "{own}", "background=none", "--re-origin", "1", "2", "3"],
+            ["--re-origin", "only a background from a USD file"],
+        ),
         (["package", "{own}", "-o", "{own}.fbx"], [".usdz, .glb"]),
-        (["checkout", "{own}", "-o", "{folder}"], ["is what the output is made from"]),
+        (["checkout", "{own}", "-o", "{folder}"], ["is an input of this command"]),
     ],
 )
 def test_bad_input_is_one_line(

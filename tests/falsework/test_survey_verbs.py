@@ -70,7 +70,7 @@ def test_plan_adds_a_flight_that_score_judges(scene: Path, tmp_path: Path, capsy
     assert row["survey"] == "local"
     assert row["clearance"] >= 1.0
     assert set(row["by_class"]) >= {"deck", "girder", "abutment"}
-    assert "Flights, before they are flown" in page.read_text()
+    assert "Planned flights" in page.read_text()
 
 
 @pytest.mark.usefixtures("served")
@@ -179,7 +179,7 @@ def test_a_camera_that_cannot_be_flown(scene: Path, tmp_path: Path, capsys: pyte
     second = _with_camera(scene, tmp_path / "two", "Drone", other)
     code, _, errors = _run(capsys, "plan", second, "--kind", "stage")
     assert code == 2
-    assert "several cameras could be meant" in errors
+    assert "it is not clear which camera is meant" in errors
     assert "/World/Rig/Drone" in errors
 
 
@@ -203,7 +203,7 @@ def test_predicted_share_ranks_flights_as_reconstructions_do(tmp_path: Path, rec
         (["plan", "{scene}", "--set", "lenght=30"], ["survey", "lenght", "Did you mean 'length'"]),
         (["plan", "{scene}", "--set", "safety=99"], ["survey", "safety", "99"]),
         (["plan", "{scene}", "--set", "safety"], ["key=value"]),
-        (["plan", "{scene}", "--set", "station=900"], ["survey.station", "holds no bridge"]),
+        (["plan", "{scene}", "--set", "station=900"], ["survey.station", "contains no part of the bridge"]),
         (["plan", "{scene}", "--for", "57"], ["--for", "--kind inspection"]),
         (["plan", "{scene}", "--kind", "inspection", "--for", "cabel"], ["--for", "cabel", "bearing"]),
         (
@@ -231,6 +231,6 @@ def test_coverage_is_judged_in_words() -> None:
     assert coverage_lines(shares)[1:] == [
         "            well (from 50 %): column 66 %, deck 50 %",
         "            partly (from 25 %): arch 50 %, parapet 25 %",
-        "            poorly, expect holes: bearing 12 %, girder 8 %",
+        "            poorly: expect holes: bearing 12 %, girder 8 %",
     ]
     assert [line.split(":")[0].strip() for line in coverage_lines({"deck": 0.9})[1:]] == ["well (from 50 %)"]

@@ -103,8 +103,8 @@ def test_misplaced_and_foreign_things_are_found(store: Store) -> None:
     (store.folder(CLOUD) / "gone").symlink_to("nowhere")
     said = "\n".join(store.verify())
     for words in (
-        f"store/stage/{'0' * 64}: misplaced, it is store/stage/{STAGE.key}",
-        f"store/cloud/{CAPTURE.key}: misplaced, it is store/capture/{CAPTURE.key}",
+        f"store/stage/{'0' * 64}: misplaced: it belongs to store/stage/{STAGE.key}",
+        f"store/cloud/{CAPTURE.key}: misplaced: it belongs to store/capture/{CAPTURE.key}",
         "store/notes.txt: foreign",
         "store/stage/notes.txt: foreign",
         "scenes/0000/notes.txt: foreign",
@@ -124,7 +124,7 @@ def test_file_replaced_by_a_link_is_found(store: Store) -> None:
     file.unlink()
     file.symlink_to(store.root / "run.txt")
     (line,) = store.verify()
-    assert line.endswith("a.txt: not a plain file")
+    assert line.endswith("a.txt: not a regular file")
 
 
 def test_stores_of_the_former_version_are_read(store: Store) -> None:
@@ -152,5 +152,5 @@ def test_every_field_of_the_key_is_held(field: str, store: Store) -> None:
     manifest[field] = {"stage": "capture", "version": 2, "settings": {}, "inputs": {"stage": "0"}}[field]
     del manifest["digest"]
     write_json(path, {**manifest, "digest": digest(manifest)})
-    assert any("its key is not that of its contents" in line for line in store.verify())
+    assert any("its key does not fit its contents" in line for line in store.verify())
     assert task_key(*(manifest[name] for name in ("stage", "version", "settings", "inputs"))) != STAGE.key

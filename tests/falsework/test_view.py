@@ -178,7 +178,7 @@ def test_what_there_is_to_look_at(subject: Subject, tmp_path: Path) -> None:
     assert (list(scene.captures), list(scene.clouds), scene.stage) == (["local"], ["local+dense"], None)
     assert scene.capture_of("local+dense") == capture
     (tmp_path / "empty").mkdir()
-    with pytest.raises(FalseworkError, match="nothing here to show"):
+    with pytest.raises(FalseworkError, match="nothing that can be shown"):
         find_subject(tmp_path / "empty")
 
 

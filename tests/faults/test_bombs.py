@@ -86,27 +86,30 @@ def into(file: Path) -> object:
 
 DEEP = "[" * 100_000
 PARSERS: dict[str, tuple[Attack, str]] = {
-    "json deep": (text("a.json", DEEP, read_json), "a.json: not readable as JSON: nested too deep"),
-    "json deep objects": (text("a.json", '{"a":' * 50_000, read_json), "not readable as JSON: nested too deep"),
+    "json deep": (text("a.json", DEEP, read_json), "a.json: not readable as JSON: nested too deeply"),
+    "json deep objects": (text("a.json", '{"a":' * 50_000, read_json), "not readable as JSON: nested too deeply"),
     "json digits": (text("a.json", "9" * 5000, read_json), "not readable as JSON: a number of 5000 digits"),
     "json infinite": (text("a.json", '{"x": 1e999}', read_json), "1e999 is not a finite number"),
     "json NaN": (text("a.json", '{"x": NaN}', read_json), "NaN is not a JSON number"),
-    "json NUL": (text("a.json", '{"name": "a\\u0000b"}', read_json), "a text with NUL or half a surrogate pair"),
-    "json half a pair": (text("a.json", '{"name": "\\ud800"}', read_json), "half a surrogate pair"),
+    "json NUL": (
+        text("a.json", '{"name": "a\\u0000b"}', read_json),
+        "a text with a null character or an unpaired surrogate",
+    ),
+    "json half a pair": (text("a.json", '{"name": "\\ud800"}', read_json), "an unpaired surrogate"),
     "json bytes": (text("a.json", b"\xff\xfe{", read_json), "not readable as JSON"),
     "json pipe": (pipe("a.json", read_json), "a.json: is a pipe, not a file; allowed: regular files"),
     "json device": (device("a.json", read_json), "a.json: is a device, not a file"),
     "json folder": (read_json, "is a folder, not a file"),
-    "json NUL in its name": (lambda folder: read_json(folder / "a\0b"), "there is a NUL in its name"),
+    "json NUL in its name": (lambda folder: read_json(folder / "a\0b"), "its name has a null character"),
     "json long name": (lambda folder: read_json(folder / ("a" * 5000)), "cannot be opened: File name too long"),
-    "toml deep": (text("a.toml", f"x = {DEEP}", read_toml), "not readable as TOML: nested too deep"),
+    "toml deep": (text("a.toml", f"x = {DEEP}", read_toml), "not readable as TOML: nested too deeply"),
     "toml digits": (text("a.toml", f"x = {'9' * 5000}", read_toml), "not readable as TOML: Exceeds the limit"),
     "toml hexadecimal": (text("a.toml", f"seed = 0x{'f' * 9000}", load_scenario), "an integer of more than 64 bits"),
     "toml pipe": (pipe("a.toml", load_scenario), "is a pipe, not a file"),
-    "toml large": (text("a.toml", b"#" * 10_000_001, read_toml), "0.0 GB are too large; allowed: 0.01 GB"),
+    "toml large": (text("a.toml", b"#" * 10_000_001, read_toml), "too large: 0.0 GB; allowed: up to 0.01 GB"),
     "scenario long path": (
         text("a.toml", f'[stage]\npath = "{"a" * 300}"\n', load_scenario),
-        "names a file that cannot exist: File name too",
+        "a path that cannot exist: File name too",
     ),
     "manifest without files": (text("artefact.json", "[]", read_manifest), "artefact.json: changed"),
     "photograph pipe": (pipe("a.jpg", beside(open_photographs)), "a.jpg: is a pipe, not a file"),
@@ -120,7 +123,10 @@ PARSERS: dict[str, tuple[Attack, str]] = {
         "cannot be unpacked|one name",
     ),
     "zip without a name": (zipped({"../x.obj": b"x"}, check_archive), "an entry leads out of the archive"),
-    "zip bomb of surfaces": (zipped({"albedo.png": b"\0" * 9_000_000}, find_sets), "times its size; allowed: 200"),
+    "zip bomb of surfaces": (
+        zipped({"albedo.png": b"\0" * 9_000_000}, find_sets),
+        "times its size; allowed: up to 200",
+    ),
 }
 
 
@@ -176,8 +182,8 @@ TRUTHS: dict[str, tuple[str, tuple[str | int, ...], object, str]] = {
     "version": ("cameras.json", ("format_version",), 99, "format_version: Input should be 1"),
     "size": ("cameras.json", ("size",), [10**9, 10**9], "an image needs a width and a height"),
     "prior": ("cameras.json", ("prior", "focal_px"), -3.0, "prior.focal_px"),
-    "path": ("cameras.json", ("images", 0, "file"), "../../etc/hostname", "a path that leaves the capture"),
-    "stem": ("cameras.json", ("images", 0, "name"), "../../x", "not a name of an image"),
+    "path": ("cameras.json", ("images", 0, "file"), "../../etc/hostname", "a path that leads out of the capture"),
+    "stem": ("cameras.json", ("images", 0, "name"), "../../x", "not a valid name of an image"),
     "long file": ("cameras.json", ("images", 0, "file"), "a" * 5000, "no such image"),
     "pose is NaN": ("truth/poses.json", (*POSE, 0, 0), float("nan"), "NaN is not a JSON number"),
     "pose scales": ("truth/poses.json", (*POSE, 0, 0), 7.0, "a pose that is not a rigid motion"),
@@ -241,7 +247,7 @@ def test_a_surface_that_claims_terabytes_allocates_nothing(capture: Path) -> Non
                     member.write(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + b"\0" * 48)
                 else:
                     np.lib.format.write_array(member, values, allow_pickle=False)
-    with pytest.raises(InputError, match=r"positions says \(3023656976384, 3\), and holds 1[0-9]+ bytes"):
+    with pytest.raises(InputError, match=r"positions states the shape \(3023656976384, 3\), but has 1[0-9]+ bytes"):
         truth_of(capture).surface()
     count = 20_000
     part = np.zeros(count, np.int32)

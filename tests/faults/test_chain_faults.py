@@ -113,7 +113,7 @@ def test_a_full_disk_in_each_stage(
             assert code == 4, (stage, said.read_text())
             last = said.read_text().splitlines()[-1]
             assert last.startswith("falsework: ")
-            assert last.endswith("no space left on the disk. Free some, then run the same command again")
+            assert last.endswith("no space left on the disk. Free some space, then run the same command again")
             assert "Traceback" not in said.read_text()
         _finish(scenario, out, said)
         assert contents(out) == calm

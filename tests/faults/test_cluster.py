@@ -162,7 +162,7 @@ def test_a_scheduler_that_goes_away_is_one_line(tmp_path: Path) -> None:
         scheduler.kill()
         _, said = process.communicate(timeout=PATIENCE)
         assert process.returncode == 1
-        assert "the scheduler went away" in said.splitlines()[-1]
+        assert "the connection to the scheduler is lost" in said.splitlines()[-1]
         assert "Traceback" not in said
     _finish(start("run", tmp_path / "s.toml", "-o", out))
     _finish(start("run", tmp_path / "s.toml", "-o", tmp_path / "calm"))

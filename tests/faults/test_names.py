@@ -189,7 +189,7 @@ def test_a_file_is_not_taken_from_where_the_command_runs(tmp_path: Path, monkeyp
     stage.parent.mkdir()
     stage.write_text(HEAD + 'def "A" (\n    references = @out.usda@</A>\n)\n{\n}\n')
     monkeypatch.chdir(tmp_path)
-    assert "out.usda is not there, and would be taken from" in refused(stage)
+    assert "out.usda is not there, and USD would read it from" in refused(stage)
     monkeypatch.chdir(stage.parent)
     said: list[str] = []
     check_stage(stage, (), said.append)

@@ -186,7 +186,7 @@ def test_interrupt_leaves_no_child(working: Seen, start_reconstruct: Start, tmp_
     os.kill(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130
-    assert said.strip().splitlines()[-1].startswith("falsework: interrupted; the same command goes on")
+    assert said.strip().splitlines()[-1].startswith("falsework: interrupted; repeat the command")
     assert "Traceback" not in said
     assert not (out / MARK).exists()
     deadline = time.monotonic() + SOON

@@ -64,7 +64,7 @@ def test_full_disk(
         before, _, _ = said.partition("first: 4")
         line = before.strip().splitlines()[-1]
         assert line.startswith("falsework: ")
-        assert "Free some, then run the same command again" in line
+        assert "Free some space, then run the same command again" in line
         assert "Traceback" not in said
         filled += 1
     record_proof("faults: disk full in the steps of a reconstruction", filled, 0, {"exit_code_4": filled})
@@ -76,7 +76,7 @@ def test_a_file_that_may_not_grow(start_reconstruct: Start, tmp_path: Path) -> N
     process = start_reconstruct(tmp_path / "out", before=("bash", "-c", 'ulimit -f 200; exec "$0" "$@"'))
     _, said = process.communicate(timeout=PATIENCE)
     line = one_line(process, said, 4)
-    assert line.endswith("no space left on the disk. Free some, then run the same command again")
+    assert line.endswith("no space left on the disk. Free some space, then run the same command again")
 
 
 @pytest.mark.faults

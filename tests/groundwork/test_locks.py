@@ -116,7 +116,7 @@ def test_a_file_system_without_locks_is_said_once(
             assert not held
     said = capsys.readouterr().err
     assert said.count("\n") == 1
-    assert "no locks in this file system" in said
+    assert "this file system has no file locks" in said
     locks._say_no_locks.cache_clear()
 
 
@@ -130,7 +130,7 @@ def test_what_is_no_lock_stays(kind: str, tmp_path: Path) -> None:
         path.symlink_to(tmp_path / "elsewhere")
     else:
         path = tmp_path / "gone" / "lock"
-    with pytest.raises(InputError, match="in the way of a lock"), hold_lock(path):
+    with pytest.raises(InputError, match="not a lock file of Falsework"), hold_lock(path):
         pass
     assert not (tmp_path / "elsewhere").exists()
 

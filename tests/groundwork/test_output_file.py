@@ -54,12 +54,12 @@ def test_what_no_file_can_be_is_one_line(tmp_path: Path) -> None:
     result.mkdir(parents=True)
     (result / "artefact.json").write_text("{}")
     for path, words in (
-        (tmp_path, "holds what the output is made from"),
+        (tmp_path, "contains an input of this command"),
         (Path(), "is a folder, not a file"),
-        (pipe, "is not a plain file"),
-        (Path("/dev/null"), "is not a plain file"),
-        (source, "is what the output is made from"),
-        (source / "page.html", "lies in what the output is made from"),
+        (pipe, "is not a regular file"),
+        (Path("/dev/null"), "is not a regular file"),
+        (source, "is an input of this command"),
+        (source / "page.html", "lies inside an input of this command"),
         (result / "page.html", "in a stored result"),
         (tmp_path / ("x" * 256), "a name that is too long"),
         (tmp_path / "a\0.html", "a null character"),

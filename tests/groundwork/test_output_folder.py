@@ -109,7 +109,7 @@ def test_a_file_of_others_in_the_way_is_kept_and_the_work_waits(stranger: str, t
         else:
             path.write_text("mine")
 
-    with pytest.raises(InputError, match="is in the way, and Falsework did not write it"):
+    with pytest.raises(InputError, match="is at the place of the output, and Falsework did not write it"):
         fresh_output(out, "cloud", write)
     assert (out / "old" / "a").read_text() == "old/a"
     assert (out / MARK).is_file()
@@ -172,7 +172,7 @@ def test_the_lock_is_what_keeps_others_out(
 
     monkeypatch.setattr(fcntl, "flock", refuse_locks)
     fresh_output(out, "cloud", writes("a"))
-    assert "no locks in this file system" in capsys.readouterr().err
+    assert "this file system has no file locks" in capsys.readouterr().err
     assert tree(out) == ["a"]
 
 
@@ -256,12 +256,12 @@ def test_outputs_never_touch_what_they_are_made_from(tmp_path: Path) -> None:
     source.mkdir(parents=True)
     link.symlink_to(source)
     for out, words in (
-        (source, "is what the output is made from"),
-        (link, "is what the output is made from"),
-        (source / "inner" / "out", "lies in what the output is made from"),
-        (link / "out", "lies in what"),
-        (tmp_path / "deep", "holds what the output is made from"),
-        (source / ".." / ".." / "deep", "holds what"),
+        (source, "is an input of this command"),
+        (link, "is an input of this command"),
+        (source / "inner" / "out", "lies inside an input of this command"),
+        (link / "out", "lies inside an input"),
+        (tmp_path / "deep", "contains an input of this command"),
+        (source / ".." / ".." / "deep", "contains an input"),
     ):
         refuse(out, words=words, inputs=(source,))
     assert not list(source.iterdir())
@@ -305,14 +305,14 @@ def test_what_is_in_the_way_is_one_line(tmp_path: Path, monkeypatch: pytest.Monk
     for name in (f"{NEXT}/page.js", f"{NEXT}/{output_lock.LOCK}/x"):
         fresh_output(busy, "cloud", writes("a"))
         writes(name)(busy)
-        refuse(busy, words="is in the way")
+        refuse(busy, words="is at the place of our work folder")
         assert (busy / name).read_text() == name
         (busy / name).unlink()
         (busy / NEXT / output_lock.LOCK).mkdir(exist_ok=True)
         (busy / NEXT / output_lock.LOCK).rmdir()
         (busy / NEXT).rmdir()
     (busy / NEXT).symlink_to(mine)
-    refuse(busy, words="is in the way")
+    refuse(busy, words="is at the place of our work folder")
     assert tree(mine) == ["holiday.jpg"]
     monkeypatch.setattr(os, "access", lambda *_: False)
     refuse(tmp_path / "new" / "deep", words="not writable")

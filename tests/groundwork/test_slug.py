@@ -52,5 +52,5 @@ def test_photographs_in_folders_get_names_of_one_folder() -> None:
     long = flat_names(["x" * 300 + ".jpg"])["x" * 300 + ".jpg"]
     assert long.endswith(".jpg")
     assert len(long) < 100
-    with pytest.raises(InputError, match=r"one name \(found 'a_b.jpg'\)"):
+    with pytest.raises(InputError, match=r"the same name \(found 'a_b.jpg'\)"):
         flat_names(["a/b.jpg", "a_b.jpg"])

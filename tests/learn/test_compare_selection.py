@@ -85,7 +85,7 @@ def test_sets_that_are_only_tested_or_only_trained_on() -> None:
     splits = share_out(settings, {"korea": ["x", "y", "z"], "illinois": ["i"]})
     assert splits["illinois", "i"] == "test"
     assert sorted(split for (name, _), split in splits.items() if name == "korea") == ["train", "train", "val"]
-    with pytest.raises(InputError, match="to train on and in one to test on"):
+    with pytest.raises(InputError, match="for training and in a set for the test"):
         share_out(settings, {"korea": ["x", "y", "z"], "illinois": ["x"]})
     held = experiment(held=("ha",))
     assert share_out(held, {"bridges": ["hash", "b", "c", "d"]})["bridges", "hash"] == "test"
@@ -204,7 +204,7 @@ def test_too_few_bridges_are_said_before_anything_is_made() -> None:
         check_bridges(
             settings, splits, [("bridges", bridge, {"b"} if bridge < "h2" else {"a", "b"}) for bridge in names]
         )
-    with pytest.raises(InputError, match="could be held out"):
+    with pytest.raises(InputError, match="can be held out"):
         share_out(experiment(held=("zz",)), {"bridges": ["a", "b", "c"]})
 
 
@@ -231,8 +231,8 @@ def test_presets_and_what_is_refused() -> None:
         ({"shares": [1, 1, 1]}, "add up to 1"),
         ({"sede": 1}, "Did you mean 'seeds'"),
         ({"filters": {"mesh": 0.05}}, "0.1 .noisy. to 1000"),
-        ({"filters": {"m": 1.0}}, "no arm"),
-        ({"filters": {"mesh": 1.0}, "noisy_class": True}, "choose one"),
+        ({"filters": {"m": 1.0}}, "not an arm"),
+        ({"filters": {"mesh": 1.0}, "noisy_class": True}, "cannot be combined"),
         ({"channels": ["x", "uncertainty"]}, "not a channel"),
         ({"channels": ["height"], "mode": "paper"}, "needs mode"),
     ):

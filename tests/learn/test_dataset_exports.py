@@ -182,7 +182,7 @@ def test_a_class_map_names_any_column(tmp_path: Path) -> None:
             found = read_scan(tmp_path / f"{number}.las", labels=column).segment
             np.testing.assert_array_equal(found, codes + added)
     (tmp_path / "m.toml").write_text('column = "layer"\ntable = "kim2023"\n')
-    with pytest.raises(InputError, match="layer: has no labels"):
+    with pytest.raises(InputError, match="layer: has no column of labels"):
         read_labeled(tmp_path / "a.ply", read_class_map(str(tmp_path / "m.toml")), wanted)
 
 
@@ -200,10 +200,10 @@ def test_maps_of_the_package_and_of_users(tmp_path: Path) -> None:
         (good.replace('"parts"', '"part"'), "Did you mean"),
         ("[]", "not a class map"),
         ("{", "not readable as JSON"),
-        ('{"title": "x"}', "names no number"),
+        ('{"title": "x"}', "has no class number"),
         ('{"table": "kim"}', "unknown table"),
         (good.replace('"parts": ["column"]', '"to": {"kim2023": "colum"}'), "unknown class"),
-        (good.replace("[{", '[{"id": 3, "name": "pier"}, {'), "stands twice"),
+        (good.replace("[{", '[{"id": 3, "name": "pier"}, {'), "occurs twice"),
     ):
         (tmp_path / "m.json").write_text(text)
         with pytest.raises(InputError, match=words):

@@ -298,9 +298,9 @@ def test_bridges_are_split_by_hash_alone(clouds: list[Path]) -> None:
 def test_bad_input_is_one_line(clouds: list[Path], metric: Path, tmp_path: Path) -> None:
     """Clouds without a bridge or a deck, the same one twice, none, channels that are truth: each named in one line."""
     nameless = write_toy(tmp_path / "nameless", bridge="")
-    with pytest.raises(InputError, match="does not say which bridge"):
+    with pytest.raises(InputError, match="does not state its bridge"):
         build(tmp_path / "a", [nameless])
-    with pytest.raises(InputError, match="the same points twice"):
+    with pytest.raises(InputError, match="the same points are given twice"):
         build(tmp_path / "b", [clouds[0], clouds[0]])
     with pytest.raises(InputError, match="no piece is left"):
         build(tmp_path / "c", clouds, fewest=100_000)
@@ -311,19 +311,19 @@ def test_bad_input_is_one_line(clouds: list[Path], metric: Path, tmp_path: Path)
     count = 3000
     ground = {"component": np.full(count, 3, np.uint16), "segment": np.full(count, class_id("background"), np.uint8)}
     bare = write_toy(tmp_path / "bare", 5, count, **ground)
-    with pytest.raises(InputError, match=r"no labelled deck to lay windows along.*Use mode metric") as caught:
+    with pytest.raises(InputError, match=r"no labelled deck for windows along the bridge.*Use --mode metric") as caught:
         build(tmp_path / "e", [bare], mode="paper")
     assert "bare" in str(caught.value)
-    with pytest.raises(InputError, match=r"a table, not a value.*tile\.size=10"):
+    with pytest.raises(InputError, match=r"a table of keys, not a value.*tile\.size=10"):
         settings(tile=3)
-    with pytest.raises(InputError, match="whole strides"):
+    with pytest.raises(InputError, match="times stride"):
         settings(tile={"size": 10.0, "stride": 3.0})
     stored = json.loads((metric / MANIFEST).read_text())
     changes: list[tuple[dict[str, Any], str]] = [
         ({"format_version": 9}, "of this version"),
         ({"pieces": [{"name": "x"}]}, "missing or of a wrong kind"),
         ({"inputs": ["uncertainty"]}, "invalid inputs"),
-        ({"pieces": [{**stored["pieces"][0], "name": "../../x"}]}, "leaves the data set"),
+        ({"pieces": [{**stored["pieces"][0], "name": "../../x"}]}, "leads out of the data set"),
         ({"pieces": [{**stored["pieces"][0], "points": 0}]}, "invalid piece"),
     ]
     for number, (change, words) in enumerate(changes):

@@ -114,9 +114,9 @@ def test_the_command(
     monkeypatch.setattr(demo, "MODEL", {**demo.MODEL, **SMALL})
     for words, code, said in (
         (("--demo", "--epochs", "1", "-o", tmp_path / "model"), 0, "IoU on bridges never seen"),
-        ((tmp_path, "--demo", "-o", tmp_path / "x"), 2, "brings its own"),
-        (("--demo", "--model", "forest", "-o", tmp_path / "x"), 2, "brings its own"),
-        (("-o", tmp_path / "x"), 2, "no data set"),
+        ((tmp_path, "--demo", "-o", tmp_path / "x"), 2, "has its own"),
+        (("--demo", "--model", "forest", "-o", tmp_path / "x"), 2, "has its own"),
+        (("-o", tmp_path / "x"), 2, "no data set is given"),
     ):
         with pytest.raises(SystemExit) as left:
             main(["train", *map(str, words)])

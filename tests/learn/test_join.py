@@ -171,7 +171,7 @@ def test_a_second_prediction_replaces_its_former_output_alone(
     assert call("evaluate", chain / "forest", chain / "set", "-o", chain / "forest" / "model.json") == 2
     assert call("evaluate", chain / "forest", chain / "set", "-o", chain / "scan.laz") == 2
     assert call(*words, chain / "forest" / "out.laz") == 2
-    assert "lies in what" in capsys.readouterr().err
+    assert "lies inside an input" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("again", [False, True])
@@ -209,7 +209,7 @@ def test_a_prediction_killed_between_copy_and_boxes_is_repeated_without_ado(
 def test_a_cloud_is_labelled_by_the_unit_it_says(
     chain: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Our own LAZ needs no --unit; a cloud's folder without one says how to make it; a run without a cloud is said."""
+    """Our own LAZ needs no --unit; a cloud's folder without one says how to make it; a run without clouds fails."""
     out = tmp_path / "labelled.laz"
     assert call("predict", chain / "scan.laz", "--model", chain / "forest", "-o", out) == 0
     assert json.loads((tmp_path / "labelled.instances.json").read_text())["meters_per_unit"] == 1.0
@@ -218,7 +218,7 @@ def test_a_cloud_is_labelled_by_the_unit_it_says(
     assert "falsework export" in capsys.readouterr().err
     (tmp_path / "run" / "scenes" / "0000").mkdir(parents=True)
     assert call("dataset", "local", tmp_path / "run", "-o", tmp_path / "set") == 2
-    assert "a run without a cloud" in capsys.readouterr().err
+    assert "the run has no cloud" in capsys.readouterr().err
 
 
 def test_clouds_of_a_run_are_told_apart_and_empty_splits_are_said(
@@ -292,9 +292,9 @@ def test_models_that_cannot_label_a_scan_are_refused(chain: Path, tmp_path: Path
     assert facts["data"]["scaling"] == {"kind": "constant", "length": 10.0}
     cases: list[tuple[dict[str, Any], str]] = [
         ({"data": {"settings": {**facts["data"]["settings"], "mode": "paper"}}}, "paper's windows"),
-        ({"data": {}}, "which data set"),
+        ({"data": {}}, "does not state its data set"),
         ({"data": {"settings": {**facts["data"]["settings"], "tile": 3}}}, "tile"),
-        ({"channels": ["x", "y", "truth"]}, "an input that no scan has"),
+        ({"channels": ["x", "y", "truth"]}, "an input that scans do not have"),
         ({"format": "something"}, "not a model"),
     ]
     for number, (changes, said) in enumerate(cases):
@@ -305,7 +305,7 @@ def test_models_that_cannot_label_a_scan_are_refused(chain: Path, tmp_path: Path
         with pytest.raises(InputError, match=said) as caught:
             named_model(str(folder))
         assert "\n" not in str(caught.value)
-    with pytest.raises(InputError, match="no model"):
+    with pytest.raises(InputError, match="not a model"):
         named_model(str(chain / "set"))
     with pytest.raises(InputError, match="no such model"):
         named_model(str(tmp_path / "nothing"))

@@ -168,7 +168,7 @@ def test_a_shared_seed_or_look_is_reported(tmp_path: Path, capsys: pytest.Captur
         run = write_run(tmp_path / words, [*scenes, ("b4", seed, look)])
         assert call("dataset", "local", run, "-o", tmp_path / f"set {words}", *CUT) == 0
         (line,) = [line for line in capsys.readouterr().err.splitlines() if "may be too good" in line]
-        assert f"the test has {words} of the training: 0004/c0, 0004/c1" in line
+        assert f"the test has {words} in common with the training: 0004/c0, 0004/c1" in line
     plain = [write_toy(tmp_path / f"{i}", i, 1500, f"b{i}") for i in range(5)]
     assert call("dataset", "local", *plain, "-o", tmp_path / "plain", *CUT) == 0
     assert {(source["seed"], source["look"]) for source in read_facts(tmp_path / "plain").sources} == {(None, "")}

@@ -145,14 +145,14 @@ def test_what_does_not_go_with_own_classes_is_refused(
     office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Another table, a class that the map lacks, clouds of ours, noise as a class, a forest to go on with."""
-    with pytest.raises(InputError, match="too coarse"):
+    with pytest.raises(InputError, match="do not determine"):
         sum_classes(("leg",), "own", "kim2023", ())
     with pytest.raises(InputError, match="no such class"):
         sum_classes(("leg",), "own", "", ("arm",))
-    for values, words in (({}, "a cloud has none"), ({"noisy_class": True}, "no class of noisy points")):
+    for values, words in (({}, "a cloud has none"), ({"noisy_class": True}, "no class for noisy points")):
         (tmp_path / words).mkdir()
         settings = dataset_settings("local", {"table": "own", **values}, "test")
         with pytest.raises(InputError, match=words):
             build_dataset([Source(office / "0")], tmp_path / words, settings)
     assert call("train", office / "patchset", "-o", tmp_path / "f", "--model", "forest", "--init", office / "net") == 2
-    assert "a forest cannot begin with another model" in capsys.readouterr().err
+    assert "a forest cannot start from another model" in capsys.readouterr().err

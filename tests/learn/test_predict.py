@@ -200,7 +200,7 @@ def test_other_formats_are_copied(tmp_path: Path) -> None:
     np.testing.assert_array_equal(rows["xyz"], coord)
     np.testing.assert_array_equal(rows["c"], expected)
     np.testing.assert_array_equal(read_scan(tmp_path / "b.ply").color, color)
-    with pytest.raises(InputError, match="holds predictions already"):
+    with pytest.raises(InputError, match="already has predictions"):
         predict_scan(tmp_path / "b.ply", tmp_path / "c.ply", ColorModel(), meters)
     # text
     lines = [f"{x:.4f} {y:.4f} {z:.4f} {r} {g} {b}\r\n" for (x, y, z), (r, g, b) in zip(coord, color, strict=True)]
@@ -259,7 +259,7 @@ def test_classes_are_summed_kept_and_doubted(tmp_path: Path) -> None:
         classes = np.asarray(laspy.read(tmp_path / "c.las")["predicted_class"])
         assert ((classes != 255) == kept).all()
         assert (made.unlabelled, made.instances > 0) == (0 if kept else len(classes), kept)
-    with pytest.raises(InputError, match="too coarse"):
+    with pytest.raises(InputError, match="do not determine"):
         sum_classes(("deck",), "kim2023", "falsework", ())
     with pytest.raises(InputError, match=r"unknown table .*'kim'"):
         sum_classes(("deck",), "kim2023", "kim", ())
@@ -326,19 +326,19 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     np.savetxt(tmp_path / "a.xyz", np.random.default_rng(0).uniform(0, 9, (50, 3)))
     np.save(tmp_path / "b.npy", np.zeros((9, 6)))
     cases: list[tuple[tuple[object, ...], str]] = [
-        ((tmp_path / "b.npy", "-o", tmp_path / "c.npy", *model), "does not say the unit"),
+        ((tmp_path / "b.npy", "-o", tmp_path / "c.npy", *model), "does not state the unit"),
         ((tmp_path / "a.xyz", "-o", tmp_path / "c.xyz", "--unit", "m", *model), "no column color"),
         ((folder, "-o", tmp_path / "c.txt", *model), "can be copied as"),
-        ((tmp_path / "a.xyz", "-o", tmp_path / "c.ply", *model), "another format"),
+        ((tmp_path / "a.xyz", "-o", tmp_path / "c.ply", *model), "not the format of the scan"),
         ((tmp_path / "a.xyz", "-o", tmp_path / "a.xyz", *model), "the scan itself"),
         ((tmp_path / "nothing.laz", "-o", tmp_path / "c.laz", *model), "no such file"),
         ((folder, "-o", tmp_path / "c.laz", "--model", "nowhere:x"), "no such model"),
         ((folder, "-o", tmp_path / "c.laz", "--model", "json:dumps"), "model"),
-        ((folder, "-o", tmp_path / "c.laz", *model, "--table", "falsework"), "too coarse"),
+        ((folder, "-o", tmp_path / "c.laz", *model, "--table", "falsework"), "do not determine"),
         ((folder, "-o", tmp_path / "c.laz", *model, "--link", "0.01"), "smaller than the model's voxel"),
         ((folder, "-o", tmp_path / "c.laz", *model, "--unit", "m", "--scale", "2.0"), "both a unit and a scale"),
         ((folder, "-o", tmp_path / "c.laz", *model, "--min-confidence", "1.5"), "less than or equal to 1"),
-        ((folder, "-o", tmp_path / "c.laz", "--model", "builtins:dict"), "does not return a model"),
+        ((folder, "-o", tmp_path / "c.laz", "--model", "builtins:dict"), "an object that is not a model"),
     ]
     for words, said in cases:
         assert run(*words) == 2, words
@@ -353,6 +353,6 @@ def test_another_unit_than_the_scans_is_doubted() -> None:
     turn = np.eye(3)
     assert contradiction(None, Frame(0.3048, turn)) == ""
     assert contradiction(1200 / 3937, Frame(0.3048, turn)) == ""
-    assert "the scan says 1 m a unit and you say 0.3048 m" in contradiction(1.0, Frame(0.3048, turn))
+    assert "the scan states a unit of 1 m, and you gave 0.3048 m" in contradiction(1.0, Frame(0.3048, turn))
     with pytest.raises(InputError, match="longitudes and latitudes"):
         choose_frame(0.0, PredictSettings(), "scan.laz")

@@ -204,7 +204,7 @@ def test_a_model_is_refused_where_it_does_not_fit(trained: Path, tmp_path: Path)
         (folder / WEIGHTS).write_bytes(data)
         with pytest.raises(InputError, match=said):
             read_network(folder)
-    with pytest.raises(InputError, match="no model"):
+    with pytest.raises(InputError, match="not a model"):
         read_network(tmp_path)
 
 
@@ -214,12 +214,12 @@ def test_what_cannot_be_trained_is_refused(tmp_path: Path) -> None:
         train(tmp_path, source=ToyBridges(1))
     one_class = ToyBridges(3)
     one_class.sample = lambda index, seed: _of_one_class(ToyBridges(3), index, seed)  # type: ignore[method-assign]
-    with pytest.raises(InputError, match="of one class"):
+    with pytest.raises(InputError, match="have one class"):
         train(tmp_path, source=one_class)
-    with pytest.raises(InputError, match="shares bridges with the training"):
+    with pytest.raises(InputError, match="have a bridge in common"):
         train_network(TrainingData(ToyBridges(3), ToyBridges(1)), settings(), tmp_path, Silent())
     if not torch.cuda.device_count():
-        with pytest.raises(InputError, match="no GPU that torch can use"):
+        with pytest.raises(InputError, match="torch can use no GPU"):
             train(tmp_path, settings(accelerator="gpu"))
 
 
@@ -227,7 +227,7 @@ def test_more_devices_than_gpus_are_refused(tmp_path: Path, monkeypatch: pytest.
     """One GPU, two asked for, by name or by `auto`: a clear line before anything is loaded."""
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 1)
     for accelerator in ("gpu", "auto"):
-        with pytest.raises(InputError, match="more than there are GPUs"):
+        with pytest.raises(InputError, match="more processes than GPUs"):
             train(tmp_path, settings(accelerator=accelerator, devices=2))
 
 

@@ -339,7 +339,7 @@ def test_a_disk_that_fills_up_is_out_of_space(bare: Path, sparse: Sparse, tmp_pa
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))  # for the child; a depth map has 173 kB
     try:
-        with pytest.raises(OutOfSpaceError, match="Free some, then run the same command again"):
+        with pytest.raises(OutOfSpaceError, match="Free some space, then run the same command again"):
             run_dense(read_capture(bare), sparse, tmp_path, SETTINGS, SILENT)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)

@@ -255,15 +255,15 @@ def test_utm_against_colmap() -> None:
 
 BAD = {
     "": "the file is empty",
-    "hello\n1 2 3 4 5 a.jpg": "the first line names no system",
+    "hello\n1 2 3 4 5 a.jpg": "the first line names no coordinate system",
     "EPSG:32633\n1 2 3 4 a.jpg": "line 2: too few columns",
     "EPSG:32633\n1 2 x 4 5 a.jpg": "line 2: not a number",
     "EPSG:32633\n1 2 nan 4 5 a.jpg": "line 2: not a number",
-    "EPSG:32633\n1 2 3 4 5 a.jpg P\n1 2 4 4 5 b.jpg P": "line 3: one name at two places",
+    "EPSG:32633\n1 2 3 4 5 a.jpg P\n1 2 4 4 5 b.jpg P": "line 3: one point has two positions",
     "EPSG:32633\n1 2 3 4 5 a.jpg P\n1 2 3 4 5 a.jpg P": "line 3: the point P is marked twice",
     "#Label,X,Y,Z,Accuracy\nP,1,2,3,0": "line 2: an accuracy must be above 0",
     "#Label,X,Y,Z\n,1,2,3": "line 2: a row without a name",
-    "#Camera,Label,x,y\na,P,3": "line 2: a mark without a pixel",
+    "#Camera,Label,x,y\na,P,3": "line 2: a mark without pixel coordinates",
     "#Label,Distance\nP_Q,3": "line 2: a scale bar needs the names of two points",
 }
 
@@ -289,7 +289,7 @@ def test_what_does_not_fit_is_one_line(tmp_path: Path) -> None:
         read_ground_control(tmp_path / "a.jpg")
     _, capture, _, true = flown()
     (tmp_path / "gcp.txt").write_text("LOCAL\n1 2 3 4 5 other.jpg P\n", encoding="utf-8")
-    with pytest.raises(InputError, match="marks none of the photographs"):
+    with pytest.raises(InputError, match="has no mark in these photographs"):
         read_control(tmp_path / "gcp.txt", replace(capture, folder=tmp_path))
     points = marked(CORNERS, true)
     local = MapSystem("local", None)
@@ -299,7 +299,7 @@ def test_what_does_not_fit_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="2 of 2 control points"):
         placed(GroundControl(FILE, local, points[:2]))
     row = marked(np.array([[12.0 * x, 20.0 - 2.0 * x, 0.0] for x in range(5)]), true, 0.3)
-    with pytest.raises(InputError, match=r"control points fix no coordinate frame \((tilt|two ways)"):
+    with pytest.raises(InputError, match=r"control points do not determine a coordinate frame \((tilt|two ways)"):
         placed(GroundControl(FILE, local, row))
 
 
@@ -347,7 +347,7 @@ def test_photographs_are_laid_onto_control(
     figures = {"worst_residual_m": max(row["distance"] for row in cloud.alignment["control_points"])}
     figures["stated_scale_percent"] = cloud.alignment["expected_error"]["scale_percent"]
     record_proof("ground control: photographs laid onto points", len(spots), 0, figures)
-    with pytest.raises(InputError, match="a capture with truth is placed by it"):
+    with pytest.raises(InputError, match="a capture with truth is aligned to its truth"):
         conductor.reconstruct(plane_capture, tmp_path, ReconSettings(mode="sparse"), SILENT, tmp_path / "gcp_list.txt")
 
 

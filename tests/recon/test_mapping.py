@@ -115,7 +115,7 @@ def test_the_model_grows_over_few_matches(tmp_path: Path) -> None:
     facts = found["growth"]
     assert (facts["added"], facts["loose"]) == (AWAY, 0)
     assert 0.0 < facts["moved"] < 0.1 * MOST_MOVED
-    assert heard.notes == [f"growth by fewer matches: {ROW} of {ROW + AWAY} images became {ROW + AWAY}"]
+    assert heard.notes == [f"images added with fewer matches: {ROW} of {ROW + AWAY} images became {ROW + AWAY}"]
     others = np.bincount(model.obs_point[model.obs_image < ROW + AWAY - 2], minlength=len(model.points))
     assert (others == 0).sum() == ALONE
     assert map_into(capture, tmp_path / "twice") == found
@@ -189,7 +189,7 @@ def test_images_of_a_look_alike_are_left_out(tmp_path: Path) -> None:
     found = map_into(replace(capture, images=rows), tmp_path / "model", heard)
     assert found["models"][0]["images"] == ROW
     assert (found["growth"]["added"], found["growth"]["misplaced"]) == (0, AWAY)
-    assert heard.notes == [f"growth by fewer matches: {AWAY} images removed that GPS does not confirm"]
+    assert heard.notes == [f"images added with fewer matches: {AWAY} removed again, because GPS does not confirm them"]
 
 
 def test_without_gps_few_matches_register_nothing(tmp_path: Path) -> None:
@@ -286,7 +286,7 @@ def test_the_model_that_is_kept_has_no_runaways(tmp_path: Path, monkeypatch: pyt
     assert found["models"][0]["images"] == ROW + AWAY - 1
     assert found["elsewhere"] == []
     assert calls == [2]
-    assert heard.notes == [f"left out, for their cameras ran away from all others: {capture.images[-1].name}"]
+    assert heard.notes == [f"left out, because their cameras are far away from all others: {capture.images[-1].name}"]
 
 
 def test_runaways_do_not_hide_what_growth_bends(tmp_path: Path) -> None:

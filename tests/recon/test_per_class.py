@@ -90,7 +90,7 @@ def test_few_and_lost_are_named() -> None:
     }
     other = {"bearing": {"no_depth": 30, "views": 10, "seen_through": 0, "angle": 0, "in_points": 10}}
     assert scarce_classes_in_words([{"classes": rows, "pixels": pixels}, {"classes": rows, "pixels": other}]) == (
-        "fewer than 50 points in a window of 10 m: bearing in 4 of 4 (40% of its pixels in points; most others: "
+        "fewer than 50 points in a window of 10 m: bearing in 4 of 4 (40% of its pixels are in points; main reason: "
         "no depth found), abutment in 2 of 6"
     )
     assert {*PIXEL_WORDS, "in_points"} == set(PIXEL_FATES)

@@ -206,7 +206,7 @@ def test_what_does_not_go_together(tmp_path: Path) -> None:
         open_photographs(tmp_path)
     (tmp_path / "c.jpg").unlink()
     (tmp_path / "a.png").write_bytes(b"")
-    with pytest.raises(InputError, match="two photographs of one name"):
+    with pytest.raises(InputError, match="two photographs with the same name"):
         open_photographs(tmp_path)
 
 
@@ -243,7 +243,7 @@ def test_grey_and_transparent_pictures_are_photographs(tmp_path: Path) -> None:
         np.testing.assert_array_equal(load_image(open_photographs(tmp_path / name), 0), wanted)
     (tmp_path / "deep").mkdir()
     cv2.imwrite(str(tmp_path / "deep" / "a.png"), picture.astype(np.uint16))
-    with pytest.raises(InputError, match=r"a\.png: not an image of 8 bits"):
+    with pytest.raises(InputError, match=r"a\.png: not an image with 8 bits"):
         load_image(open_photographs(tmp_path / "deep"), 0)
 
 
@@ -268,7 +268,7 @@ def test_the_last_line_counts_the_reasons() -> None:
     all_but_a_few = verdict_in_words(("ok",), 12, 5678, "in metres", [])
     assert all_but_a_few == "1 of 1 photographs ok, 12 of 5,678 points; in metres"
     for lost, said in ((["abutment", "cable"], "abutment, cable"), (["unlabelled"], "the points")):
-        hint = f" (more than half of {said} left out as unsure: raise [recon] max_deviation for more)"
+        hint = f" (more than half of {said} left out as too uncertain: raise [recon] max_deviation to keep more)"
         assert verdict_in_words(("ok",), 12, 5678, "in metres", lost) == all_but_a_few.replace(";", f"{hint};")
 
 

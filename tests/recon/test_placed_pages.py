@@ -110,9 +110,9 @@ def test_a_frame_made_of_gps_says_how_far_it_is_off(
     text = text_of(page)
     assert f"error of scale, 95 % below {limits['scale_percent']:.2g} %" in text
     assert f"error of place, 95 % below {limits['place_m']:.2g} m" in text
-    assert "fixes that agree 9 of 10" in text
-    assert "median distance of a camera from its fix" in text
-    assert "from its fix mm" in text
+    assert "GPS fixes that agree 9 of 10" in text
+    assert "median distance of a camera from its GPS fix" in text
+    assert "from its GPS fix mm" in text
     assert "camera-centre error" not in text
 
 
@@ -136,7 +136,7 @@ def test_without_a_frame_lengths_have_no_unit(
     said(capsys, "report", cloud, "-o", page)
     text, whole = text_of(page), page.read_text(encoding="utf-8")
     assert text.count("unit of length unknown") == 2
-    assert "GPS does not fix the frame fewer than three positions that differ" in text
+    assert "GPS does not determine the frame fewer than three positions that differ" in text
     assert '"title":{"text":"x [units of the model]"' in whole
     assert '"title":{"text":"x [m]"' not in whole
     assert '"unit":"units of the model"' in whole

@@ -192,7 +192,7 @@ def test_a_cut_model_is_refused(plane_cloud: Path, tmp_path: Path) -> None:
         folder = tmp_path / name
         shutil.copytree(plane_cloud / "sparse", folder)
         (folder / name).write_bytes((folder / name).read_bytes()[:-5])
-        with pytest.raises(InputError, match="not a whole COLMAP model"):
+        with pytest.raises(InputError, match="not a complete COLMAP model"):
             read_model(folder)
 
 
@@ -230,7 +230,7 @@ def test_no_lie_in_a_model_does_harm(tmp_path: Path, proof_count: Count, record_
         ("points3D.bin", 0, struct.pack("<Q", 2**50), "rows in"),
         ("images.bin", 0, struct.pack("<Q", 2**60), "rows in"),
         ("points3D.bin", 8 + 8, struct.pack("<d", np.nan), "a point is not finite"),
-        ("points3D.bin", 8, struct.pack("<Q", 10**6), "a point that is not there"),
+        ("points3D.bin", 8, struct.pack("<Q", 10**6), "a point that does not exist"),
         ("images.bin", 8 + 4, struct.pack("<4d", 0, 0, 0, 0), "a pose is not finite"),
     ],
 )

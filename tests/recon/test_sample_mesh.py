@@ -186,7 +186,7 @@ def test_only_seen_points_are_kept(tmp_path: Path) -> None:
     assert (np.bincount(sampled(scene, tmp_path / "all", points=7000).columns["instance"])[1:] > 0).all()
     with pytest.raises(InputError, match=r"test|survey"):
         sampled(scene, tmp_path / "other", points=10, min_views=1, survey="nobody")
-    with pytest.raises(InputError, match="0 are seen"):
+    with pytest.raises(InputError, match="only 0 of"):
         sampled(scene, tmp_path / "never", points=10, min_views=2)
     blind = dataclasses.replace(scene, cameras=(dataclasses.replace(scene.cameras[0], path=""),))
     with pytest.raises(InputError, match="no camera"):

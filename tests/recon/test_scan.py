@@ -180,8 +180,8 @@ def test_text_that_is_no_scan_says_why(tmp_path: Path) -> None:
     for text, reason in (
         ("", "holds no points"),
         ("1 2 3 4 5\n", "columns without names"),
-        ("1 2 3 -4 0 0\n", "not a colour"),
-        ("1 2 3 70000 0 0\n", "not a colour"),
+        ("1 2 3 -4 0 0\n", "not a color"),
+        ("1 2 3 70000 0 0\n", "not a color"),
         ("x y y z\n1 2 3 4\n", "a duplicate column"),
     ):
         (tmp_path / "a.xyz").write_text(text)
@@ -192,7 +192,7 @@ def test_text_that_is_no_scan_says_why(tmp_path: Path) -> None:
     head += "".join(f"property float {name}\n" for name in ("x", "y", "z", "red", "green", "blue")) + "end_header\n"
     for color in ("-1 0 0", "nan 0 0", "70000 0 0"):
         (tmp_path / "a.ply").write_text(f"{head}1 2 3 {color}\n")
-        with pytest.raises(InputError, match="not a colour"):
+        with pytest.raises(InputError, match="not a color"):
             read_scan(tmp_path / "a.ply")
 
 
@@ -224,7 +224,7 @@ DAMAGES: list[tuple[str, Damage, str]] = [
     ("las", put(94, "<H", 60_000), "header and points"),
     ("las", put(96, "<I", 2**32 - 1), "header and points"),
     ("las", put(100, "<I", 2**32 - 1), "beyond the points"),
-    ("las", put(375 + 20, "<H", 65_535), "longer than there is room"),
+    ("las", put(375 + 20, "<H", 65_535), "reaches beyond the points"),
     ("las", put(104, "<B", 11), "point format"),
     ("las", put(105, "<H", 4), "point format"),
     ("las", put(105, "<H", 40), "extra dimensions"),
@@ -236,8 +236,8 @@ DAMAGES: list[tuple[str, Damage, str]] = [
     ("laz", put(247, "<Q", 90_000_000), "LAZ"),
     ("laz", lambda data: put(105, "<H", 60_000)(put(247, "<Q", 90_000_000)(data)), "5400.0 GB"),
     ("laz", lambda data: data[:-1500], "LAZ"),
-    ("laz", swap(b"laszip encoded", b"laszip_encoded"), "record that says how"),
-    ("laz", put(105, "<H", 90), "other points|extra"),
+    ("laz", swap(b"laszip encoded", b"laszip_encoded"), "without the laszip record"),
+    ("laz", put(105, "<H", 90), "does not fit the point format|extra"),
     ("ply", lambda data: data[:60], "header"),
     ("ply", lambda data: data[:-1], "cut off"),
     ("ply", swap(b"vertex 300", b"vertex 1000000000000"), "too many points"),
@@ -253,7 +253,7 @@ DAMAGES: list[tuple[str, Damage, str]] = [
     ("ply", swap(b"property double x", b"property list uchar double x"), "lists"),
     ("ply", lambda data: first_point_of(data, (1.0, np.nan, 2.0)), "point 0 is not finite"),
     ("ply", lambda data: first_point_of(data, (1.0, 1e30, 2.0)), "point 0 is not finite"),
-    ("ply", swap(b"element vertex", b"element nothing 0\n" * 2000 + b"element vertex"), "more columns"),
+    ("ply", swap(b"element vertex", b"element nothing 0\n" * 2000 + b"element vertex"), "too many columns"),
 ]
 
 

@@ -93,7 +93,7 @@ def test_stations_stand_where_a_surveyor_would(tmp_path: Path) -> None:
     soffit = (seen["instance"] == 2) & (seen["normal"][:, 2] < -0.9)
     assert soffit.sum() > 1500
     water = named(ground(20.0), water=(1, "background"))
-    with pytest.raises(InputError, match="no firm place"):
+    with pytest.raises(InputError, match="no firm ground"):
         scanned(water, tmp_path / "lake")
 
 
@@ -131,7 +131,7 @@ def test_a_vehicle_drives_along_the_deck(tmp_path: Path) -> None:
         beams=8,
     )
     assert (flown.columns["instance"] >= 3).any()
-    with pytest.raises(InputError, match="this survey does not move"):
+    with pytest.raises(InputError, match="the camera of this survey does not move"):
         scanned(scene, tmp_path / "e", kind="mobile", path="test")
     with pytest.raises(InputError, match="no such survey"):
         scanned(scene, tmp_path / "f", kind="mobile", path="other")

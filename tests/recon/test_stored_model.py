@@ -84,5 +84,5 @@ def test_what_is_no_model_of_these_photographs(plane_capture: Path, plane_cloud:
     with pytest.raises(InputError, match="was changed after it was written"):
         read_stored_model(folder, capture)
     points.write_bytes(data[:-5])
-    with pytest.raises(InputError, match="not a whole COLMAP model"):
+    with pytest.raises(InputError, match="not a complete COLMAP model"):
         read_stored_model(folder, capture)

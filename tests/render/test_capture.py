@@ -216,7 +216,7 @@ def test_damaged_tables_are_named(tmp_path: Path) -> None:
     for old, new, message in (
         ('"survey"', '"surve"', "surve"),
         ("images/000001.jpg", "images/000009.jpg", r"000009\.jpg"),
-        ("images/000001.jpg", "../000001.jpg", "leaves the capture"),
+        ("images/000001.jpg", "../000001.jpg", "leads out of the capture"),
         ('"name": "000001"', '"name": "000000"', "same name"),
         ('"format_version": 1', '"format_version": 2', "format_version"),
         ("{", "[", "JSON"),

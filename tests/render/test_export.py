@@ -108,6 +108,6 @@ def test_photographs_alone_make_a_film_and_nothing_else(tmp_path: Path, truth: T
     truth.folder.rename(tmp_path / "hidden")
     for to in ("colmap", "nerfstudio"):
         (tmp_path / to).mkdir()
-        with pytest.raises(InputError, match="holds no truth"):
+        with pytest.raises(InputError, match="has no truth"):
             export_capture(tmp_path / "capture", to, tmp_path / to, SILENT)
     assert (written(tmp_path, "video") / "flight.mp4").stat().st_size > 1000

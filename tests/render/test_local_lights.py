@@ -125,7 +125,7 @@ def test_the_strongest_are_kept_with_one_warning(gl: Gl, ideal: RenderSettings) 
     box = (np.array([-10.0, -10, 0]), np.array([10.0, 10, 0]))
     chosen, said = choose_local_lights(replace(scene, sphere_lights=lights), box)
     assert chosen.positions[:, 0].tolist() == [-4, -3, -2, 0, 1, 2, 3, 4]
-    assert said == [f"2 of 10 SphereLights are left out: the {MOST} that give most light shine"]
+    assert said == [f"2 of 10 SphereLights are left out: only the {MOST} brightest are drawn"]
     kept = tuple(light for light in lights if light.position[0] not in (-1.0, 400.0))
     settings = ideal.model_copy(update={"quality": "fast"})
     shown = [radiance(gl, replace(scene, sphere_lights=some), settings)[0] for some in (lights, kept)]

@@ -118,7 +118,7 @@ def test_omnipbr_fed_by_a_node_is_named(tmp_path: Path) -> None:
     scene, material = read_one(tmp_path, omni("color3f inputs:diffuse_color_constant.connect = </Mat/S.outputs:out>"))
     assert material.base_color == pytest.approx((0.2, 0.2, 0.2))
     assert len(scene.warnings) == 1
-    assert "diffuse_color_constant of OmniPBR is fed by" in scene.warnings[0]
+    assert "diffuse_color_constant of OmniPBR comes from" in scene.warnings[0]
 
 
 def test_standard_surface_constants(tmp_path: Path) -> None:
@@ -139,7 +139,7 @@ def test_standard_surface_constants(tmp_path: Path) -> None:
     assert (material.roughness, material.metallic) == pytest.approx((0.35, 1.0))
     assert material.emissive == pytest.approx((1.5, 0.0, 0.0))
     assert (material.opacity, material.blends) == (pytest.approx(0.19), True)
-    assert scene.warnings == ("/Mat: its transmission is drawn as an opacity of 0.19",)
+    assert scene.warnings == ("/Mat: its transmission is drawn as opacity 0.19",)
 
 
 def test_standard_surface_textures(tmp_path: Path) -> None:
@@ -232,4 +232,4 @@ def test_a_network_that_is_more_than_one_texture_is_named(tmp_path: Path) -> Non
     nodes = 'def Shader "A" {\nuniform token info:id = "ND_multiply_color3"\ncolor3f outputs:out\n}'
     scene, material = read_one(tmp_path, standard("color3f inputs:base_color.connect = </Mat/A.outputs:out>", nodes))
     assert material.base_texture is None
-    assert scene.warnings == ("/Mat: base_color is fed by ND_multiply_color3, which is not read",)
+    assert scene.warnings == ("/Mat: base_color comes from ND_multiply_color3, which is not read",)

@@ -205,9 +205,9 @@ def test_odd_things_are_warned_of(tmp_path: Path, record_proof: RecordProof) -> 
     said = "\n".join(warnings(scene))
     assert "./scene.usda: /A: there is no file ./gone.png" in said
     assert "/A/T: type Truss needs a schema plugin" in said
-    assert "/A: no variant 'moon' in v; there are sun" in said
-    assert "/A/U brings in ./cm.usda with metersPerUnit 0.01 into a layer with 1.0" in said
-    assert "upAxis Y" in said
+    assert "/A: variant set v has no variant 'moon'; it has sun" in said
+    assert "/A/U references ./cm.usda, whose metersPerUnit is 0.01, not 1.0" in said
+    assert "upAxis is Y" in said
     assert len(said.splitlines()) == 5
     name = "stage/guard: missing texture, untyped prim, unknown variant, other unit and up axis are named"
     record_proof(name, 5, 0, {"lines": len(said.splitlines())})

@@ -90,8 +90,8 @@ def test_sphere_lights(header: str, unit: float, tmp_path: Path) -> None:
     assert point.radius == 0.0
     assert spot.radius == pytest.approx(unit)
     assert {line for line in scene.warnings if "SphereLight" in line} == {
-        "/Pole/Dark: a SphereLight that gives no light: left out",
-        "/Pole/Spot: the shaping of a SphereLight is left out: it shines all around",
+        "/Pole/Dark: a SphereLight that emits no light: left out",
+        "/Pole/Spot: the shaping of a SphereLight is left out: it shines in all directions",
     }
 
 
@@ -141,8 +141,8 @@ def test_panels(header: str, unit: float, tmp_path: Path) -> None:
         np.testing.assert_allclose(shines / np.linalg.norm(shines), down, atol=1e-12)
     said = {line for line in scene.warnings if "Light" in line}
     assert said == {
-        "/Pole/Flat: a RectLight that gives no light: left out",
-        "/Pole/Normalized: the picture of a RectLight is left out: it shines evenly",
+        "/Pole/Flat: a RectLight that emits no light: left out",
+        "/Pole/Normalized: the texture of a RectLight is left out: it shines uniformly",
     }
 
 
@@ -190,4 +190,4 @@ def test_missing_sky_is_plain(tmp_path: Path) -> None:
     scene = read_body(tmp_path, GROUND + 'def DomeLight "Sky" {\nasset inputs:texture:file = @./no.exr@\n}\n')
     assert scene.dome is not None
     assert scene.dome.file == ""
-    assert "/Sky: no texture ./no.exr: the dome is plain" in scene.warnings
+    assert "/Sky: no texture ./no.exr: the dome has one color" in scene.warnings

@@ -286,7 +286,7 @@ def test_detail(tmp_path: Path) -> None:
     assert scene.warnings == ("/Mat: detail beyond 3 octaves is left out",)
     scene, material = read_one(tmp_path, network("", "", outside.replace("[0.25, 0.5]", "[0.25]")))
     assert material.detail.file == ""
-    assert scene.warnings == ("/Mat: detail:periods and detail:amplitudes differ in number: fine detail is left out",)
+    assert scene.warnings == ("/Mat: detail:periods and detail:amplitudes differ in length: fine detail is left out",)
 
 
 def test_collection_binding(tmp_path: Path) -> None:

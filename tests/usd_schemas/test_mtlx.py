@@ -146,7 +146,7 @@ def test_nothing_is_included(tmp_path: Path) -> None:
     include = '<xi:include href="other.mtlx"/>'
     write_document(tmp_path, include + GLTF, ' xmlns:xi="http://www.w3.org/2001/XInclude"')
     _, said = material_of(tmp_path, "Paint")
-    assert said == ("./look.mtlx: what it includes is not read",)
+    assert said == ("./look.mtlx: the files that it includes are not read",)
     hidden, said = material_of(tmp_path, "Hidden")
     assert hidden.name == "fallback"
 

@@ -224,7 +224,7 @@ def test_what_moves_is_drawn_at_the_time_of_the_one_image(tmp_path: Path) -> Non
     rig = f'def Xform "Rig" {{\n{keys}def Camera "C" {{}}\n}}\n'
     assert not any("move" in line for line in read_body(tmp_path, rig + f'def Mesh "M" {{\n{SQUARE}}}').warnings)
     scene = read_body(tmp_path, f'def Xform "X" {{\n{keys}def Mesh "M" {{\n{SQUARE}}}\ndef Cube "C" {{}}\n}}\n')
-    assert "2 parts move: drawn at the time of the one image; --frame FIRST:LAST takes more" in scene.warnings
+    assert "2 parts move: drawn at the time of the one image; --frame FIRST:LAST renders more" in scene.warnings
     np.testing.assert_allclose(bounds(scene), [[-1, -1, -1], [1, 1, 1]])
 
 

@@ -133,7 +133,7 @@ def test_strands_move(tmp_path: Path) -> None:
         (curves("(0, 0, 0), (1, 0, 0)"), "/C: BasisCurves without width is not drawn"),
         ('def Points "C" {\npoint3f[] points = [(0, 0, 0)]\n}', "/C: Points without width is not drawn"),
         (curves("(0, 0, 0), (1, 0, 0)", counts="3", more="float[] widths = [1]"), "do not fit together: not drawn"),
-        (curves("(0, 0, 0), (nan, 0, 0)", more="float[] widths = [1]"), "not finite, or of another type: not drawn"),
+        (curves("(0, 0, 0), (nan, 0, 0)", more="float[] widths = [1]"), "not finite, or have a wrong type: not drawn"),
         (curves("(0, 0, 0), (1, 0, 0)", more="string widths = 'x'"), "/C: "),
         (curves("(0, 0, 0)", counts="1", more="float[] widths = [1]"), "no curve has enough points: not drawn"),
         ('def NurbsPatch "C" {\n}', "/C: NurbsPatch is not drawn"),

@@ -149,7 +149,7 @@ def test_unknown_names_are_bad_input() -> None:
     """Messages list what is allowed."""
     with pytest.raises(InputError, match=r"unknown taxonomy .*'kim'.*kim2023"):
         taxonomy("kim")
-    with pytest.raises(InputError, match=r"no row in the taxonomy kim2023 .*'girdr'"):
+    with pytest.raises(InputError, match=r"no class in the taxonomy kim2023 .*'girdr'"):
         taxonomy("kim2023").row_of("girdr")
 
 
@@ -199,4 +199,4 @@ def test_a_broken_map_is_named(tmp_path: Path) -> None:
     scene = read_body(tmp_path, stage_with(table, ("tree", "column")))
     assert scene.draws.label.tolist() == [16]
     assert any("labelNames and labelClasses" in line for line in scene.warnings)
-    assert any("class id 16 is kept for noisy_point, not for 'column'" in line for line in scene.warnings)
+    assert any("class id 16 is reserved for noisy_point: it is not 'column'" in line for line in scene.warnings)

@@ -20,7 +20,7 @@ FAMILY = f"""def Xform "{{}}" (
 SAID = {
     "drawMode": (
         FAMILY.format("A") + FAMILY.format("B"),
-        "/A: model:drawMode cards is left out: drawn as its geometry (and 1 more)",
+        "/A: model:drawMode cards is left out: its geometry is drawn (and 1 more)",
     ),
     "light linking": (
         MESH + 'def DistantLight "Sun" {\n rel collection:lightLink:excludes = </M>\n}\n',
@@ -32,7 +32,7 @@ SAID = {
     ),
     "mesh light": (
         MESH.replace('"M"', '"M" (prepend apiSchemas = ["MeshLightAPI"])'),
-        "/M: MeshLightAPI is left out: the mesh is drawn, and gives no light",
+        "/M: MeshLightAPI is left out: the mesh is drawn, but emits no light",
     ),
     "volume": (MESH + 'def Volume "Smoke" {}\n', "/Smoke: Volume is not drawn"),
     "curves": (MESH + 'def BasisCurves "Hair" {}\n', "/Hair: BasisCurves without width is not drawn"),
@@ -43,7 +43,7 @@ SAID = {
     "focus": (MESH + 'def Camera "C" {\n float fStop = 2.8\n}\n', "/C: fStop is left out: everything is sharp"),
     "shutter": (
         MESH + 'def Camera "C" {\n double shutter:open = -0.25\n double shutter:close = 0.25\n}\n',
-        "/C: the shutter's interval is left out: what moves is not blurred",
+        "/C: the shutter's interval is left out: there is no motion blur",
     ),
 }
 

@@ -130,8 +130,8 @@ class ComposedSize:
         for what, own, other in zip(("metersPerUnit", "upAxis"), ours, theirs, strict=True):
             if own is not None and other is not None and own != other:
                 self._warn(
-                    f"{self._bounds.name(Path(layer.realPath))}: {holder} brings in {self._bounds.name(target)} with "
-                    f"{what} {other} into a layer with {own}; USD converts neither: it needs an xform that does"
+                    f"{self._bounds.name(Path(layer.realPath))}: {holder} references {self._bounds.name(target)}, "
+                    f"whose {what} is {other}, not {own}; USD does not convert it: add a transform that does"
                 )
 
 

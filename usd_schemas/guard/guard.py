@@ -43,12 +43,14 @@ def check_stage(path: Path, allow_roots: tuple[Path, ...], warn: Warn, most_prim
         layers = walk_layers(file, bounds, warn)
         size = sum(layer.stat().st_size for layer in layers)
         if size > MOST_BYTES:
-            raise InputError(f"its layers hold {size / 1e9:.1f} GB", where=path, allowed=f"{MOST_BYTES / 1e9:.0f} GB")
+            raise InputError(
+                f"its layers hold {size / 1e9:.1f} GB", where=path, allowed=f"up to {MOST_BYTES / 1e9:.0f} GB"
+            )
         if file.suffix != ".usdz":
             ComposedSize(bounds, most_prims, warn).count(file)
         _check_composed(Usd.Stage.Open(str(file)), most_prims, warn)
     except RecursionError:
-        raise InputError("prims or references are nested too deep", where=path, hint="Flatten the stage") from None
+        raise InputError("prims or references are nested too deeply", where=path, hint="Flatten the stage") from None
     finally:
         del quiet
 
@@ -77,11 +79,13 @@ def _check_composed(stage: Usd.Stage, most_prims: int, warn: Warn) -> None:
         kind = prim.GetTypeName()
         if kind and Usd.SchemaRegistry.GetTypeFromSchemaTypeName(kind).isUnknown:
             warn(
-                f"{prim.GetPath()}: type {kind} needs a schema plugin that is not here: it is not drawn, and neither "
-                f"is its transform applied to what is below"
+                f"{prim.GetPath()}: type {kind} needs a schema plugin that is not installed: it is not drawn, and its "
+                f"transform is not applied to the prims below it"
             )
         sets = prim.GetVariantSets()
         for name in sets.GetNames():
             chosen = sets.GetVariantSelection(name)
             if chosen and chosen not in (known := sets.GetVariantSet(name).GetVariantNames()):
-                warn(f"{prim.GetPath()}: no variant {chosen!r} in {name}; there are {', '.join(sorted(known))}")
+                warn(
+                    f"{prim.GetPath()}: variant set {name} has no variant {chosen!r}; it has {', '.join(sorted(known))}"
+                )

@@ -145,7 +145,7 @@ def _refuse_found(layer: Sdf.Layer, file: Path, name: str, bounds: Bounds) -> No
     found = found_by(layer, name).partition("[")[0]
     if found and Path(found).exists() and not bounds.contain(Path(found).resolve()):
         raise InputError(
-            f"{name} is not there, and would be taken from {Path(found).parent}",
+            f"{name} is not there, and USD would read it from {Path(found).parent}",
             where=f"{bounds.name(file)}{_holder(layer, name)}",
             allowed="files below the folder of the root layer",
             hint="Copy the file there",
@@ -165,7 +165,7 @@ def _inside(file: Path, name: str, bounds: Bounds, holder: str) -> Path:
     try:
         target = (file.parent / name.partition("[")[0]).resolve()
     except (OSError, ValueError):  # too long, circular links, or NUL
-        raise InputError("not the name of a file", where=bounds.name(file), value=name) from None
+        raise InputError("not a file name", where=bounds.name(file), value=name) from None
     if remote or not bounds.contain(target):
         how = "is remote" if remote else "leads out of the allowed folders"
         raise InputError(

@@ -40,7 +40,7 @@ def check_package(file: Path, where: str) -> None:
             continue
         seen.add(identifier)
         if len(seen) > MOST_LAYERS:
-            raise InputError("holds too many layers", where=where, allowed=str(MOST_LAYERS))
+            raise InputError("holds too many layers", where=where, allowed=f"up to {MOST_LAYERS}")
         inside = f"{where}[{identifier.partition('[')[2]}"
         layer = _opened(identifier, inside)
         for name in named_by(layer, identifier):
@@ -50,7 +50,7 @@ def check_package(file: Path, where: str) -> None:
                     f"{name} leads out of the package",
                     where=inside,
                     allowed="files inside the package",
-                    hint="Package it anew with all that it uses",
+                    hint="Package it again with all the files that it uses",
                 )
             if is_layer(target.rstrip("]")):
                 pending.append(target)

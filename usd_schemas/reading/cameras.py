@@ -172,7 +172,7 @@ def _near(camera: UsdGeom.Camera, unit: float, warn: Warn) -> float:
     if 0.0 < near < min(far, FARTHEST_NEAR):
         return near
     if near > 0.0 or not np.isfinite(near):
-        warn(f"{camera.GetPath()}: its clippingRange {range_told} shows nothing: drawn from {DEFAULT_NEAR:g} m on")
+        warn(f"{camera.GetPath()}: its clippingRange {range_told} is unusable: drawn from {DEFAULT_NEAR:g} m on")
     return DEFAULT_NEAR
 
 

@@ -120,7 +120,7 @@ def check_choices(choices: StageChoices) -> None:
     """
     for purpose in choices.purposes:
         if purpose not in PURPOSES:
-            raise InputError("not a purpose of USD", field="--purpose", value=purpose, allowed=", ".join(PURPOSES))
+            raise InputError("not a USD purpose", field="--purpose", value=purpose, allowed=", ".join(PURPOSES))
     for name, side in (("--width", choices.width), ("--height", choices.height)):
         if not 0 <= side <= LARGEST_SIDE:
             raise InputError("image size out of range", field=name, value=side, allowed=f"1 to {LARGEST_SIDE} px")

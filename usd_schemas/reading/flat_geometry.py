@@ -174,7 +174,7 @@ def _split(placement: Placement, warn: Warn) -> _Split:
     bound, labeled = np.zeros(count, np.int64), np.zeros(count, np.int64)
     for row, (subset, family, faces) in enumerate(subsets, start=1):
         if len(faces) and not 0 <= faces.min() <= faces.max() < count:
-            warn(f"{subset.GetPath()}: indices name faces that do not exist: ignored")
+            warn(f"{subset.GetPath()}: its indices name faces that do not exist: ignored")
             faces = faces[(faces >= 0) & (faces < count)]
         if family == _BIND_FAMILY:
             bound[faces] = row

@@ -70,7 +70,7 @@ def _read_omni(path: str, shader: UsdShade.Shader, note: Callable[[str], None]) 
     def source(name: str) -> Source:
         found = find_source(shader, name)
         if found.shader:
-            note(f"{name} of OmniPBR is fed by {found.shader.GetShaderId() or 'an unknown node'}, which is not read")
+            note(f"{name} of OmniPBR comes from {found.shader.GetShaderId() or 'an unknown node'}, which is not read")
         return found
 
     def texture(name: str, srgb: bool) -> Texture | None:
@@ -262,7 +262,7 @@ def _see_through(
         told = Source()  # opaque, whatever the alpha
     opacity = 1.0 - (1.0 - _CLEAREST) * min(max(sent, 0.0), 1.0)
     if sent > 0.0:
-        note(f"its transmission is drawn as an opacity of {opacity:.2g}")
+        note(f"its transmission is drawn as opacity {opacity:.2g}")
     if told.shader is not None:
         found = _image(told, False, names.opacity, note)
         return opacity, found and found[0]
@@ -295,7 +295,7 @@ def _image(source: Source, is_color: bool, name: str, note: Callable[[str], None
         return None
     kind = shader.GetShaderId() or "an unknown node"
     if not kind.startswith(_IMAGES) or not 0 <= channel <= _ALPHA:
-        note(f"{name} is fed by {kind}, which is not read")
+        note(f"{name} comes from {kind}, which is not read")
         return None
     told = find_source(shader, "file")
     file = asset_file(told.value)
@@ -327,7 +327,7 @@ def _placed(shader: UsdShade.Shader, note: Callable[[str], None]) -> tuple[Textu
         angle = np.deg2rad(number_of(find_source(place, "rotate"), 0.0))  # clockwise
         turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         if int(number_of(find_source(place, "operationorder"), 0.0)):
-            note("place2d of another order is read as scale, rotate, translate")
+            note("this operationorder of place2d is not supported: read as scale, rotate, translate")
         whole = turn @ np.diag(1.0 / np.where(scale == 0.0, 1.0, scale))
         shift = shift + np.diag(tiling) @ (pivot - moved - whole @ pivot)
         linear = np.diag(tiling) @ whole

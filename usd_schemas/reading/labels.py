@@ -77,7 +77,7 @@ def read_taxonomy(stage: Usd.Stage, warn: Warn) -> Taxonomy:
     reserved = {row.id: row.name for row in class_rows() if row.id in RESERVED}
     for row in rows:
         if row.name != reserved.get(row.id, row.name):
-            warn(f"{tokens.SEMANTIC_VAR}: class id {row.id} is kept for {reserved[row.id]}, not for {row.name!r}")
+            warn(f"{tokens.SEMANTIC_VAR}: class id {row.id} is reserved for {reserved[row.id]}: it is not {row.name!r}")
     labels, classes = _value(prim, tokens.LABEL_NAMES) or [], _value(prim, tokens.LABEL_CLASSES) or []
     if len(labels) != len(classes) or not set(classes) <= {row.name for row in rows}:
         warn(f"{tokens.SEMANTIC_VAR}: labelNames and labelClasses do not fit the classes: ignored")

@@ -121,12 +121,12 @@ def _read_sphere(prim: Usd.Prim, stage_to_world: F64, warn: Warn) -> SphereLight
     intensity = color * (unit**2 / 4 if _is_normalized(prim) else np.pi * radius**2)
     path = prim.GetPath()
     if not (np.isfinite(matrix).all() and np.isfinite(intensity).all() and intensity.max() > 0.0):
-        warn(f"{path}: a SphereLight that gives no light: left out")
+        warn(f"{path}: a SphereLight that emits no light: left out")
         return None
     if np.ptp(scales) > _ROUND * scales.max():
-        warn(f"{path}: a stretched SphereLight is read as a ball of the same volume")
+        warn(f"{path}: a stretched SphereLight is read as a sphere of the same volume")
     if prim.HasAPI(UsdLux.ShapingAPI):
-        warn(f"{path}: the shaping of a SphereLight is left out: it shines all around")
+        warn(f"{path}: the shaping of a SphereLight is left out: it shines in all directions")
     x, y, z = matrix[:3, 3].tolist()
     red, green, blue = intensity.tolist()
     return SphereLight((x, y, z), radius, (red, green, blue))
@@ -149,13 +149,13 @@ def _read_panel(prim: Usd.Prim, stage_to_world: F64, warn: Warn) -> SphereLight 
     unit = float(np.linalg.norm(stage_to_world[:3, 0]))
     intensity = np.array(_radiance(prim)) * (unit**2 if _is_normalized(prim) else area)
     if not (np.isfinite(matrix).all() and np.isfinite(intensity).all() and intensity.max() > 0.0 < area):
-        warn(f"{path}: a {kind} that gives no light: left out")
+        warn(f"{path}: a {kind} that emits no light: left out")
         return None
     if prim.HasAPI(UsdLux.ShapingAPI):
-        warn(f"{path}: the shaping of a {kind} is left out: it shines to all of its side")
+        warn(f"{path}: the shaping of a {kind} is left out: it shines in all directions of its side")
     texture = prim.GetAttribute("inputs:texture:file")
     if texture and texture.HasAuthoredValue():
-        warn(f"{path}: the picture of a {kind} is left out: it shines evenly")
+        warn(f"{path}: the texture of a {kind} is left out: it shines uniformly")
     x, y, z = matrix[:3, 3].tolist()
     red, green, blue = intensity.tolist()
     (a, b, c), (d, e, f) = across.tolist(), up.tolist()
@@ -173,7 +173,7 @@ def _read_dome(prim: Usd.Prim, turn: F64, warn: Warn) -> Dome:
     layout = str(prim.GetAttribute("inputs:texture:format").Get(EARLIEST))
     file = asset_file(value)
     if value is not None and value.path and not file:
-        warn(f"{prim.GetPath()}: no texture {value.path}: the dome is plain")
+        warn(f"{prim.GetPath()}: no texture {value.path}: the dome has one color")
     elif file and layout not in ("automatic", "latlong"):
         warn(f"{prim.GetPath()}: texture format {layout} is read as latlong")
     rows = tuple((float(a), float(b), float(c)) for a, b, c in rotation.tolist())

@@ -65,7 +65,7 @@ def read_material(material: UsdShade.Material, warn: Warn) -> ReadMaterial:
         others = (material.ComputeSurfaceSource(context)[0] for context in _CONTEXTS)
         names = (other.GetShaderId() or other.GetPrim().GetName() for other in others if other)
         named = kind or next(names, "no surface")
-        warn(f"{path}: a material that is no UsdPreviewSurface ({named}): drawn in displayColor or grey")
+        warn(f"{path}: a material without a UsdPreviewSurface ({named}): drawn in displayColor or grey")
         return ReadMaterial(None)
     return _read_preview(path, material, surface, warn)
 
@@ -189,7 +189,7 @@ def _read_texture(source: Source, is_color: bool, name: str, note: Warn) -> _Sam
     if shader is None:
         return None
     if shader.GetShaderId() != "UsdUVTexture":
-        note(f"{name} is fed by {shader.GetShaderId() or 'an unknown node'}, which is not read")
+        note(f"{name} comes from {shader.GetShaderId() or 'an unknown node'}, which is not read")
         return None
     value = find_source(shader, "file").value
     file = asset_file(value)
@@ -268,7 +268,7 @@ def _see_through(
     if cut.file == own.file and opacity.channel == _ALPHA:
         return base, opacity.threshold
     if (cut.scale, cut.rotation, cut.translation) != (own.scale, own.rotation, own.translation):
-        note("opacity that lies otherwise on the surface than diffuseColor is drawn as that lies")
+        note("opacity and diffuseColor have different texture transforms: that of diffuseColor is used for both")
     return replace(base, texture=replace(own, alpha=cut.file, alpha_channel=opacity.channel)), opacity.threshold
 
 
@@ -285,7 +285,7 @@ def _read_detail(prim: Usd.Prim, note: Warn) -> Detail:
         for attribute in map(prim.GetAttribute, ("falsework:detail:periods", "falsework:detail:amplitudes"))
     )
     if len(periods) != len(amplitudes):
-        note("detail:periods and detail:amplitudes differ in number: fine detail is left out")
+        note("detail:periods and detail:amplitudes differ in length: fine detail is left out")
     if not files[0] or len(periods) != len(amplitudes):
         return Detail(macro_file=files[1])
     if len(periods) > MOST_OCTAVES:

@@ -101,7 +101,7 @@ def read_mesh(
     if normals is None and level and prim.IsA(UsdGeom.Mesh) and _scheme(prim) == UsdGeom.Tokens.catmullClark:
         faces, parent, (st, st1, colors), normals = _refined(prim, faces, (st, st1, colors), left_handed, level, notes)
     elif prim.IsA(UsdGeom.Mesh) and _scheme(prim) == UsdGeom.Tokens.loop:
-        notes.append("a loop surface is drawn as its cage")
+        notes.append("a Loop subdivision surface is drawn as its control mesh")
     normals = _complete_normals(prim, normals, faces, left_handed)
     triangles, face = triangulate(faces.points, faces.counts, faces.corners)
     face = parent[face]
@@ -160,7 +160,7 @@ def _refined(
     while level and len(faces.corners) * 4 ** (level - 1) > _MOST_CORNERS:
         level -= 1
     if not level:
-        notes.append("a subdivision surface that is drawn as its cage: it is fine enough")
+        notes.append("a subdivision surface is drawn as its control mesh, which is fine enough")
     told = [None if one is None else one.data[one.index] for one in values]
     cage, refined = _cage(prim, faces), [one for one in told if one is not None]
     for _ in range(level):
@@ -234,7 +234,7 @@ def _read_faces(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> _Faces:
     corners = numbers_of(mesh.GetFaceVertexIndicesAttr().Get(time))
     if points is None or counts is None or corners is None:
         name = "points" if points is None else "faceVertexCounts" if counts is None else "faceVertexIndices"
-        raise UnreadableMeshError(f"its {name} are of another type")
+        raise UnreadableMeshError(f"its {name} have a wrong type")
     if np.any(counts < 0) or counts.sum() != len(corners):
         raise UnreadableMeshError("faceVertexCounts and faceVertexIndices do not fit together")
     if len(corners) and not 0 <= corners.min() <= corners.max() < len(points):
@@ -263,7 +263,7 @@ def _read_normals(mesh: UsdGeom.Mesh, faces: _Faces, time: Usd.TimeCode, notes: 
         return found
     values = table_of(attribute.Get(time), 3)
     if values is None:
-        notes.append("normals are of another type: ignored")
+        notes.append("normals have a wrong type: ignored")
         return None
     return _on_corners("normals", values, None, str(mesh.GetNormalsInterpolation()), faces, notes)
 
@@ -278,7 +278,7 @@ def _read_primvar(
     data = table_of([value] if _is_row(value, width) else value, width)
     indices = numbers_of(primvar.GetIndices(time)) if primvar.IsIndexed() else None
     if data is None or not len(data) or (primvar.IsIndexed() and indices is None):
-        notes.append(f"primvars:{name} is empty or of another type: ignored")
+        notes.append(f"primvars:{name} is empty or has a wrong type: ignored")
         return None
     return _on_corners(f"primvars:{name}", data, indices, str(primvar.GetInterpolation()), faces, notes)
 
@@ -301,7 +301,7 @@ def _on_corners(
     }.get(interpolation)
     rows = len(data) if index is None else len(index)
     if corner is None:
-        notes.append(f"{name} has an interpolation that there is not: ignored")
+        notes.append(f"{name} has an unknown interpolation: ignored")
         return None
     if (len(corner) and corner.max() >= rows) or (
         index is not None and len(index) and (index.min() < 0 or index.max() >= len(data))

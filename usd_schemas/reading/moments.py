@@ -68,7 +68,7 @@ def flatten_moments(
     times = sorted(codes)
     still = [placement for placement in placed.found if not placement.moves]
     if _is_too_much(placed.found, len(times)):
-        warn(f"what moves is too much for {len(times)} images: drawn in all of them as in the first")
+        warn(f"too many moving parts for {len(times)} images: all show the time of the first")
         times = times[:1]
     moved = [_moved(stage, codes[time], choices, warn) for time in times]
     flat = flatten([still, *moved], stage_to_world, table, choices.subdivision, warn)
@@ -103,9 +103,9 @@ def _rows(draws: Draws, begin: int, end: int) -> Draws:
 
 def _tell(taken: list[list[Usd.TimeCode]], parts: int, warn: Warn) -> None:
     if max((len(codes) for codes in taken), default=1) > 1:
-        warn(f"{parts} parts move: each image shows them at its own time; the light volume is that of the first")
+        warn(f"{parts} parts move: each image shows its own time; the indirect light is that of the first")
     else:
-        warn(f"{parts} parts move: drawn at the time of the one image; --frame FIRST:LAST takes more")
+        warn(f"{parts} parts move: drawn at the time of the one image; --frame FIRST:LAST renders more")
 
 
 def _marked(rows: tuple[InstanceRow, ...], moments: tuple[Draws, ...]) -> tuple[InstanceRow, ...]:

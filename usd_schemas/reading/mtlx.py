@@ -63,7 +63,7 @@ def read_document(path: Path) -> Document:
 
     data = read_regular(path)
     if len(data) > _LARGEST:
-        raise InputError("the document is too large", where=path, value=len(data), allowed=f"{_LARGEST} bytes")
+        raise InputError("the document is too large", where=path, value=len(data), allowed=f"up to {_LARGEST} bytes")
     options = MaterialX.XmlReadOptions()
     options.readXIncludeFunction = None
     content = MaterialX.createDocument()
@@ -323,7 +323,7 @@ class Adopted:
             self.notes.append(f"{error}: left out")
             return None
         if document.includes:
-            self.notes.append(f"{target}: what it includes is not read")
+            self.notes.append(f"{target}: the files that it includes are not read")
         layer = translate(document)
         self.files[layer.identifier] = target
         return layer

@@ -18,9 +18,9 @@ def reason_of(error: Exception) -> str:
         said = [str(part.commentary) for part in error.args if hasattr(part, "commentary")] or [str(error)]
         lines = [" ".join(text.split()) for text in said if text.strip()]
     except UnicodeDecodeError:
-        return "it holds bytes that are no text"
+        return "it holds bytes that are not text"
     if not lines:
-        return "USD does not say why"
+        return "USD gives no reason"
     found = next((match for line in lines if (match := _PLACE.match(line))), None)
     if found:
         cause = _RULE.sub(r"expected \1", found["cause"])

@@ -207,7 +207,7 @@ class _Walker:
         matrices = np.array(matrices, np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
         if len(matrices) != len(chosen) or here.depth >= _DEEPEST or not all(targets):
             if len(chosen):
-                self._warn(f"{path}: a PointInstancer whose prototypes or positions are missing: not drawn")
+                self._warn(f"{path}: a PointInstancer without prototypes or positions: not drawn")
             return []
         if len(chosen) and not 0 <= chosen.min() <= chosen.max() < len(targets):
             self._warn(f"{path}: protoIndices name prototypes that do not exist: those instances are not drawn")

@@ -27,7 +27,7 @@ def bake_skins(stage: Usd.Stage, warn: Warn) -> None:
         except MISTYPED:
             baked = False
         if not baked:
-            warn(f"{path}: its skeleton cannot be read: drawn as its meshes rest")
+            warn(f"{path}: its skeleton cannot be read: its meshes are drawn undeformed")
 
 
 def _free_instances(stage: Usd.Stage, roots: list[Usd.Prim]) -> None:

@@ -134,7 +134,7 @@ def choose_variants(stage: Usd.Stage, variants: tuple[tuple[str, str, str], ...]
         sets = prim.GetVariantSets()
         if name not in sets.GetNames():
             known = ", ".join(sets.GetNames()) or "none"
-            raise InputError("the prim has no such variant set", field="--variant", value=told, allowed=known)
+            raise InputError("the prim has no variant set of this name", field="--variant", value=told, allowed=known)
         known = sets.GetVariantSet(name).GetVariantNames()
         if chosen not in known:
             raise InputError("no such variant", field="--variant", value=told, allowed=", ".join(known))

@@ -88,7 +88,7 @@ def read_strands(prim: Usd.Prim, time: Usd.TimeCode, color_name: str, notes: lis
     """
     points = table_of(prim.GetAttribute("points").Get(time), 3)
     if points is None or not np.isfinite(points).all():
-        raise UnreadableMeshError("its points are not finite, or of another type")
+        raise UnreadableMeshError("its points are not finite, or have a wrong type")
     colored = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(color_name)
     colors = table_of(colored.ComputeFlattened(time), 3) if colored and colored.HasValue() else None
     colors = None if colors is None or not len(colors) else colors
@@ -116,7 +116,7 @@ def _widths(prim: Usd.Prim, time: Usd.TimeCode) -> tuple[F64, str]:
         told = str(own.GetWidthsInterpolation())
     widths = _numbers(value)
     if widths is None or not len(widths) or not np.isfinite(widths).all():
-        raise UnreadableMeshError("its widths are not finite, or of another type")
+        raise UnreadableMeshError("its widths are not finite, or have a wrong type")
     return np.abs(widths)[:, None], told
 
 

@@ -50,7 +50,7 @@ def guarded(prim: Usd.Prim, warn: Callable[[str], None], what: str = "left out")
         yield
     except (*MISTYPED, InputError) as error:
         reason = reason_of(error) if str(error).strip() else type(error).__name__
-        warn(f"{prim.GetPath()}: a value of another type than its schema says ({reason}): {what}")
+        warn(f"{prim.GetPath()}: a value of a wrong type for its schema ({reason}): {what}")
 
 
 def table_of(value: Any, width: int) -> NDArray[np.float64] | None:

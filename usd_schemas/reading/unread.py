@@ -30,7 +30,7 @@ def note_unread(stage: Usd.Stage, warn: Warn) -> None:
 def _unread(prim: Usd.Prim) -> Iterator[str]:
     mode = _value(prim, "model:drawMode")
     if mode in _DRAW_MODES:
-        yield f"model:drawMode {mode} is left out: drawn as its geometry"
+        yield f"model:drawMode {mode} is left out: its geometry is drawn"
     if prim.IsA(UsdGeom.Camera):
         yield from _of_camera(UsdGeom.Camera(prim))
     if prim.HasAPI(UsdLux.LightAPI) or prim.HasAPI(UsdLux.MeshLightAPI):
@@ -49,14 +49,14 @@ def _of_camera(camera: UsdGeom.Camera) -> Iterator[str]:
     if (told["fStop"] or 0.0) > 0.0 and camera.GetFStopAttr().HasAuthoredValue():
         yield "fStop is left out: everything is sharp"
     if told["shutter:open"] != told["shutter:close"]:
-        yield "the shutter's interval is left out: what moves is not blurred"
+        yield "the shutter's interval is left out: there is no motion blur"
     if camera.GetClippingPlanesAttr().Get(EARLIEST):
         yield "clippingPlanes are left out"
 
 
 def _of_light(prim: Usd.Prim) -> Iterator[str]:
     if prim.HasAPI(UsdLux.MeshLightAPI):
-        yield "MeshLightAPI is left out: the mesh is drawn, and gives no light"
+        yield "MeshLightAPI is left out: the mesh is drawn, but emits no light"
     for name in _LINKS:
         root, targets = _value(prim, f"collection:{name}:includeRoot"), []
         for side in ("includes", "excludes"):

@@ -350,7 +350,7 @@ def test_impossible_axis_names_key_rule_and_nearest_value(
         attempt()
     message = str(caught.value)
     assert "\n" not in message
-    named = re.search(r"[Nn]earest valid: ([\d.]+\d)", message)
+    named = re.search(r"nearest valid value is ([\d.]+\d)", message)
     assert named is not None, message
     value = float(named[1])
     assert nearest is None or value == pytest.approx(nearest, abs=0.15)

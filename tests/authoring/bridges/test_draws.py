@@ -89,7 +89,7 @@ def test_options_are_drawn_by_the_shares_that_are_told(profile: str, shares: dic
 def test_the_shares_are_told_by_the_numbers() -> None:
     """A setting's description ends with what its options are drawn by."""
     told = {key: field.description for key, field in Options.model_fields.items()}
-    bed = "What lies there; drawn ballast 75 %, slab 25 % of all; in profile paper sand and slab alike"
+    bed = "What lies there; drawn ballast 75 %, slab 25 % of all; in profile paper sand and slab equally often"
     assert told == {
         "bed": bed,
         "lit": "Lamps; drawn true 25 %; in profile paper never",

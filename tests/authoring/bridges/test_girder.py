@@ -235,14 +235,14 @@ def test_a_long_bridge_stays_within_its_parts() -> None:
 @pytest.mark.parametrize(
     ("girder", "field", "words"),
     [
-        ({"spans": [30.0, 300.0]}, "bridge.girder.spans", "10 to 90 m.*nearest is 90 m"),
+        ({"spans": [30.0, 300.0]}, "bridge.girder.spans", "10 to 90 m.*nearest valid value is 90 m"),
         ({"spans": [30.0], "steel": {"haunch": "parabolic"}}, "bridge.girder.steel.haunch", "continuous over a pier"),
         (
             {"spans": [30.0, 30.0], "continuous": False, "steel": {"haunch": "straight"}},
             "bridge.girder.steel.haunch",
             "continuous over a pier",
         ),
-        ({"steel": {"count": 12}}, "bridge.girder.steel.count", "2.2 to 3.6 m apart.*nearest [0-9]"),
+        ({"steel": {"count": 12}}, "bridge.girder.steel.count", "2.2 to 3.6 m apart.*nearest valid number is [0-9]"),
     ],
 )
 def test_contradictions_name_key_rule_and_nearest_value(girder: dict[str, Any], field: str, words: str) -> None:

@@ -141,8 +141,16 @@ def test_the_paper_puts_a_pier_every_ten_metres_under_a_slab_one_metre_deep() ->
             "",
         ),
         ({"slab": {"spans": [10.0] * 9}}, "slab.spans", ""),
-        ({"slab": {"spans": [18.0], "depth": 0.3}, "service": "road"}, "bridge.slab.depth", "nearest is 0.59 m"),
-        ({"slab": {"spans": [6.0], "depth": 1.5}, "service": "road"}, "bridge.slab.depth", "nearest is 0.45 m"),
+        (
+            {"slab": {"spans": [18.0], "depth": 0.3}, "service": "road"},
+            "bridge.slab.depth",
+            "nearest valid value is 0.59 m",
+        ),
+        (
+            {"slab": {"spans": [6.0], "depth": 1.5}, "service": "road"},
+            "bridge.slab.depth",
+            "nearest valid value is 0.45 m",
+        ),
         ({"slab": {"depht": 0.5}}, "slab.depht", "depth"),
     ],
 )
