@@ -77,8 +77,8 @@ class GlobalSettings(SurveySettings):
         default=None,
         ge=5.0,
         le=180.0,
-        description="Largest angle between the viewing directions of neighbouring images of a loop [deg]; left out: 20, "
-        "or any if `spacing` is above 10 m",
+        description="Largest angle between the viewing directions of neighbouring images of a loop [deg]; left out: "
+        "20, or any if `spacing` is above 10 m",
     )
     stand_off: tuple[Reach, Reach] = Field(
         default=(6.5, 8.5), description="Range of the distance to the bridge's sides [m]"
