@@ -101,6 +101,7 @@ def test_what_no_flight_sees_is_named_and_can_be_flown(
     assert len(read_stage(copy, survey="bearings").cameras[0].poses) > 3
 
 
+@pytest.mark.usefixtures("served")
 def test_a_mix_is_one_capture(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Two kinds fly as one survey with one camera; a leg's wrong key is named with its place."""
     copy = Path(shutil.copytree(scene.parent, tmp_path / "mix")) / "scene.usda"
@@ -140,6 +141,7 @@ def _with_camera(scene: Path, folder: Path, name: str, more: str = "") -> Path:
     return copy
 
 
+@pytest.mark.usefixtures("served")
 def test_a_camera_of_a_dcc_is_flown_as_it_is(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Two keys on a parent become eleven images with the same poses and lens, names, times and a noisy GPS."""
     copy = _with_camera(scene, tmp_path / "dcc", "Drone")
@@ -165,6 +167,7 @@ def test_a_camera_of_a_dcc_is_flown_as_it_is(scene: Path, tmp_path: Path, capsys
     assert json.loads(out)["surveys"][0]["images"] == 11
 
 
+@pytest.mark.usefixtures("served")
 def test_a_camera_that_cannot_be_flown(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Unknown, ambiguous and orthographic cameras are one line that names the others."""
     copy = _with_camera(scene, tmp_path / "flat", "Plan", 'token projection = "orthographic"')
