@@ -52,5 +52,5 @@ def test_nothing_is_written_into_a_scene_that_is_named(
         with pytest.raises(SystemExit) as left:
             main([*words.split(), str(scene), "-o", str(out)])
         assert left.value.code == 2
-        assert "lies in what the output is made from" in capsys.readouterr().err
+        assert "lies inside an input of this command" in capsys.readouterr().err
     assert [path.name for path in scene.iterdir()] == ["scene.usda"]

@@ -61,7 +61,7 @@ def test_rate_and_time_left_follow_the_work() -> None:
     for index in range(2, 9):
         table.tell(StepEvent(f"{index:04d}", state="failed" if index == 5 else "rejected"))
     assert table.seconds_left == pytest.approx(EACH)  # one scene is left, for one worker
-    assert table.line().startswith("9 of 10 scenes, 6 rejected, 1 failed, 2.0 an hour, about 4 min left (stage ")
+    assert table.line().startswith("9 of 10 scenes, 6 rejected, 1 failed, 2.0 per hour, about 4 min left (stage ")
     assert table.line().endswith("(stage 3/10, capture 5/20, cloud 4/20, report 2/10)")
 
 
