@@ -66,7 +66,7 @@ def _geometries(folder: Path, poses: F64, pixels: F64, seen: NDArray[np.bool_], 
         for i in range(len(poses)):
             for j in range(i + 1, len(poses)):
                 near = np.linalg.norm(poses[i, :3, 3] - poses[j, :3, 3]) < 6 * STEP
-                other = i % 3 == 0 and abs(j - i - half) <= 2 and np.abs(poses[[i, j], 0, 3]).min() > HALF - 12
+                other = i % 6 == 0 and abs(j - i - half) <= 2 and np.abs(poses[[i, j], 0, 3]).min() > HALF - 12
                 if not near and not other:
                     continue
                 first, second = (twin, twin + len(twin)) if other else (np.arange(seen.shape[1]),) * 2
