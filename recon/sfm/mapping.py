@@ -14,8 +14,8 @@ from groundwork.progress import Progress
 from recon.photos.photos import FOCAL_GUESSED
 from recon.settings import SparseSettings
 from recon.sfm.colmap_model import check_whole
-from recon.sfm.contradicted import contradicted_pairs
 from recon.sfm.database import DATABASE
+from recon.sfm.doubtful import doubtful_pairs
 from recon.sfm.growth import MOST_MOVED, grow
 from recon.sfm.misplaced import Fixes
 from recon.sfm.runaways import leave_out, runaways
@@ -50,8 +50,8 @@ def map_images(
         `mapper`; `tie_points`: whether the mapper used tie points instead of all matches; `models`: number of images
         and points of each, largest first (of those that are not kept, of tie points alone); `elsewhere`: files of the
         images that are in a smaller model; where images were missing, `growth`: see `grow`; `runaways`: files of the
-        images whose cameras were removed as runaways; `contradicted`: number of pairs that were not used, because GPS
-        contradicts them.
+        images whose cameras were removed as runaways; `doubtful`: number of pairs that were not used: see
+        `doubtful_pairs`.
     """
     models, final, ties = folder / _MODELS, folder / MODEL, folder / _TIES
     for path in (models, final):
@@ -59,7 +59,7 @@ def map_images(
         path.mkdir()
     _clear_ties(folder)
     run = _map_globally if (kind := choose_mapper(capture, settings)) == "global" else _map_incrementally
-    wrong = _contradicted(capture, matches / DATABASE, progress)
+    wrong = _doubtful_pairs(capture, matches / DATABASE, progress)
     thinned = write_tie_points(matches / DATABASE, ties, settings.tie_points, seed, wrong)
     source = ties if thinned else matches / DATABASE
     ranked = _ranked(run(capture, source, models, settings, seed, progress))
@@ -91,15 +91,17 @@ def map_images(
         "elsewhere": sorted(in_any - in_largest),
         **({"growth": growth} if growth else {}),
         **({"runaways": sorted(away)} if away else {}),
-        **({"contradicted": len(wrong)} if wrong else {}),
+        **({"doubtful": len(wrong)} if wrong else {}),
     }
 
 
-def _contradicted(capture: Capture, database: Path, progress: Progress) -> set[int]:
+def _doubtful_pairs(capture: Capture, database: Path, progress: Progress) -> set[int]:
     progress.stage("tie points", 0)
-    wrong = contradicted_pairs(database, _fixes(capture))
+    wrong = doubtful_pairs(database, _fixes(capture))
     if wrong:
-        progress.note(f"{len(wrong)} pairs of images left out: by GPS they show two places that look alike")
+        progress.note(
+            f"{len(wrong)} pairs of images not used: taken far apart, they match the background or look-alikes"
+        )
     return wrong
 
 

@@ -97,7 +97,7 @@ def run_sparse(capture: Capture, work: Path, settings: ReconSettings, progress: 
         "mapper": mapped.result["mapper"],
         "tie_points": mapped.result["tie_points"],
         "models": mapped.result["models"],
-        **{key: mapped.result[key] for key in ("growth", "runaways", "contradicted") if key in mapped.result},
+        **{key: mapped.result[key] for key in ("growth", "runaways", "doubtful") if key in mapped.result},
         "model_sha256": folder_digest(mapped.folder / _MODEL),
     }
     reasons = absent_reasons(capture, keypoints, matches.result["overlapping"], mapped.result["elsewhere"])

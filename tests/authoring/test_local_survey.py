@@ -255,7 +255,9 @@ def test_a_target_out_of_reach_is_named(subject: Subject) -> None:
     along = oriented_box(subject.bridge.reshape(-1, 3)).to_local(subject.bridge.reshape(-1, 3))[:, 0].reshape(-1, 3)
     ids = np.unique(subject.bridge_ids)
     first = int(ids[np.argmin([along[subject.bridge_ids == number].max() for number in ids])])
-    with pytest.raises(InputError, match=rf"survey\.target.*smallest possible distance is \d\d.*(instance \d+|box ends).*{first}"):
+    with pytest.raises(
+        InputError, match=rf"survey\.target.*smallest possible distance is \d\d.*(instance \d+|box ends).*{first}"
+    ):
         fly(subject, 0, target=first, station=16.0, length=8.0)
 
 

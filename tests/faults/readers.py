@@ -274,7 +274,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "matching._name_pairs",
         "matching._verified",
         "tie_points.write_tie_points",
-        "contradicted._pair_geometry",
+        "doubtful._pair_geometry",
     },
     PACKAGE: {
         "class_map._toml",

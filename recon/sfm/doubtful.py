@@ -1,8 +1,9 @@
-"""Pairs of images that GPS contradicts: they match, but show two parts of the bridge that look alike.
+"""Doubtful pairs of images: taken far apart, they match in what is far away only, or in two parts that look alike.
 
 The two ends of a bridge often look alike. If matches between them are used, the mapper registers one half of the bridge
-on top of the other: a dozen of 3,068 pairs put 140 of 282 images 50 to 250 m off. GPS tells such pairs: images that
-were taken far apart and look nearly the same can show one thing only if it is much farther away than all else in them.
+on top of the other: a dozen of 3,068 pairs put 140 of 282 images 50 to 250 m off. Two-view geometry and the distance of
+the two GPS positions tell how far away the matched surfaces would be. If that is much farther than what else the images
+show, the pair matches either the background, which says little about the cameras' places, or two different parts.
 """
 
 from dataclasses import dataclass
@@ -19,11 +20,11 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 FARTHER = 3.0
-"""How many times the usual distance of an image's surfaces a pair must imply to be contradicted [1]. In a flight round
+"""How many times the usual distance of an image's surfaces a pair must imply to be doubtful [1]. In a flight round
 a suspension bridge, pairs at one tower implied 0.8 to 2.0 times as much, pairs of its two towers 3.3 and more."""
 _NEAREST = 4  # pairs of an image, those taken nearest to each other, whose median gives its usual distance
 _LEAST_MATCHES = 3
-_MOST = 0.05  # share of the pairs; if GPS contradicts more of them, GPS is wrong, not the pairs: 10 to 17 % where it is
+_MOST = 0.08  # share of the pairs; beyond it the fixes are wrong, not the pairs: with exchanged ones it was 10 to 17 %
 
 
 @dataclass(frozen=True)
@@ -42,24 +43,24 @@ class PairGeometry:
     distance: F64
 
 
-def contradicted_pairs(database: Path, fixes: Fixes) -> set[int]:
-    """Find the verified pairs that cannot show the same thing, by the GPS positions of their images.
+def doubtful_pairs(database: Path, fixes: Fixes) -> set[int]:
+    """Find the verified pairs that show the background, or two parts that look alike, by the GPS of their images.
 
     Args:
         database: Database of verified matches.
         fixes: GPS position by name of image [m]; an image may have none.
 
     Returns:
-        Ids of the pairs; none if GPS contradicts so many pairs that it must be wrong itself.
+        Ids of the pairs; none if so many are doubtful that GPS must be wrong itself.
     """
     found = _pair_geometry(database, fixes)
-    wrong = contradicted(found)
+    wrong = doubtful(found)
     if wrong.sum() > _MOST * len(wrong):
         return set()
     return {pycolmap.image_pair_to_pair_id(first, second) for first, second in found.images[wrong].tolist()}
 
 
-def contradicted(pairs: PairGeometry) -> NDArray[np.bool_]:
+def doubtful(pairs: PairGeometry) -> NDArray[np.bool_]:
     """Tell which pairs imply surfaces much farther away than what else their images show.
 
     Only pairs are judged whose images are farther apart than their usual distance from the surfaces: of nearer ones,
@@ -69,7 +70,7 @@ def contradicted(pairs: PairGeometry) -> NDArray[np.bool_]:
         pairs: Pairs of images.
 
     Returns:
-        Whether each pair is contradicted, shape (P,), bool.
+        Whether each pair is doubtful, shape (P,), bool.
     """
     usual: dict[int, float] = {}
     for image in np.unique(pairs.images).tolist():
