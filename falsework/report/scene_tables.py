@@ -63,8 +63,10 @@ def headline_tiles(images: int, cloud: "Cloud | None") -> list[dict[str, str]]:
         tiles.append(
             {"label": f"of the points are within {NEAR:g} m of the true surface", "value": f"{near.mean():.1%}"}
         )
-        tiles.append({"label": f"have an uncertainty of at most {NOISE_THRESHOLD:g} m", "value": f"{quiet:.1%}"})
-        tiles.append({"label": "of the points this near have the class of the surface", "value": f"{right:.1%}"})
+        tiles.append({"label": "of these have the class of the surface", "value": f"{right:.1%}"})
+        tiles.append(
+            {"label": f"of the points have an uncertainty of at most {NOISE_THRESHOLD:g} m", "value": f"{quiet:.1%}"}
+        )
     return tiles
 
 
