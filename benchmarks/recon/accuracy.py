@@ -1,12 +1,12 @@
 """How true the clouds are: every family, road and rail, close and whole flights, sparse and dense, class by class.
 
-Usage: python -m benchmarks.recon.accuracy WORK [--only NAME…] [--page] [--keep] [--note TEXT]
+Usage: python -m benchmarks.recon.accuracy WORK [--only NAME…] [--page] [--keep] [--samples] [--note TEXT]
 
 Makes a bridge for every row, flies, renders and reconstructs it, and writes `docs/benchmarks/accuracy.md`. WORK keeps
 what was made: a second call goes on. `--page` writes the page of what is there. With `--keep`, rows that are on the
 page and not in WORK stay as they are, and so do the tables by distance and by class. Some six processor minutes a row.
-All but the rail bridges of whole flights are sampled on their mesh and by a tripod's laser, too, for
-`benchmarks.compare`. Rows of `inspection` are short bridges whose every member is flown at, for the class that has
+With `--samples`, all but the rail bridges of whole flights are sampled on their mesh and by a tripod's laser, too, for
+`benchmarks.shipped`. Rows of `inspection` are short bridges whose every member is flown at, for the class that has
 fewest points: dense alone, and no samples.
 """
 
@@ -126,16 +126,17 @@ class Judged:
         return {row.id: row.name for row in self.cloud.classes}
 
 
-def scenario_of_row(row: Row, seed: int) -> dict[str, Any]:
+def scenario_of_row(row: Row, seed: int, samples: bool = False) -> dict[str, Any]:
     """Write the scenario of a row.
 
     Args:
         row: Bridge and flight.
         seed: Seed of the scene.
+        samples: Whether the bridge is sampled on its mesh and by a laser, too.
     """
     bridge: dict[str, Any] = {"family": row.family, "service": SERVICES[row.service]}
     inspected = row.survey == "inspection"
-    sampled = row.survey == "local" or (row.survey == "global" and row.service == "road")
+    sampled = samples and (row.survey == "local" or (row.survey == "global" and row.service == "road"))
     if inspected:
         bridge[row.family] = dict(SHORT[row.family])
     return {
@@ -356,12 +357,14 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", default=[row.name for row in ROWS], metavar="NAME")
     parser.add_argument("--page", action="store_true", help="make nothing more")
     parser.add_argument("--keep", action="store_true", help="other rows that are on the page stay")
+    parser.add_argument("--samples", action="store_true", help="sample meshes and lasers, too")
     parser.add_argument("--note", default="", help="a line for the page")
     given = parser.parse_args()
     for number, row in enumerate(ROWS, 4001):
         if row.name in given.only and not given.page:
             with ConsoleProgress() as progress:
-                outcome = falsework.run(scenario_of_row(row, number), given.work / row.name, progress=progress)
+                scenario = scenario_of_row(row, number, given.samples)
+                outcome = falsework.run(scenario, given.work / row.name, progress=progress)
             sys.stdout.write(f"{row.name}: {outcome.made} made\n")
     found = {row: clouds for row in ROWS if (clouds := _clouds(given.work / row.name))}
     rejected = {row: why for row in ROWS if row not in found and (why := _rejection(given.work / row.name))}

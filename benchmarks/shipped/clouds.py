@@ -3,8 +3,9 @@
 Usage: python -m benchmarks.shipped.clouds WORK [--only NAME…] [--seed NUMBER]
 
 Nothing is rendered: each bridge is authored and scanned from a tripod and from an aircraft, far enough round it that
-most of an airborne cloud is no bridge. Clouds of photographs and meshes are those of `benchmarks.recon.accuracy`. WORK
-keeps what was made: a second call goes on. Then: `python -m benchmarks.shipped.model WORK …`.
+most of an airborne cloud is no bridge. Clouds of photographs and meshes are those of
+`benchmarks.recon.accuracy --samples`. WORK keeps what was made: a second call goes on. Then:
+`python -m benchmarks.shipped.model WORK …`.
 """
 
 import argparse

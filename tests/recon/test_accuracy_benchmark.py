@@ -89,8 +89,9 @@ def test_rows_are_scenarios_of_their_own_seeds() -> None:
     assert [row.name for row in ROWS[18:24]] == [f"inspection-{family}-road" for family in families]
     assert [row.name for row in ROWS[24:]] == [f"global-{family}-rail" for family in families]
     for number, row in enumerate(ROWS, 4001):
-        scenario = parse_settings(Scenario, scenario_of_row(row, number), row.name)
+        scenario = parse_settings(Scenario, scenario_of_row(row, number, samples=True), row.name)
         assert len(scenario.sample) == (3 if number <= 4018 else 0)
+        assert not scenario_of_row(row, number)["sample"]
         assert scenario.recon.modes == (("dense",) if row.survey == "inspection" else ("sparse", "dense"))
 
 
