@@ -193,6 +193,7 @@ def run(
     retry_failed: bool = False,
     workers: int = 0,
     cluster: str | None = None,
+    memory: float | None = None,
     progress: Progress = SILENT,
 ) -> Outcome:
     """Run the whole chain for many scenes; finished results are reused, and several processes may share one folder.
@@ -204,6 +205,8 @@ def run(
         retry_failed: Retry tasks that failed in an earlier run.
         workers: Number of worker processes on this machine; 0: run in this process.
         cluster: Address of a Dask scheduler.
+        memory: Limit of the memory of all processes of the run together, or of each worker of a cluster [GB]; None:
+            nine tenths of the machine's.
         progress: Listener.
 
     Returns:
@@ -219,9 +222,8 @@ def run(
     from falsework.pipeline import run_scenario
 
     place = _path(out, "out")
-    return run_scenario(
-        _scenario(scenario), place, progress, scenes, retry_failed=retry_failed, workers=workers, cluster=cluster
-    )
+    how: dict[str, Any] = {"retry_failed": retry_failed, "workers": workers, "cluster": cluster, "memory": memory}
+    return run_scenario(_scenario(scenario), place, progress, scenes, **how)
 
 
 def save_cloud(cloud: Cloud, out: str | PathLike[str]) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from falsework.execution.board import NO_BOARD, Board
 from falsework.execution.chain import Sources, read_sources, scene_chain
 from falsework.execution.claim import claim_run
+from falsework.execution.memory import memory_guard
 from falsework.execution.outcome import Outcome
 from falsework.execution.run_facts import write_run_report
 from falsework.execution.scene import BusySceneError, RunOptions, run_scene, steps_of
@@ -29,6 +30,7 @@ def run_scenario(
     retry_failed: bool = False,
     workers: int = 0,
     cluster: str | None = None,
+    memory: float | None = None,
     board: Board = NO_BOARD,
 ) -> Outcome:
     """Run the whole chain; finished results are reused, and several processes may share one folder.
@@ -41,6 +43,8 @@ def run_scenario(
         retry_failed: Retry what failed in an earlier run.
         workers: Number of worker processes that share the scenes; 0: one scene after the other in this process.
         cluster: Address of an existing Dask scheduler whose workers share the scenes instead.
+        memory: Limit of the memory of the run, all its processes together, or of each worker of an existing cluster
+            [GB]; None: nine tenths of the machine's.
         board: Listener for the steps of the scenes.
 
     Returns:
@@ -51,6 +55,28 @@ def run_scenario(
             does not answer; or the error of the only scene of the scenario.
         OutOfSpaceError: The disk is full; finished results stay.
     """
+    _check_workers(workers, cluster)
+    indices = _wanted(scenario, scenes)
+    claim_run(out, scenario)
+    sources = read_sources(scenario, progress)
+    manner = RunOptions(quarantine=scenario.scenes > 1, retry=retry_failed, keep=scenario.keep)
+    with memory_guard(memory, progress.note):
+        if indices and (workers or cluster):
+            from falsework.execution.cluster import SceneJob, run_on_cluster
+
+            place = Path(os.path.realpath(out))
+            how = replace(manner, wait=False)
+            own = {"guarded": cluster is not None, "memory": memory}
+            jobs = [SceneJob(scenario, sources, index, place, how, **own) for index in indices]
+            outcome = run_on_cluster(jobs, progress, workers, cluster, board).below(out, place)
+        else:
+            outcome = _run_here(scenario, sources, indices, out, manner, (progress, board))
+    Store(out).sweep()
+    write_run_report(out)
+    return outcome
+
+
+def _check_workers(workers: int, cluster: str | None) -> None:
     if workers < 0 or (workers and cluster):
         raise InputError(
             "number of workers out of range",
@@ -58,26 +84,10 @@ def run_scenario(
             value=workers,
             allowed="0 or more; only 0 with a cluster",
         )
-    indices = _wanted(scenario, scenes)
     if cluster is not None:
         from falsework.execution.address import check_address
 
         check_address(cluster)
-    claim_run(out, scenario)
-    sources = read_sources(scenario, progress)
-    manner = RunOptions(quarantine=scenario.scenes > 1, retry=retry_failed, keep=scenario.keep)
-    if indices and (workers or cluster):
-        from falsework.execution.cluster import SceneJob, run_on_cluster
-
-        place = Path(os.path.realpath(out))
-        how = replace(manner, wait=False)
-        jobs = [SceneJob(scenario, sources, index, place, how) for index in indices]
-        outcome = run_on_cluster(jobs, progress, workers, cluster, board).below(out, place)
-    else:
-        outcome = _run_here(scenario, sources, indices, out, manner, (progress, board))
-    Store(out).sweep()
-    write_run_report(out)
-    return outcome
 
 
 def _wanted(scenario: Scenario, scenes: Iterable[int] | None) -> list[int]:

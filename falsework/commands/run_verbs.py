@@ -39,6 +39,7 @@ def run(
     workers: int = 0,
     cluster: str | None = None,
     shard: str | None = None,
+    memory: float | None = None,
     retry_failed: bool = False,
     as_json: AsJson = False,
 ) -> int:
@@ -51,6 +52,8 @@ def run(
         workers: Number of worker processes that share the scenes; 0: one scene after the other in this process.
         cluster: Address of a Dask scheduler (tcp://HOST:PORT) whose workers share the scenes.
         shard: Part of the scenes as i/n, i from 0 to n - 1: for job arrays that share the output folder.
+        memory: Limit of the memory of all processes of the run together, or of each worker of --cluster [GB]. Default:
+            nine tenths of the machine's.
         retry_failed: Retry tasks that failed in an earlier run.
         as_json: Print one JSON object at the end instead of lines.
     """
@@ -63,6 +66,8 @@ def run(
             value=workers,
             allowed="0 or more; only 0 with --cluster",
         )
+    if memory is not None and not memory > 0.0:
+        raise InputError("limit out of range", field="--memory", value=memory, allowed="more than 0 GB")
     check_parts(scenes, shard)
     if cluster is not None:
         check_address(cluster)
@@ -72,7 +77,9 @@ def run(
     loaded = load_scenario(scenario)
     part = shard_of(scene_range(scenes, loaded.scenes), shard)
     with values_of(scenario):
-        return _run(loaded, output, part, as_json, retry_failed=retry_failed, workers=workers, cluster=cluster)
+        return _run(
+            loaded, output, part, as_json, retry_failed=retry_failed, workers=workers, cluster=cluster, memory=memory
+        )
 
 
 def _run(scenario: object, output: Path, scenes: list[int] | None, as_json: bool, **how: Any) -> int:

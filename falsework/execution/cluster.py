@@ -10,13 +10,14 @@ import time
 import warnings
 from collections import deque
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from falsework.execution.board import NO_BOARD, Board, SilentBoard, StepEvent, detailed
 from falsework.execution.chain import Sources, scene_chain
+from falsework.execution.memory import memory_guard
 from falsework.execution.outcome import Outcome
 from falsework.execution.scene import BusySceneError, RunOptions, run_scene, steps_of
 from falsework.scenario import Scenario
@@ -44,6 +45,8 @@ class SceneJob:
         out: Output folder of the run, the same path on every worker.
         manner: Options of the run.
         topic: Dask topic of its events; empty if there is no listener.
+        guarded: Whether the worker watches its own memory: where it is not below the command.
+        memory: Limit of the memory of that worker and the processes below it [GB]; None: nine tenths of its machine's.
     """
 
     scenario: Scenario
@@ -52,6 +55,8 @@ class SceneJob:
     out: Path
     manner: RunOptions
     topic: str = ""
+    guarded: bool = False
+    memory: float | None = None
 
 
 @dataclass
@@ -95,7 +100,8 @@ def do_job(job: SceneJob) -> tuple[Outcome, list[str]]:
     """
     teller = _Teller(job.topic)
     store = Store(job.out)
-    outcome = run_scene(job.scenario, job.sources, job.index, store, job.manner, teller, board=teller)
+    with memory_guard(job.memory, teller.note) if job.guarded else nullcontext():
+        outcome = run_scene(job.scenario, job.sources, job.index, store, job.manner, teller, board=teller)
     return outcome, teller.lines
 
 

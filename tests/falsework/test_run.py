@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from falsework.execution import chain
+from falsework.execution.memory import machine_memory, processes_below
 from falsework.pipeline import Outcome, run_scenario
 from falsework.stages import STAGES
 from falsework.store.store import Store
@@ -34,10 +35,22 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
         scenes: int = 1, out: Path = tmp_path / "out", faults: dict[str, str] | None = None, **more: Any
     ) -> Outcome:
         monkeypatch.setenv("TINY_FAULTS", json.dumps(faults or {}))
-        how = {name: more.pop(name) for name in ("retry_failed", "workers", "shard", "cluster") if name in more}
+        names = ("retry_failed", "workers", "shard", "cluster", "memory")
+        how = {name: more.pop(name) for name in names if name in more}
         return run_scenario(tiny_scenario(scenes, **more), out, SILENT, **how)
 
     return run
+
+
+def test_all_processes_together_keep_a_limit_of_memory(run: Run) -> None:
+    """No child is over a limit of its own, but all processes are together: the largest child ends, the others go on."""
+    together = sum(one.memory for one in processes_below(os.getpid()))
+    assert 0.05 < together < machine_memory()
+    outcome = run(scenes=2, faults={"capture:0": "grows in a child"}, memory=together + 0.2)
+    assert list(outcome.failed) == ["0000"]
+    assert "died of SIGKILL" in outcome.failed["0000"]
+    assert len(outcome.clouds) == 1
+    assert run(scenes=2, memory=together + 0.2).failed == {}  # and the next run makes it
 
 
 def _only(out: Path, stage: str) -> Path:

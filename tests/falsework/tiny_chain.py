@@ -172,6 +172,8 @@ def _go_wrong(stage: str, seed: int, folder: Path | None = None) -> None:
             run_child(CHILD, {"do": "sleep", "value": 600}, time_limit=0.2, memory_limit=4.0)
         case "eats in a child":
             run_child(CHILD, {"do": "eat", "value": 400_000_000}, time_limit=240.0, memory_limit=0.2)
+        case "grows in a child":
+            run_child(CHILD, {"do": "eat", "value": 400_000_000}, time_limit=240.0, memory_limit=4.0)
         case "aborts in a child":
             run_child(CHILD, {"do": "abort"}, time_limit=240.0, memory_limit=4.0)
         case "hang":

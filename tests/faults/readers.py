@@ -287,6 +287,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "preset.preset_values",
         "programs._source",
         "doctor._available_memory",
+        "memory._read",
         "platform.processor",
         "page._template",
         "page.figure_json",

@@ -1,0 +1,124 @@
+"""A limit on the memory of a run: of this process and all processes below it, together."""
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from groundwork.errors import InputError
+
+SHARE = 0.9  # of the machine's memory that a run may use where nothing else is said [1]
+_EVERY = 0.5  # [s] between two looks
+_AFTER = 3.0  # [s] for the processes above to end after one was stopped
+_LIMIT_OF_GROUP = Path("/sys/fs/cgroup/memory.max")  # of a container, or a job of a queue
+
+
+@dataclass(frozen=True)
+class Resident:
+    """One process and its memory.
+
+    Attributes:
+        pid: Its number.
+        parent: That of its parent.
+        module: Module that it runs; empty if it runs none.
+        memory: Its own resident memory, without what it shares with files [GB].
+    """
+
+    pid: int
+    parent: int
+    module: str
+    memory: float
+
+
+@contextmanager
+def memory_guard(limit: float | None, note: Callable[[str], None]) -> Iterator[None]:
+    """Stop the largest child process whenever this process and all below it use more memory than the limit.
+
+    Workers are not stopped, and neither is this process: the scene of the child fails as if the child was killed from
+    outside, and the other scenes continue.
+
+    Args:
+        limit: Limit of the sum [GB]; None: `SHARE` of the memory of the machine or container.
+        note: Called with a line for people.
+
+    Raises:
+        InputError: The limit is not positive.
+    """
+    if limit is not None and not limit > 0.0:
+        raise InputError("limit out of range", field="memory", value=limit, allowed="more than 0 GB")
+    most = SHARE * machine_memory() if limit is None else limit
+    done = threading.Event()
+    watcher = threading.Thread(target=_watch, args=(most, note, done), daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        done.set()
+        watcher.join()
+
+
+def machine_memory() -> float:
+    """Read the memory of the machine, or of the container if that is less [GB]."""
+    total = next(line for line in _read(Path("/proc/meminfo")).splitlines() if line.startswith("MemTotal:"))
+    machine = int(total.split()[1]) * 1024 / 1e9
+    group = _read(_LIMIT_OF_GROUP).strip()
+    return min(machine, int(group) / 1e9) if group.isdigit() else machine
+
+
+def processes_below(root: int) -> list[Resident]:
+    """List a process and all processes below it.
+
+    Args:
+        root: Number of the process.
+    """
+    children: dict[int, list[Resident]] = {}
+    found: list[Resident] = []
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdigit() and (one := _resident(folder)):
+            children.setdefault(one.parent, []).append(one)
+            if one.pid == root:
+                found.append(one)
+    for one in found:  # it grows
+        found += children.get(one.pid, [])
+    return found
+
+
+def _watch(limit: float, note: Callable[[str], None], done: threading.Event) -> None:
+    pause = _EVERY
+    while not done.wait(pause):
+        pause = _EVERY
+        alive = processes_below(os.getpid())
+        used = sum(one.memory for one in alive)
+        stoppable = [one for one in alive[1:] if one.module]
+        if used <= limit or not stoppable:
+            continue
+        largest = max(stoppable, key=lambda one: one.memory)
+        with suppress(ProcessLookupError):
+            os.kill(largest.pid, signal.SIGKILL)
+            note(
+                f"the run used {used:.1f} GB of memory, more than {limit:.1f} GB: {largest.module} "
+                f"({largest.memory:.1f} GB) was stopped. Use fewer workers or smaller images, or raise --memory"
+            )
+        pause = _AFTER
+
+
+def _resident(folder: Path) -> Resident | None:
+    """Read one process; None if it has just ended."""
+    try:
+        parent = int(_read(folder / "stat").rpartition(")")[2].split()[1])
+        pages = [int(word) for word in _read(folder / "statm").split()[1:3]]
+        words = _read(folder / "cmdline").split("\0")
+    except (IndexError, ValueError):
+        return None
+    module = words[words.index("-m") + 1] if "-m" in words[:-1] else ""
+    return Resident(int(folder.name), parent, module, (pages[0] - pages[1]) * os.sysconf("SC_PAGE_SIZE") / 1e9)
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
