@@ -15,10 +15,12 @@ from groundwork.progress import Progress
 from recon.cloud import write_cloud
 from tests.authoring.mesh_files import gltf
 from tests.authoring.small_scene import write_small_scene
+from tests.falsework.served_here import served_here
 from tests.falsework.test_render_verb import DARK
 from tests.falsework.test_sample_verbs import BODY
 from tests.learn.toy_bridge import write_toy
 from tests.recon.test_scan import small_cloud
+from tests.render.prepared_here import rendered_here
 from tests.usd_schemas.stages import write_stage
 
 # One shows a page until it is stopped, the other prints a script.
@@ -56,7 +58,8 @@ def test_what_is_not_finite_is_null(capsys: pytest.CaptureFixture[str]) -> None:
 def test_render(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Each capture with its survey, images and their size."""
     stage, out = write_stage(tmp_path, DARK), tmp_path / "out"
-    found = told(capsys, "render", stage, "-o", out, "--quality", "fast", "--width", "48", "--height", "36")
+    with served_here(), rendered_here():
+        found = told(capsys, "render", stage, "-o", out, "--quality", "fast", "--width", "48", "--height", "36")
     size = {"width": 48, "height": 36}
     assert found == {
         "captures": [
@@ -119,7 +122,8 @@ def test_scene_and_flight(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     """A planned flight with images and length; a layer and a package with what is in them."""
     (tmp_path / "scene").mkdir()
     scene = write_small_scene(tmp_path / "scene")
-    found = told(capsys, "survey", "plan", scene, "--kind", "grid", "--set", "sampling=0.02")
+    with served_here():
+        found = told(capsys, "survey", "plan", scene, "--kind", "grid", "--set", "sampling=0.02")
     assert found["survey"] == "grid"
     assert found["images"] > 1
     assert found["length"] > 0.0
@@ -127,8 +131,9 @@ def test_scene_and_flight(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert told(capsys, "scene", "checkout", scene, "-o", copy) == {"scene": str(copy / "scene.usda")}
     assert Path(told(capsys, "scene", "schemas")["folder"]).is_dir()
     layer, package = tmp_path / "flat.usdc", tmp_path / "bridge.usdz"
-    assert told(capsys, "scene", "flatten", scene, "-o", layer) == {"layer": str(layer), "missing_textures": []}
-    found = told(capsys, "scene", "package", scene, "-o", package)
+    with served_here():
+        assert told(capsys, "scene", "flatten", scene, "-o", layer) == {"layer": str(layer), "missing_textures": []}
+        found = told(capsys, "scene", "package", scene, "-o", package)
     assert found.pop("entries") > 1
     assert found == {"package": str(package), "bytes": package.stat().st_size}
 
