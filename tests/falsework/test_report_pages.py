@@ -18,6 +18,7 @@ from falsework.commands.report_verb import kind_of
 from falsework.execution import chain
 from falsework.execution.run_facts import run_facts
 from falsework.pipeline import run_scenario
+from falsework.report import reconstruction
 from falsework.report.comparison_page import write_comparison_page
 from falsework.report.dataset_page import write_dataset_page
 from falsework.report.page import file_link, settings_rows, way_to
@@ -356,18 +357,44 @@ def test_the_verb_knows_what_it_is_given(
     assert out == f"report  {page}\n"
     assert call(capsys, "report", folder / "model", folder / "set", "-o", page)[0] == 2
     assert call(capsys, "report", tmp_path / "nowhere", "-o", page)[0] == 2
+
+
+def test_clouds_without_their_photographs_are_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a scene whose photographs were let go, and in a folder of clouds; no more in 3D than browsers draw."""
+    (tmp_path / "scene" / "stage").mkdir(parents=True)
+    monkeypatch.setattr(reconstruction, "MOST_VIEWS", 1)
+    page, names = tmp_path / "page.html", ("local+dense", "local+sparse")
+    for folder in (tmp_path / "scene" / "cloud", tmp_path / "clouds"):
+        for name in names:
+            (folder / name).mkdir(parents=True)
+            cameras = tuple({"name": f"{k}", "status": "ok", "center_error": 0.1} for k in range(VIEWS))
+            write_cloud(folder / name, replace(small_cloud(300), cameras=cameras))
+    for source, way in (("scene", "scene/cloud"), ("clouds", "clouds")):
+        assert call(capsys, "report", tmp_path / source, "-o", page)[0] == 0
+        found = elements_of(page)
+        text = " ".join(" ".join(found.text).split())
+        assert [f"Cloud {name}" in text for name in names] == [True, True]
+        assert text.count("not shown in 3D") == 1
+        assert {f"{way}/{name}/cloud.json" for name in names} <= {
+            address.replace("%2B", "+") for address in found.addresses
+        }
     assert call(capsys, "report", folder / "model" / "log.csv", "-o", page)[0] == 2
 
 
-def test_a_run_tells_which_scene_was_rejected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Rejected in its capture or in its cloud, each record finds its scene; the run ends with the page that says so."""
+@pytest.mark.parametrize("keep", [None, ("stage", "cloud", "report")], ids=["all", "some"])
+def test_a_run_tells_which_scene_was_rejected(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, keep: tuple[str, ...] | None
+) -> None:
+    """Rejected in its capture or in its cloud, each record finds its scene, also if its photographs were let go."""
     for stage in STAGES:
         monkeypatch.setitem(STAGES, stage, tiny_stages()[stage])
     monkeypatch.setattr(chain, "render_platform", lambda device="auto": {"gl_renderer": "none"})
     monkeypatch.setattr(chain, "recon_platform", lambda: {"cpu": "none"})
     monkeypatch.setenv("TINY_FAULTS", json.dumps({"capture:1": "reject", "cloud:2": "reject", "stage:3": "internal"}))
     out = tmp_path / "out"
-    outcome = run_scenario(tiny_scenario(4), out, SILENT)
+    outcome = run_scenario(tiny_scenario(4, **({} if keep is None else {"keep": keep})), out, SILENT)
     assert (sorted(outcome.rejected), sorted(outcome.failed)) == (["0001", "0002"], ["0003"])
     facts = run_facts(out, "..")
     assert [(row.scene, row.stage, row.kind, row.reason) for row in facts.failures] == [
@@ -376,9 +403,11 @@ def test_a_run_tells_which_scene_was_rejected(tmp_path: Path, monkeypatch: pytes
         ("0003", "stage", "failed", "internal"),
     ]
     whole = next(scene for scene in facts.scenes if scene.name == "0000")
-    assert dict(whole.results) == dict.fromkeys(("stage", "capture", "model", "cloud", "report"), 1)
+    kept = keep or ("stage", "capture", "model", "cloud", "report")
+    assert {stage for stage, count in whole.results.items() if count} == set(kept)
     assert whole.page == "../scenes/0000/report.html"
     assert {event.stage for event in facts.events if event.scene == "0000"} == set(whole.results)
     text = " ".join(elements_of(out / "run/report.html").text)
     assert "no_texture" in text
     assert "nothing to match" in text
+    assert ("Let go: made, used and then removed" in text) == (keep is not None)
