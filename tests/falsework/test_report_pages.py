@@ -355,6 +355,11 @@ def test_the_verb_knows_what_it_is_given(
     code, out, _ = call(capsys, "report", folder / "model", folder / "scores.json", "-o", page)
     assert (code, page.is_file()) == (0, True)
     assert out == f"report  {page}\n"
+    text = " ".join(elements_of(page).text)
+    assert ("Model model" in text, "Scores scores" in text) == (False, False)
+    long = [shutil.copytree(folder / "model", tmp_path / (60 * sign)) for sign in "ab"]
+    assert call(capsys, "report", *long, "-o", page)[0] == 0
+    assert "bbbbbbbbbbbb\\u2026bbbbbbbbbbbb: loss" in page.read_text(encoding="utf-8")  # the legend keeps the word
     assert call(capsys, "report", folder / "model", folder / "set", "-o", page)[0] == 2
     assert call(capsys, "report", tmp_path / "nowhere", "-o", page)[0] == 2
 
