@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from falsework.report.cloud_view import SHOWN_POINTS, Shown
+from falsework.report.cloud_view import MOST_VIEWS, SHOWN_POINTS, Shown, first_views
 from falsework.report.page import file_link, way_to, write_page
-from falsework.report.reconstruction import MOST_VIEWS, cloud_parts, first_views, sample_parts
+from falsework.report.reconstruction import cloud_parts, sample_parts
 from falsework.report.report import CLOUD, FILES, PAGE_POINTS
 from recon.cloud import RECONSTRUCTED, read_cloud
 

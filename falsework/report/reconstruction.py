@@ -1,6 +1,6 @@
 """Parts of a page about one cloud, reconstructed or sampled: figures, tables, unit of length."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from recon.cloud import Cloud
     from render.capture import Capture, Truth
 
-MOST_VIEWS = 8  # of a page: browsers of phones draw no more at once, and drop the first ones
 NOTHING: Mapping[str, Any] = {
     "is_cloud": False,
     "threshold": None,
@@ -115,16 +114,6 @@ def cloud_parts(name: str, cloud: "Cloud", folder: Path, shown: Shown) -> dict[s
         "flight": plan,
         **dict.fromkeys(("sheet", "frames", "legend"), ()),
     }
-
-
-def first_views(parts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Keep the first views of a page; a part without says where to see it.
-
-    Args:
-        parts: What the template shows of each cloud.
-    """
-    views = [row for row, part in enumerate(parts) if part["view"]][MOST_VIEWS:]
-    return [{**part, "view": None, "unseen": MOST_VIEWS} if row in views else part for row, part in enumerate(parts)]
 
 
 def sample_parts(name: str, cloud: "Cloud", shown: Shown) -> dict[str, Any]:

@@ -6,17 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from falsework.report.cloud_view import SHOWN_POINTS, Shown, cloud_view
+from falsework.report.cloud_view import MOST_VIEWS, SHOWN_POINTS, Shown, cloud_view, first_views
 from falsework.report.figures import flight_figure
 from falsework.report.flight import flight_of
 from falsework.report.outline import outline_cloud
 from falsework.report.page import file_link, settings_rows, write_page
 from falsework.report.pictures import data_uri, depth_range, paint_depth, paint_labels
 from falsework.report.reconstruction import (
-    MOST_VIEWS,
     NOTHING,
     cloud_parts,
-    first_views,
     reconstruction_parts,
     sample_parts,
 )
