@@ -16,7 +16,7 @@ from groundwork.output_reading import reading
 Sources = tyro.conf.Positional[Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FOLDER ...")]]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 
-ALLOWED = "a scene of a run, a cloud, the folder of a run, a data set, a model, scores (.json), or a comparison"
+ALLOWED = "a scene of a run, clouds, the folder of a run, a data set, a model, scores (.json), or a comparison"
 SEVERAL = ("run", "model", "scores")
 
 
@@ -27,8 +27,8 @@ def report(sources: Sources, output: Output, *, as_json: AsJson = False) -> int:
     several models with their scores. The page loads nothing from the network.
 
     Args:
-        sources: Folder of a scene (`OUT/scenes/0000`), of a cloud, a run, a data set, a model or a comparison; JSON
-            files of falsework evaluate.
+        sources: Folder of a scene (`OUT/scenes/0000`), of one or more clouds, of a run, a data set, a model or a
+            comparison; JSON files of falsework evaluate.
         output: HTML file to write.
         as_json: Print one JSON object instead of a line.
     """
@@ -73,7 +73,7 @@ def kind_of(source: Path) -> str:
         return "run"
     if (source / "capture").is_dir() or (source / "stage").exists():
         return "scene"
-    if _clouds_in(source):  # result of `reconstruct --mode both`
+    if _clouds_in(source):  # result of `reconstruct --mode both`, or of `dataset demo`
         return "cloud"
     raise InputError("not a folder that a report can show", where=source, allowed=ALLOWED)
 
@@ -82,7 +82,8 @@ def _clouds_in(source: Path) -> dict[str, Path]:
     """List the clouds of a folder: itself, or those in it."""
     if (source / "cloud.json").is_file():
         return {source.absolute().name: source}
-    return {path.parent.name: path.parent for path in sorted(source.glob("cloud/*/cloud.json"))}
+    found = [*source.glob("cloud/*/cloud.json"), *source.glob("*/cloud.json")]
+    return {path.parent.name: path.parent for path in sorted(found)}
 
 
 def _write(kinds: list[str], sources: tuple[Path, ...], page: Path) -> None:
@@ -103,7 +104,9 @@ def _write(kinds: list[str], sources: tuple[Path, ...], page: Path) -> None:
         elif kinds[0] == "cloud":
             from falsework.report.cloud_page import write_cloud_page
 
-            write_cloud_page(temporary, f"Cloud {first.absolute().name}", _clouds_in(first), page)
+            clouds = _clouds_in(first)
+            title = f"{'Clouds' if len(clouds) > 1 else 'Cloud'} {first.absolute().name}"
+            write_cloud_page(temporary, title, clouds, page)
         elif kinds[0] == "dataset":
             from falsework.report.dataset_page import write_dataset_page
 

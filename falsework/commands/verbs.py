@@ -201,23 +201,17 @@ def report_scene(scene: Path, page: Path) -> None:
     """
     captures = sorted(path for path in scene.glob("capture/*") if path.is_dir())
     clouds = {path.name: path for path in sorted(scene.glob("cloud/*")) if path.is_dir()}
-    samples = {name: path for name, path in clouds.items() if _is_sampled(path)}
-    if not captures and not samples:
-        raise MissingError("has no capture", where=scene, hint="Name a folder such as OUT/scenes/0000")
+    if not captures and not clouds:
+        raise MissingError("has no capture and no cloud", where=scene, hint="Name a folder such as OUT/scenes/0000")
     surveys = {path.name: (path, clouds_of(path.name, clouds)) for path in captures}
+    shown = {folder for _, several in surveys.values() for folder in several.values()}
+    others = {name: folder for name, folder in clouds.items() if folder not in shown}  # their photographs were let go
     from falsework.report.page import way_to
     from falsework.report.report import write_report
 
     inputs = [scene, *captures, *clouds.values()]
     with reading(*inputs), fresh_file(page, inputs) as temporary:
-        write_report(temporary, _title(scene), scene / "stage", surveys, samples, way_to(scene, page))
-
-
-def _is_sampled(cloud: Path) -> bool:
-    """Tell whether a cloud comes from the surface of its stage, not from photographs."""
-    from recon.cloud import RECONSTRUCTED, read_cloud
-
-    return read_cloud(cloud).source not in RECONSTRUCTED
+        write_report(temporary, _title(scene), scene / "stage", surveys, others, way_to(scene, page))
 
 
 def _title(scene: Path) -> str:

@@ -11,6 +11,7 @@ from falsework.scenario import scene_seed
 from falsework.store.failures import read_failure
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json
+from groundwork.foreign_file import is_regular
 from groundwork.settings import read_toml
 
 STAGES = ("stage", "capture", "model", "cloud", "report")
@@ -90,14 +91,34 @@ def _failures(root: Path, scenes: list[Path], seed: int, count: int) -> list[Fai
             continue
         try:
             record = read_json(path)
-            given = record.get("inputs", {}).values()
-            scene = next((owners[key] for key in given if key in owners), "")
+            scene = _scene_of(root, record.get("inputs", {}), owners)
             scene = scene or seeds.get(record.get("settings", {}).get("seed", -1), "")
             stage = str(record.get("stage", ""))
-        except (OSError, InputError, AttributeError, TypeError):
+        except (OSError, InputError, AttributeError, TypeError, KeyError):
             scene, stage = "", ""
         rows.append(FailureRow(scene, stage, failure.kind, failure.reason, failure.message, failure.last_lines))
     return sorted(rows, key=lambda row: (row.scene or "~", row.stage))
+
+
+def _scene_of(root: Path, inputs: dict[str, str], owners: dict[str, str]) -> str:
+    """Name the scene of a result by its inputs; the record of an input that was let go names its own inputs."""
+    for key in inputs.values():
+        if key in owners:
+            return owners[key]
+    for name, key in sorted(inputs.items()):
+        stage = name.partition("/")[0]
+        record = root / "evicted" / stage / f"{key}.json"
+        if stage in STAGES and key.isalnum() and is_regular(record):
+            former = read_json(record)
+            if former.get("stage") == stage and (scene := _scene_of(root, _inputs_before(former), owners)):
+                return scene
+    return ""
+
+
+def _inputs_before(record: dict[str, Any]) -> dict[str, str]:
+    """List the inputs of earlier stages, so that the search ends for any file."""
+    stage = STAGES.index(record["stage"])
+    return {name: key for name, key in record["inputs"].items() if name.partition("/")[0] in STAGES[:stage]}
 
 
 def _keys(scene: Path) -> list[str]:

@@ -2,7 +2,7 @@
 
 import base64
 import colorsys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
+MOST_VIEWS = 8  # of a page: browsers of phones draw no more at once, and drop the first ones
 SHOWN_POINTS = 40_000  # largest number of points of one cloud
 SHOWN_VIEWS = 4  # largest number of images listed for a point
 UNKNOWN = 255  # level of an unknown uncertainty
@@ -249,3 +250,13 @@ def _box(coord: F64) -> tuple[F64, F64]:
 
 def _packed(values: NDArray[Any]) -> str:
     return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode()
+
+
+def first_views(parts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Keep the first views of a page; a part without says where to see it.
+
+    Args:
+        parts: What the template shows of each cloud.
+    """
+    views = [row for row, part in enumerate(parts) if part["view"]][MOST_VIEWS:]
+    return [{**part, "view": None, "unseen": MOST_VIEWS} if row in views else part for row, part in enumerate(parts)]

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from falsework.report.cloud_view import Shown, cloud_view
-from falsework.report.figures import class_figure, uncertainty_figure
+from falsework.report.figures import class_figure, flight_figure, uncertainty_figure
+from falsework.report.flight import flight_of_cloud
 from falsework.report.lens import footprint, lens_rows, miss_figure, tie_rows
 from falsework.report.residuals import (
     image_rows,
@@ -20,6 +21,7 @@ from falsework.report.residuals import (
 from falsework.report.scene_tables import (
     NOISE_THRESHOLD,
     fact_rows,
+    headline_tiles,
     kept_rows,
     noise_rows,
     pixel_rows,
@@ -86,6 +88,31 @@ def reconstruction_parts(
         "ties": tie_rows(cloud, fit)
         + ([] if one_pixel is None else [("size of a pixel on the surface [mm]", f"{1000 * one_pixel:.1f}")]),
         "misses": miss_figure(fit, (size[0], size[1])) if fit is not None and size else None,
+    }
+
+
+def cloud_parts(name: str, cloud: "Cloud", folder: Path, shown: Shown) -> dict[str, Any]:
+    """Make the template's values of a reconstructed cloud whose photographs are not at hand.
+
+    Args:
+        name: Its name.
+        cloud: The cloud.
+        folder: Its folder, with the cameras of the reconstruction.
+        shown: Limits of its data on the page.
+    """
+    flight = flight_of_cloud(cloud, folder)
+    centers, nothing = flight.poses[:, :3, 3], np.zeros((0, 3))
+    plan = flight_figure(centers, list(flight.statuses), nothing, unit=unit_of(cloud)) if len(centers) else None
+    return {
+        **NOTHING,
+        **reconstruction_parts(cloud, folder, {}),
+        "name": name,
+        "heading": f"Cloud {name}",
+        "key": slug(name),
+        "tiles": headline_tiles(len(cloud.cameras), cloud),
+        "view": cloud_view(cloud, flight, shown),
+        "flight": plan,
+        **dict.fromkeys(("sheet", "frames", "legend"), ()),
     }
 
 

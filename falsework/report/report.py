@@ -6,13 +6,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from falsework.report.cloud_view import SHOWN_POINTS, Shown, cloud_view
+from falsework.report.cloud_view import MOST_VIEWS, SHOWN_POINTS, Shown, cloud_view, first_views
 from falsework.report.figures import flight_figure
 from falsework.report.flight import flight_of
 from falsework.report.outline import outline_cloud
 from falsework.report.page import file_link, settings_rows, write_page
 from falsework.report.pictures import data_uri, depth_range, paint_depth, paint_labels
-from falsework.report.reconstruction import NOTHING, reconstruction_parts, sample_parts
+from falsework.report.reconstruction import (
+    NOTHING,
+    cloud_parts,
+    reconstruction_parts,
+    sample_parts,
+)
 from falsework.report.scene_tables import headline_tiles
 from groundwork.errors import InputError
 from groundwork.files import read_json
@@ -39,7 +44,7 @@ def write_report(
     title: str,
     stage: Path,
     surveys: dict[str, tuple[Path, dict[str, Path]]],
-    samples: Mapping[str, Path] | None = None,
+    others: Mapping[str, Path] | None = None,
     place: str = "",
 ) -> None:
     """Write the page of one scene.
@@ -49,29 +54,39 @@ def write_report(
         title: Heading.
         stage: Scene folder or USD file; the manifest beside it gives the lead line.
         surveys: Survey id to its capture folder, and the folder of each cloud by its suffix, empty for a single one.
-        samples: Id of each sample to its cloud folder.
+        others: Name of each further cloud to its folder: samples, and clouds whose photographs were let go.
         place: Relative path from the page to the folder of the scene; empty for the page's own folder.
     """
-    samples = samples or {}
-    clouds = sum(max(len(several), 1) for _, several in surveys.values()) + len(samples)
-    shown = Shown(min(SHOWN_POINTS, PAGE_POINTS // max(clouds, 1)))
+    from recon.cloud import RECONSTRUCTED, read_cloud
+
+    found = {name: (read_cloud(folder), folder) for name, folder in sorted((others or {}).items())}
+    alone = {name: pair for name, pair in found.items() if pair[0].source in RECONSTRUCTED}
+    clouds = sum(max(len(several), 1) for _, several in surveys.values()) + len(found)
+    shown = Shown(min(SHOWN_POINTS, PAGE_POINTS // min(max(clouds, 1), MOST_VIEWS)))
     frames = max(PAGE_FRAMES // max(2 * len(surveys), 1), 1)
     parts = [
         _survey(name, mode, capture, folder, shown, frames=frames if first else 0, place=place)
         for name, (capture, several) in sorted(surveys.items())
         for first, mode, folder in _clouds(several)
-    ]
+    ] + [_alone(name, cloud, folder, shown, place) for name, (cloud, folder) in alone.items()]
+    samples = [sample_parts(name, cloud, shown) for name, (cloud, _) in found.items() if name not in alone]
+    drawn = first_views(parts + samples)
     settings = [("stage", settings_rows(recipe))] if (recipe := _recipe(stage)) else []
     write_page(
         path,
         "report.html.j2",
         title=title,
         lead=_lead(stage),
-        surveys=parts,
-        samples=[_sample(name, folder, shown, place) for name, folder in sorted(samples.items())],
+        surveys=drawn[: len(parts)],
+        samples=drawn[len(parts) :],
         settings=settings + [group for part in parts for group in part["settings"]],
         files=_files(place, STAGE, "", stage if stage.is_dir() else stage.parent, FILES[STAGE])
-        + [row for part in parts for row in part["files"]],
+        + [row for part in parts for row in part["files"]]
+        + [
+            row
+            for name in sorted(found.keys() - alone.keys())
+            for row in _files(place, CLOUD, name, found[name][1], FILES[CLOUD])
+        ],
     )
 
 
@@ -163,11 +178,10 @@ def _spread(count: int, wanted: int) -> list[int]:
     return np.unique(np.linspace(0, count - 1, min(wanted, count)).round().astype(int)).tolist()
 
 
-def _sample(name: str, folder: Path, shown: Shown, place: str) -> dict[str, Any]:
-    from recon.cloud import read_cloud
-
-    parts = sample_parts(name, read_cloud(folder), shown)
-    return {**parts, "files": _files(place, CLOUD, name, folder, FILES[CLOUD])}
+def _alone(name: str, cloud: "Cloud", folder: Path, shown: Shown, place: str) -> dict[str, Any]:
+    """Show a reconstructed cloud whose photographs were let go."""
+    more = {"files": _files(place, CLOUD, name, folder, FILES[CLOUD]), "settings": _settings(f"cloud {name}", folder)}
+    return {**cloud_parts(name, cloud, folder, shown), **more}
 
 
 def _settings(name: str, folder: Path) -> list[tuple[str, list[dict[str, Any]]]]:

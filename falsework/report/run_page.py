@@ -10,6 +10,7 @@ from falsework.report.page import SERIES, number, settings_rows, write_page
 
 MOST_ROWS = 400  # scenes in a table; of more, incomplete ones come first
 MOST_BARS = 80  # scenes in the plot of times
+LET_GO = "let go"  # made, used and removed, because `keep` does not name its stage
 
 
 @dataclass(frozen=True)
@@ -117,18 +118,17 @@ def _run(run: RunFacts) -> dict[str, Any]:
     classes = sorted((name for name, count in totals.items() if count), key=lambda name: -totals[name])
     shown = sorted(run.scenes, key=lambda scene: (scene.name not in failed, scene.name))[:MOST_ROWS]
     bad = {(row.scene, row.stage): row for row in run.failures}
+    keep = run.settings.get("keep")
+    rows = [
+        {"name": scene.name, "page": scene.page, "cells": [_cell(scene, stage, bad, keep) for stage in run.stages]}
+        for scene in sorted(shown, key=lambda scene: scene.name)
+    ]
     return {
         "name": run.name,
         "tiles": _tiles(run),
         "stages": run.stages,
-        "scenes": [
-            {
-                "name": scene.name,
-                "page": scene.page,
-                "cells": [_cell(scene, stage, bad) for stage in run.stages],
-            }
-            for scene in sorted(shown, key=lambda scene: scene.name)
-        ],
+        "scenes": rows,
+        "let_go": any(cell["text"] == LET_GO for row in rows for cell in row["cells"]),
         "left_out": len(run.scenes) - len(shown),
         "failures": run.failures,
         "classes": classes,
@@ -162,7 +162,10 @@ def _class_totals(run: RunFacts) -> dict[str, int]:
 
 
 def _tiles(run: RunFacts) -> list[dict[str, str]]:
-    counts = {kind: len({row.scene for row in run.failures if row.kind == kind}) for kind in ("rejected", "failed")}
+    counts = {
+        kind: len({row.scene or number for number, row in enumerate(run.failures) if row.kind == kind})
+        for kind in ("rejected", "failed")
+    }
     points = sum(count for scene in run.scenes for cloud in scene.clouds.values() for count in cloud.values())
     tiles = [
         {"label": "scenes with results", "value": f"{len(run.scenes)} of {run.wanted}"},
@@ -176,12 +179,17 @@ def _tiles(run: RunFacts) -> list[dict[str, str]]:
     return tiles
 
 
-def _cell(scene: SceneRow, stage: str, bad: Mapping[tuple[str, str], FailureRow]) -> dict[str, str]:
+def _cell(
+    scene: SceneRow, stage: str, bad: Mapping[tuple[str, str], FailureRow], keep: Sequence[str] | None
+) -> dict[str, str]:
     if (scene.name, stage) in bad:
         row = bad[scene.name, stage]
         return {"text": f"{row.kind}: {row.reason}", "look": "bad"}
-    count = scene.results.get(stage, 0)
-    return {"text": "–", "look": "soft"} if not count else {"text": "✓" if count == 1 else f"✓ {count}", "look": "good"}
+    if count := scene.results.get(stage, 0):
+        return {"text": "✓" if count == 1 else f"✓ {count}", "look": "good"}
+    used = any(cameras for _, cameras in scene.cameras.values()) or (scene.name, "cloud") in bad
+    let_go = used and stage in ("capture", "model") and keep is not None and stage not in keep
+    return {"text": LET_GO if let_go else "–", "look": "soft"}
 
 
 def _cameras(scene: SceneRow, name: str) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
-from falsework.report.cloud_view import Shown, cloud_view
+from falsework.report.cloud_view import Shown, cloud_view, first_views
 from falsework.report.dataset_page import class_rows_of
 from falsework.report.figures import flight_figure
 from falsework.report.flight import Flight
@@ -40,7 +40,7 @@ def write_survey_page(path: Path, surveys: Sequence[Mapping[str, Any]], scene: s
         "survey.html.j2",
         title="Planned flights",
         lead=f"{scene}: calculated by ray casting for every image; nothing was rendered",
-        surveys=[_survey(number, row) for number, row in enumerate(surveys)],
+        surveys=first_views([_survey(number, row) for number, row in enumerate(surveys)]),
         unseen=[_unseen_row(name, few) for name, few in last.get("hardly_seen", {}).items()],
         proposal=_proposal(last.get("proposal"), scene),
     )

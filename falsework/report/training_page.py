@@ -14,6 +14,7 @@ from groundwork.files import read_json
 
 SCORES = ("iou", "accuracy", "precision", "f1")
 MOST_ERRORS = 10  # rows in the table of the most frequent confusions
+ENDS = 12  # signs of a long name at each end
 FACTS = "model.json"
 LOG = "log.csv"
 
@@ -84,18 +85,19 @@ def _model(name: str, folder: Path) -> dict[str, Any]:
     log = _log(folder / LOG)
     best = training.get("validation") or {}
     counted = list(zip(stored.get("classes", ()), training.get("training_points") or (), strict=False))
+    tiles = [
+        {"label": "network", "value": str(stored.get("network", "–"))},
+        {"label": "epochs", "value": number(len(log)) if log else "–"},
+        {"label": "best epoch", "value": number(_epoch_number(training.get("picked_epoch")))},
+        {"label": "mean IoU on validation", "value": percent(best.get("miou"))},
+        {"label": "bridges for training", "value": number(len(training.get("training_bridges", ())))},
+        {"label": "bridges for validation", "value": number(len(training.get("validation_bridges", ())))},
+    ]
     return {
         "name": name,
         "network": str(stored.get("network", "")),
         "log": log,
-        "tiles": [
-            {"label": "network", "value": str(stored.get("network", "–"))},
-            {"label": "epochs", "value": number(len(log)) if log else "–"},
-            {"label": "best epoch", "value": number(_epoch_number(training.get("picked_epoch")))},
-            {"label": "mean IoU on validation", "value": percent(best.get("miou"))},
-            {"label": "bridges for training", "value": number(len(training.get("training_bridges", ())))},
-            {"label": "bridges for validation", "value": number(len(training.get("validation_bridges", ())))},
-        ],
+        "tiles": [tile for tile in tiles if tile["value"] != "–"],  # a forest has no epochs
         "bridges": {
             "was trained on": set(training.get("training_bridges", ())),
             "chose its epoch by": set(training.get("validation_bridges", ())),
@@ -103,9 +105,9 @@ def _model(name: str, folder: Path) -> dict[str, Any]:
         "classes": [[str(label), number(count)] for label, count in counted if count],
         "absent": ", ".join(str(label) for label, count in counted if not count),
         "settings": [
-            (f"training of {name}", settings_rows(_mapping(training.get("settings")))),
-            (f"network of {name}", settings_rows(_mapping(stored.get("settings")))),
-            (f"samples of {name}", settings_rows(_mapping(stored.get("data")))),
+            ("training", settings_rows(_mapping(training.get("settings")))),
+            ("network", settings_rows(_mapping(stored.get("settings")))),
+            ("samples", settings_rows(_mapping(stored.get("data")))),
         ],
     }
 
@@ -142,7 +144,7 @@ def _curves(models: list[dict[str, Any]]) -> list[tuple[str, go.Figure]]:
                         mode="lines+markers" if len(known) < 60 else "lines",
                         marker={"size": 5},
                         line={"color": color, "dash": dash},
-                        name=escape(f"{model['name']}: {words}" if len(models) > 1 else words),
+                        name=escape(f"{_short(model['name'])}: {words}" if len(models) > 1 else words),
                     )
         if figure.data:
             plain_layout(figure, 340)
@@ -153,6 +155,11 @@ def _curves(models: list[dict[str, Any]]) -> list[tuple[str, go.Figure]]:
             axis = {"title": "epoch", "dtick": max(-(-last // 10), 1)}
             drawn.append((title, figure.update_layout(xaxis=axis, yaxis=scale)))
     return drawn
+
+
+def _short(name: str) -> str:
+    """Shorten a name for a legend, which cuts off what is too long: the word behind it was lost."""
+    return name if len(name) <= 2 * ENDS + 1 else f"{name[:ENDS]}…{name[-ENDS:]}"
 
 
 def _epoch_number(epoch: float | None) -> int | None:
@@ -314,7 +321,11 @@ def _side_by_side(scored: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     for one, color in zip(scored, SERIES * (len(scored) // len(SERIES) + 1), strict=False):
         values = [None if (value := one["iou"].get(name)) is None else 100.0 * value for name in names]
         figure.add_bar(
-            x=values, y=[escape(name) for name in names], name=escape(one["name"]), marker_color=color, orientation="h"
+            x=values,
+            y=[escape(name) for name in names],
+            name=escape(_short(one["name"])),
+            marker_color=color,
+            orientation="h",
         )
     plain_layout(figure, 110 + (10 + 8 * len(scored)) * max(len(names), 1))
     return {

@@ -354,20 +354,28 @@ def test_the_verb_knows_what_it_is_given(
     code, out, _ = call(capsys, "report", folder / "model", folder / "scores.json", "-o", page)
     assert (code, page.is_file()) == (0, True)
     assert out == f"report  {page}\n"
+    text = " ".join(elements_of(page).text)
+    assert ("Model model" in text, "Scores scores" in text) == (False, False)
+    long = [shutil.copytree(folder / "model", tmp_path / (60 * sign)) for sign in "ab"]
+    assert call(capsys, "report", *long, "-o", page)[0] == 0
+    assert "bbbbbbbbbbbb\\u2026bbbbbbbbbbbb: loss" in page.read_text(encoding="utf-8")  # the legend keeps the word
     assert call(capsys, "report", folder / "model", folder / "set", "-o", page)[0] == 2
     assert call(capsys, "report", tmp_path / "nowhere", "-o", page)[0] == 2
     assert call(capsys, "report", folder / "model" / "log.csv", "-o", page)[0] == 2
 
 
-def test_a_run_tells_which_scene_was_rejected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Rejected in its capture or in its cloud, each record finds its scene; the run ends with the page that says so."""
+@pytest.mark.parametrize("keep", [None, ("stage", "cloud", "report")], ids=["all", "some"])
+def test_a_run_tells_which_scene_was_rejected(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, keep: tuple[str, ...] | None
+) -> None:
+    """Rejected in its capture or in its cloud, each record finds its scene, also if its photographs were let go."""
     for stage in STAGES:
         monkeypatch.setitem(STAGES, stage, tiny_stages()[stage])
     monkeypatch.setattr(chain, "render_platform", lambda device="auto": {"gl_renderer": "none"})
     monkeypatch.setattr(chain, "recon_platform", lambda: {"cpu": "none"})
     monkeypatch.setenv("TINY_FAULTS", json.dumps({"capture:1": "reject", "cloud:2": "reject", "stage:3": "internal"}))
     out = tmp_path / "out"
-    outcome = run_scenario(tiny_scenario(4), out, SILENT)
+    outcome = run_scenario(tiny_scenario(4, **({} if keep is None else {"keep": keep})), out, SILENT)
     assert (sorted(outcome.rejected), sorted(outcome.failed)) == (["0001", "0002"], ["0003"])
     facts = run_facts(out, "..")
     assert [(row.scene, row.stage, row.kind, row.reason) for row in facts.failures] == [
@@ -376,9 +384,11 @@ def test_a_run_tells_which_scene_was_rejected(tmp_path: Path, monkeypatch: pytes
         ("0003", "stage", "failed", "internal"),
     ]
     whole = next(scene for scene in facts.scenes if scene.name == "0000")
-    assert dict(whole.results) == dict.fromkeys(("stage", "capture", "model", "cloud", "report"), 1)
+    kept = keep or ("stage", "capture", "model", "cloud", "report")
+    assert {stage for stage, count in whole.results.items() if count} == set(kept)
     assert whole.page == "../scenes/0000/report.html"
     assert {event.stage for event in facts.events if event.scene == "0000"} == set(whole.results)
     text = " ".join(elements_of(out / "run/report.html").text)
     assert "no_texture" in text
     assert "nothing to match" in text
+    assert ("Let go: made, used and then removed" in text) == (keep is not None)

@@ -355,6 +355,7 @@ READ_SAFELY_ANYHOW = {
     "foreign._listed",  # names alone
     "run_facts._failures",
     "run_facts._scene",
+    "run_facts._scene_of",
     "run_facts.run_facts",
     "saved.title_words",
     "training_page._model",
