@@ -19,6 +19,7 @@ from recon.sfm.doubtful import doubtful_pairs
 from recon.sfm.growth import MOST_MOVED, grow
 from recon.sfm.misplaced import Fixes
 from recon.sfm.runaways import leave_out, runaways
+from recon.sfm.start import SUSPICIOUS, contradicted_images, starting_pair
 from recon.sfm.tie_points import write_tie_points
 from render.capture import Capture
 
@@ -50,8 +51,7 @@ def map_images(
         `mapper`; `tie_points`: whether the mapper used tie points instead of all matches; `models`: number of images
         and points of each, largest first (of those that are not kept, of tie points alone); `elsewhere`: files of the
         images that are in a smaller model; where images were missing, `growth`: see `grow`; `runaways`: files of the
-        images whose cameras were removed as runaways; `doubtful`: number of pairs that were not used: see
-        `doubtful_pairs`.
+        removed runaway cameras; `doubtful`: number of pairs that were not used: see `doubtful_pairs`.
     """
     models, final, ties = folder / _MODELS, folder / MODEL, folder / _TIES
     for path in (models, final):
@@ -65,6 +65,7 @@ def map_images(
     ranked = _ranked(run(capture, source, models, settings, seed, progress))
     growth: dict[str, float] = {}
     if kind != "global":
+        ranked = _begun_anew(capture, source, models, ranked, _mapper_options(settings, seed), progress)
         growth = _grow_largest(capture, source, models, ranked, _mapper_options(settings, seed), progress)
     _clear_ties(folder)
     in_largest, away = set[str](), set[str]()
@@ -212,6 +213,33 @@ def _map_incrementally(
         if any(model.num_reg_images() > 2 and model.num_points3D() for model in found.values()):
             break
     return found
+
+
+def _begun_anew(
+    capture: Capture,
+    database: Path,
+    models: Path,
+    ranked: list[pycolmap.Reconstruction],
+    options: pycolmap.IncrementalPipelineOptions,
+    progress: Progress,
+) -> list[pycolmap.Reconstruction]:
+    """Map again from images that GPS does not contradict where it contradicts many; the better one of both stays."""
+    fixes = _fixes(capture)
+    if not ranked or not (wrong := contradicted_images(ranked[0], fixes)):
+        return ranked
+    if len(wrong) <= SUSPICIOUS * len(capture.images) or (pair := starting_pair(ranked[0], wrong)) is None:
+        return ranked
+    progress.stage("mapping, from another pair", 0)
+    options.init_image_id1, options.init_image_id2 = pair
+    again = _ranked(pycolmap.incremental_mapping(database, capture.folder, models, options))
+    if not again or _placed(again[0], fixes) <= _placed(ranked[0], fixes):
+        return ranked
+    progress.note(f"GPS contradicted {len(wrong)} images: mapped again from another pair of images")
+    return again
+
+
+def _placed(model: pycolmap.Reconstruction, fixes: Fixes) -> int:
+    return model.num_reg_images() - len(contradicted_images(model, fixes))
 
 
 def _ranked(found: dict[int, pycolmap.Reconstruction]) -> list[pycolmap.Reconstruction]:
