@@ -4,10 +4,10 @@ Usage: python -m benchmarks.recon.accuracy WORK [--only NAME…] [--page] [--kee
 
 Makes a bridge for every row, flies, renders and reconstructs it, and writes `docs/benchmarks/accuracy.md`. WORK keeps
 what was made: a second call goes on. `--page` writes the page of what is there. With `--keep`, rows that are on the
-page and not in WORK stay as they are, and so do the tables by distance and by class. Some six processor minutes a row.
-With `--samples`, all but the rail bridges of whole flights are sampled on their mesh and by a tripod's laser, too, for
-`benchmarks.shipped`. Rows of `inspection` are short bridges whose every member is flown at, for the class that has
-fewest points: dense alone, and no samples.
+page and not in WORK stay as they are, and so do the tables by distance and by class. A row takes some twelve
+processor minutes. With `--samples`, all but the rail bridges of whole flights are sampled on their mesh and by a
+tripod's laser, too, for `benchmarks.shipped`. Rows of `inspection` are short bridges whose every member is flown at,
+for the class that has fewest points: dense alone, and no samples.
 """
 
 import argparse

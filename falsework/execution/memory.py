@@ -3,7 +3,7 @@
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +13,7 @@ from groundwork.errors import InputError
 SHARE = 0.9  # of the machine's memory that a run may use where nothing else is said [1]
 _EVERY = 0.5  # [s] between two looks
 _AFTER = 3.0  # [s] for the processes above to end after one was stopped
+_OURS = frozenset({"authoring", "render", "recon", "learn", "falsework"})  # rooms whose modules run as child processes
 _LIMIT_OF_GROUP = Path("/sys/fs/cgroup/memory.max")  # of a container, or a job of a queue
 
 
@@ -86,16 +87,25 @@ def processes_below(root: int) -> list[Resident]:
     return found
 
 
+def largest_child(alive: Sequence[Resident]) -> Resident | None:
+    """Find the largest child process that runs a module of ours: others, as of a notebook, are not ours to stop.
+
+    Args:
+        alive: A process, then all processes below it.
+    """
+    ours = [one for one in alive[1:] if one.module.partition(".")[0] in _OURS]
+    return max(ours, key=lambda one: one.memory, default=None)
+
+
 def _watch(limit: float, note: Callable[[str], None], done: threading.Event) -> None:
     pause = _EVERY
     while not done.wait(pause):
         pause = _EVERY
         alive = processes_below(os.getpid())
         used = sum(one.memory for one in alive)
-        stoppable = [one for one in alive[1:] if one.module]
-        if used <= limit or not stoppable:
+        largest = largest_child(alive)
+        if used <= limit or largest is None:
             continue
-        largest = max(stoppable, key=lambda one: one.memory)
         with suppress(ProcessLookupError):
             os.kill(largest.pid, signal.SIGKILL)
             note(

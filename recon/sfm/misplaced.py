@@ -4,7 +4,7 @@ Few matches do not distinguish the two towers of a bridge: 22 points connected 5
 first one, 40 to 75 m from where they were taken.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pycolmap
@@ -15,7 +15,8 @@ Fixes = Mapping[str, tuple[float, float, float]]
 
 LIMIT = 6.0
 """Standard deviations between a camera and its fix, beyond which it was registered at the wrong place [1]."""
-_LEAST_SIGMA = 0.5  # [m] of a fix along an axis: the drift of a receiver does not show in a few fixes
+LEAST_SIGMA = 0.5
+"""Least standard deviation of a fix along an axis [m]: the drift of a receiver does not show in a few fixes."""
 _SURE = 3.0  # standard deviations of a fix: a place that is predicted worse than that along two axes is not checked
 _LEAST = 4  # known cameras with a fix: three fit any similarity too well
 
@@ -39,15 +40,15 @@ def misplaced_images(grown: pycolmap.Reconstruction, known: Iterable[int], fixes
     base = sorted(number for number in known if grown.image(number).name in fixes)
     if len(base) < _LEAST:
         return others
-    places, measured = _centers(grown, base), np.array([fixes[grown.image(number).name] for number in base])
-    fit, kept = _fitted(places, measured)
+    places, measured = centers(grown, base), np.array([fixes[grown.image(number).name] for number in base])
+    fit, kept = fit_trimmed(places, measured, len(places) - len(places) // 10)
     if fit is None:
         return others
-    moved = _moved(fit, places[kept])
+    moved = moved_by(fit, places[kept])
     spread = np.sqrt(np.mean((moved - measured[kept]) ** 2))  # of a fix along an axis [m]
-    sigma = max(float(spread), _LEAST_SIGMA)
+    sigma = max(float(spread), LEAST_SIGMA)
     checked = [number for number in others if grown.image(number).name in fixes]
-    there = _moved(fit, _centers(grown, checked))
+    there = moved_by(fit, centers(grown, checked))
     gap = there - np.array([fixes[grown.image(number).name] for number in checked]).reshape(-1, 3)
     expected = np.eye(3) + predicted_covariance(moved, there)  # of a fix, in variances of one along an axis
     distance = np.sqrt(np.einsum("mi,mij,mj->m", gap, np.linalg.inv(expected), gap)) / sigma
@@ -85,21 +86,51 @@ def _jacobian(places: F64) -> F64:
     return np.concatenate([shift, turn, places[:, :, None]], axis=2)
 
 
-def _fitted(places: F64, measured: F64) -> tuple[pycolmap.Sim3d | None, NDArray[np.int64]]:
-    """Fit the similarity by least squares, without the tenth of the fixes that lie farthest off."""
+def fit_trimmed(
+    places: F64, measured: F64, count: int, rounds: int = 3
+) -> tuple[pycolmap.Sim3d | None, NDArray[np.int64]]:
+    """Fit the similarity from places to fixes by least squares, again and again without those that lie farthest off.
+
+    Args:
+        places: Centers of cameras, in the units of their model [1], shape (N, 3), float64.
+        measured: Their fixes [m], shape (N, 3), float64.
+        count: Number of cameras that count.
+        rounds: Number of fits.
+
+    Returns:
+        The similarity, None where there is none, and the rows that lie nearest to it, ascending, shape (count,), int64.
+    """
     fit, kept = None, np.arange(len(places))
-    for _ in range(3):
+    for _ in range(rounds):
         fit = pycolmap.estimate_sim3d(places[kept], measured[kept])
         if fit is None:
             return None, kept
-        gap = np.linalg.norm(_moved(fit, places) - measured, axis=1)
-        kept = np.sort(np.argsort(gap, kind="stable")[: len(places) - len(places) // 10])
+        gap = np.linalg.norm(moved_by(fit, places) - measured, axis=1)
+        kept = np.sort(np.argsort(gap, kind="stable")[:count])
     return fit, kept
 
 
-def _moved(fit: pycolmap.Sim3d, places: F64) -> F64:
+def moved_by(fit: pycolmap.Sim3d, places: F64) -> F64:
+    """Move places by a similarity.
+
+    Args:
+        fit: The similarity.
+        places: Places in the units of a model [1], shape (N, 3), float64.
+
+    Returns:
+        Where they are then [m], shape (N, 3), float64.
+    """
     return fit.scale * places @ fit.rotation.matrix().T + fit.translation
 
 
-def _centers(model: pycolmap.Reconstruction, images: list[int]) -> F64:
+def centers(model: pycolmap.Reconstruction, images: Sequence[int]) -> F64:
+    """List the centers of cameras.
+
+    Args:
+        model: A model.
+        images: Ids of its images.
+
+    Returns:
+        Centers in the units of the model [1], shape (N, 3), float64.
+    """
     return np.array([model.image(number).projection_center() for number in images]).reshape(-1, 3)

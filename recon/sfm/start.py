@@ -5,20 +5,18 @@ pair may be wrong, and so is what hangs on it: one flight round a girder bridge 
 were turned by 62 degrees; begun with another pair, all were right.
 """
 
-from itertools import combinations
-
 import numpy as np
 import pycolmap
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
-from recon.sfm.misplaced import LIMIT, Fixes
+from recon.sfm.misplaced import LEAST_SIGMA, LIMIT, Fixes, centers, fit_trimmed, moved_by
 
 F64 = NDArray[np.float64]
 
 SUSPICIOUS = 0.03  # share of the cameras that may contradict their fixes [1]
 _TRUSTED = 0.6  # share of the cameras that the similarity is fitted to [1]
 _ROUNDS = 10
-_LEAST_SIGMA = 0.5  # [m] of a fix along an axis
 _LEAST = 10  # cameras with a fix
 _LEAST_ANGLE = 16.0  # [deg] between the rays of the first two images, COLMAP's own
 
@@ -36,17 +34,12 @@ def contradicted_images(model: pycolmap.Reconstruction, fixes: Fixes) -> list[in
     images = sorted(number for number in model.reg_image_ids() if model.image(number).name in fixes)
     if len(images) < _LEAST:
         return []
-    places = np.array([model.image(number).projection_center() for number in images])
-    measured = np.array([fixes[model.image(number).name] for number in images])
-    kept = np.arange(len(images))
-    gap = np.zeros(len(images))
-    for _ in range(_ROUNDS):
-        fit = pycolmap.estimate_sim3d(places[kept], measured[kept])
-        if fit is None:
-            return []
-        gap = np.linalg.norm(fit.scale * places @ fit.rotation.matrix().T + fit.translation - measured, axis=1)
-        kept = np.sort(np.argsort(gap, kind="stable")[: round(_TRUSTED * len(images))])
-    sigma = max(float(np.sqrt(np.mean(gap[kept] ** 2) / 3.0)), _LEAST_SIGMA)
+    places, measured = centers(model, images), np.array([fixes[model.image(number).name] for number in images])
+    fit, kept = fit_trimmed(places, measured, round(_TRUSTED * len(images)), _ROUNDS)
+    if fit is None:
+        return []
+    gap = np.linalg.norm(moved_by(fit, places) - measured, axis=1)
+    sigma = max(float(np.sqrt(np.mean(gap[kept] ** 2) / 3.0)), LEAST_SIGMA)  # of a fix along an axis [m]
     return [number for number, far in zip(images, (gap > LIMIT * sigma * np.sqrt(3.0)).tolist(), strict=True) if far]
 
 
@@ -60,15 +53,24 @@ def starting_pair(model: pycolmap.Reconstruction, without: list[int]) -> tuple[i
     Returns:
         Their ids, the smaller one first; None where no two share points under such an angle.
     """
-    left_out = set(without)
-    angles: dict[tuple[int, int], list[float]] = {}
-    centers = {number: model.image(number).projection_center() for number in model.reg_image_ids()}
-    for number in sorted(model.point3D_ids()):
-        point = model.point3D(number)
-        seen = sorted({element.image_id for element in point.track.elements} - left_out)
-        rays = {image: (centers[image] - point.xyz) / np.linalg.norm(centers[image] - point.xyz) for image in seen}
-        for pair in combinations(seen, 2):
-            cosine = float(np.clip(rays[pair[0]] @ rays[pair[1]], -1.0, 1.0))
-            angles.setdefault(pair, []).append(float(np.degrees(np.arccos(cosine))))
-    wide = {pair: len(found) for pair, found in angles.items() if np.median(found) >= _LEAST_ANGLE}
-    return max(sorted(wide), key=lambda pair: wide[pair]) if wide else None
+    images = sorted(set(model.reg_image_ids()) - set(without))
+    row = {number: place for place, number in enumerate(images)}
+    points = [model.point3D(number) for number in sorted(model.point3D_ids())]
+    seen = {(row[e.image_id], k) for k, point in enumerate(points) for e in point.track.elements if e.image_id in row}
+    of_image, of_point = np.array(sorted(seen), np.int64).reshape(-1, 2).T
+    views = csr_array((np.ones(len(of_image), np.int32), (of_image, of_point)), shape=(len(images), len(points)))
+    first, second = np.triu_indices(len(images), 1)
+    shared = (views @ views.T).toarray()[first, second]
+    places, surfaces = centers(model, images), np.array([point.xyz for point in points]).reshape(-1, 3)
+    for pair in np.argsort(-shared, kind="stable")[: np.count_nonzero(shared)]:
+        one, other = int(first[pair]), int(second[pair])
+        both = surfaces[np.intersect1d(of_point[of_image == one], of_point[of_image == other])]
+        if np.median(_angle(both - places[one], both - places[other])) >= _LEAST_ANGLE:
+            return images[one], images[other]
+    return None
+
+
+def _angle(one: F64, other: F64) -> F64:
+    """Measure the angle between rays [deg], shape (N,)."""
+    lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
+    return np.degrees(np.arccos(np.clip(np.einsum("ij,ij->i", one, other) / lengths, -1.0, 1.0)))

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from falsework.execution import chain
-from falsework.execution.memory import machine_memory, processes_below
+from falsework.execution.memory import Resident, largest_child, machine_memory, processes_below
 from falsework.pipeline import Outcome, run_scenario
 from falsework.stages import STAGES
 from falsework.store.store import Store
@@ -42,8 +42,9 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     return run
 
 
-def test_all_processes_together_keep_a_limit_of_memory(run: Run) -> None:
+def test_all_processes_together_keep_a_limit_of_memory(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """No child is over a limit of its own, but all processes are together: the largest child ends, the others go on."""
+    monkeypatch.setattr("falsework.execution.memory._OURS", {"tests"})  # whose module the child runs
     together = sum(one.memory for one in processes_below(os.getpid()))
     assert 0.05 < together < machine_memory()
     outcome = run(scenes=2, faults={"capture:0": "grows in a child"}, memory=together + 0.2)
@@ -51,6 +52,20 @@ def test_all_processes_together_keep_a_limit_of_memory(run: Run) -> None:
     assert "died of SIGKILL" in outcome.failed["0000"]
     assert len(outcome.clouds) == 1
     assert run(scenes=2, memory=together + 0.2).failed == {}  # and the next run makes it
+
+
+def test_only_children_of_ours_are_stopped() -> None:
+    """Not the run itself, not a worker, and nothing that somebody else's program started."""
+    rows = (
+        (1, "falsework", 9.0),
+        (2, "", 8.0),
+        (3, "http.server", 7.0),
+        (4, "render.frames", 1.0),
+        (5, "recon.x", 2.0),
+    )
+    alive = [Resident(pid, 1, module, memory) for pid, module, memory in rows]
+    assert largest_child(alive) == alive[4]
+    assert largest_child(alive[:3]) is None
 
 
 def _only(out: Path, stage: str) -> Path:

@@ -1,5 +1,7 @@
 """Where a mapper begins anew: images that their fixes contradict are told, and the next pair is one of the others."""
 
+from itertools import combinations
+
 import numpy as np
 import pycolmap
 
@@ -25,8 +27,19 @@ def test_a_turned_piece_is_told_and_nothing_else() -> None:
         assert contradicted_images(model, few) == []
 
 
+def _shared_widely(model: pycolmap.Reconstruction, one: int, other: int) -> int:
+    """Count the points that two images share; none where most rays meet under less than 16 degrees."""
+    angles = []
+    for point in model.points3D.values():
+        if {one, other} <= {element.image_id for element in point.track.elements}:
+            rays = [point.xyz - model.image(number).projection_center() for number in (one, other)]
+            cosine = rays[0] @ rays[1] / np.linalg.norm(rays[0]) / np.linalg.norm(rays[1])
+            angles.append(np.degrees(np.arccos(cosine)))
+    return len(angles) if angles and np.median(angles) >= 16.0 else 0
+
+
 def test_the_next_pair_shares_most_points_under_a_wide_angle() -> None:
-    """It is one of the images that are not left out, and there is none where one image is left."""
+    """As a loop over all pairs and points finds it, without what is left out; of one image there is none."""
     pycolmap.set_random_seed(2)
     frames = pycolmap.SyntheticDatasetOptions(
         num_rigs=1, num_cameras_per_rig=1, num_frames_per_rig=7, num_points3D=60, track_length=4
@@ -34,7 +47,8 @@ def test_the_next_pair_shares_most_points_under_a_wide_angle() -> None:
     model = pycolmap.synthesize_dataset(frames)
     free = starting_pair(model, [])
     assert free is not None
-    pair = starting_pair(model, [free[0]])
-    assert pair is not None
-    assert free[0] not in pair
+    for without in ([], [free[0]], list(free)):
+        left = [number for number in range(1, 8) if number not in without]
+        wide = {pair: count for pair in combinations(left, 2) if (count := _shared_widely(model, *pair))}
+        assert starting_pair(model, without) == max(sorted(wide), key=lambda pair: wide[pair])
     assert starting_pair(model, list(range(2, 8))) is None
