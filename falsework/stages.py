@@ -205,5 +205,5 @@ STAGES: dict[str, Stage] = {
     "model": Stage(4, model, resumes=True),
     "cloud": Stage(15, cloud, resumes=True),
     "sample": Stage(1, sample),
-    "report": Stage(13, report),
+    "report": Stage(14, report),
 }

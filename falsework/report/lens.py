@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from falsework.report.page import BLUE, number, plain_layout
 from falsework.report.residuals import ModelFit
+from recon.sfm.camera_model import BENDS, parameter_names
 
 if TYPE_CHECKING:
     from recon.cloud import Cloud
+    from recon.sfm.covariance import Precision
     from render.capture import Capture, Truth
 
 F64 = NDArray[np.float64]
@@ -19,17 +21,19 @@ F64 = NDArray[np.float64]
 COLUMNS = 16  # cells along the longer side of a photograph
 FEWEST = 100  # keypoints of a cell whose mean says something
 _LONGEST = 0.8  # of a cell: the longest arrow
-_FOCAL, _CENTER, _BEND = "focal length [px]", "principal point [px]", ("k1", "k2", "p1", "p2")
-_TWO = ("PINHOLE", "OPENCV")  # models of COLMAP with a focal length for each axis
+_FOCAL, _CENTER = "focal length [px]", "principal point [px]"
 
 
-def lens_rows(cloud: "Cloud", capture: "Capture | None", truth: "Truth | None") -> list[list[str]]:
+def lens_rows(
+    cloud: "Cloud", capture: "Capture | None", truth: "Truth | None", precision: "Precision | None" = None
+) -> list[list[str]]:
     """Set side by side what the reconstruction was told of the lens, what it found, and what is true.
 
     Args:
         cloud: The cloud.
         capture: Its photographs; None where they are not at hand.
         truth: Their truth; None where there is none.
+        precision: Expected errors of its model, None where unknown.
 
     Returns:
         The headings, then a row for each number; empty where the cloud does not say what was found.
@@ -38,6 +42,8 @@ def lens_rows(cloud: "Cloud", capture: "Capture | None", truth: "Truth | None") 
     if not isinstance(model, str) or not isinstance(params, list):
         return []
     columns = {"found": _of_colmap(model, params)}
+    if precision is not None:
+        columns["±"] = _spread(precision)
     if capture is not None:
         given = capture.prior
         told = {"model": given.model, _FOCAL: f"{given.focal_px:.2f}", _CENTER: _place(given.cx, given.cy)}
@@ -48,9 +54,9 @@ def lens_rows(cloud: "Cloud", capture: "Capture | None", truth: "Truth | None") 
             "model": "–",
             _FOCAL: _pair(lens.fx, lens.fy),
             _CENTER: _place(lens.cx, lens.cy),
-            **{name: f"{getattr(bend, name):.2g}" for name in _BEND},
+            **{name: f"{getattr(bend, name):.2g}" for name in BENDS},
         }
-    names = [name for name in ("model", _FOCAL, _CENTER, *_BEND) if name in columns["found"]]
+    names = [name for name in ("model", _FOCAL, _CENTER, *BENDS) if name in columns["found"]]
     return [["", *columns], *([name, *(column.get(name, "–") for column in columns.values())] for name in names)]
 
 
@@ -151,13 +157,34 @@ def miss_figure(fit: ModelFit, size: tuple[int, int]) -> go.Figure | None:
     )
 
 
+def correlation_rows(precision: "Precision | None") -> list[list[str]]:
+    """Spell how the errors of the parameters of the lens go together.
+
+    Args:
+        precision: Expected errors of a model, None where unknown.
+
+    Returns:
+        The headings, then a row for each parameter; empty where there are not two.
+    """
+    if precision is None or len(precision.lens) < 2:
+        return []
+    rows = zip(precision.lens, precision.correlation.tolist(), strict=True)
+    return [["", *precision.lens], *([name, *(f"{value:+.2f}" for value in row)] for name, row in rows)]
+
+
 def _of_colmap(model: str, params: list[float]) -> dict[str, str]:
     """Spell the parameters of a camera of COLMAP."""
-    two = model in _TWO
-    focal = _pair(params[0], params[1]) if two else f"{params[0]:.2f}"
-    bend = params[4 if two else 3 :]
-    told = {"model": model, _FOCAL: focal, _CENTER: _place(*params[2 if two else 1 :][:2])}
-    return {**told, **{name: f"{value:.2g}" for name, value in zip(_BEND, bend, strict=False)}}
+    value = dict(zip(parameter_names(model, len(params)), params, strict=False))
+    focal = _pair(value["fx"], value["fy"]) if "fx" in value else f"{value['f']:.2f}"
+    bend = {name: f"{value[name]:.2g}" for name in BENDS if name in value}
+    return {"model": model, _FOCAL: focal, _CENTER: _place(value["cx"], value["cy"]), **bend}
+
+
+def _spread(precision: "Precision") -> dict[str, str]:
+    """Spell the standard deviations of the parameters of the lens."""
+    value = dict(zip(precision.lens, precision.lens_sigma.tolist(), strict=True))
+    focal = ", ".join(f"{value[name]:.2g}" for name in ("f", "fx", "fy") if name in value)
+    return {_FOCAL: focal, **{name: f"{value[name]:.1g}" for name in BENDS if name in value}}
 
 
 def _pair(first: float, second: float) -> str:

@@ -9,7 +9,9 @@ import numpy as np
 from falsework.report.cloud_view import Shown, cloud_view
 from falsework.report.figures import class_figure, flight_figure, uncertainty_figure
 from falsework.report.flight import flight_of_cloud
-from falsework.report.lens import footprint, lens_rows, miss_figure, tie_rows
+from falsework.report.lens import correlation_rows, footprint, lens_rows, miss_figure, tie_rows
+from falsework.report.plan_view import color_figure, height_figure, plan_view
+from falsework.report.positions import difference_figure, ellipse_figure, expected_errors, measured_centers
 from falsework.report.residuals import (
     image_rows,
     image_table,
@@ -29,9 +31,11 @@ from falsework.report.scene_tables import (
     window_rows,
 )
 from groundwork.slug import slug
+from recon.cloud import SFM_DENSE
 
 if TYPE_CHECKING:
     from recon.cloud import Cloud
+    from recon.sfm.covariance import Precision
     from render.capture import Capture, Truth
 
 NOTHING: Mapping[str, Any] = {
@@ -41,9 +45,13 @@ NOTHING: Mapping[str, Any] = {
     "residuals": None,
     "misses": None,
     "overlap": None,
+    "above": None,
+    "heights": None,
+    "ellipses": None,
+    "differences": None,
     "known": False,
     "from_truth": True,
-    **dict.fromkeys(("facts", "kept", "windows", "pixels", "images", "lens", "ties"), ()),
+    **dict.fromkeys(("facts", "kept", "windows", "pixels", "images", "lens", "correlation", "ties"), ()),
 }
 """What a page says of photographs without a cloud."""
 
@@ -54,6 +62,8 @@ def reconstruction_parts(
     links: Mapping[str, str],
     capture: "Capture | None" = None,
     truth: "Truth | None" = None,
+    *,
+    of_model: bool = True,
 ) -> dict[str, Any]:
     """Fill what the template shows of a reconstructed cloud.
 
@@ -63,13 +73,17 @@ def reconstruction_parts(
         links: Link to the file of each photograph, by name.
         capture: The photographs; None where they are not at hand.
         truth: Their truth; None where there is none.
+        of_model: Show the expected errors of its model, too; not where another cloud of the same model shows them.
     """
     fit, cameras = model_fit(folder), stored_cameras(folder)
     rows = image_rows(cloud, folder, fit)
     size = cameras.get("camera", {}).get("size")
     one_pixel = footprint(cloud, cameras) if unit_of(cloud) == "m" else None
     noise = cloud.statistics.get("noise")
+    precision = expected_errors(folder) if of_model else None
     return {
+        **_seen_from_above(cloud),
+        **(_positions(cameras, precision, measured_centers(capture, truth), unit_of(cloud)) if of_model else {}),
         "is_cloud": True,
         "threshold": None if noise is None else f"{noise['threshold']:g} m",
         "noise": noise_rows(noise),
@@ -84,10 +98,30 @@ def reconstruction_parts(
         "windows": window_rows(cloud.statistics),
         "pixels": pixel_rows(cloud.statistics),
         "images": image_table(rows, dict(links)),
-        "lens": lens_rows(cloud, capture, truth),
+        "lens": lens_rows(cloud, capture, truth, precision),
+        "correlation": correlation_rows(precision),
         "ties": tie_rows(cloud, fit)
         + ([] if one_pixel is None else [("size of a pixel on the surface [mm]", f"{1000 * one_pixel:.1f}")]),
         "misses": miss_figure(fit, (size[0], size[1])) if fit is not None and size else None,
+    }
+
+
+def _seen_from_above(cloud: "Cloud") -> dict[str, Any]:
+    """Draw colors and heights of a dense cloud; a sparse one has too few points."""
+    view = plan_view(cloud) if cloud.source == SFM_DENSE else None
+    if view is None:
+        return {}
+    return {"above": color_figure(view, unit_of(cloud)), "heights": height_figure(view, unit_of(cloud))}
+
+
+def _positions(
+    cameras: Mapping[str, Any], precision: "Precision | None", measured: Mapping[str, np.ndarray], unit: str
+) -> dict[str, Any]:
+    """Draw expected and actual errors of the camera positions."""
+    centers = {row["name"]: np.array(row["camera_to_world"], np.float64)[:3, 3] for row in cameras.get("poses", ())}
+    return {
+        "ellipses": None if precision is None else ellipse_figure(precision, centers, unit),
+        "differences": difference_figure(centers, measured, unit),
     }
 
 

@@ -131,7 +131,7 @@ def _survey(
     more = _files(place, CLOUD, own, folder, FILES[CLOUD])
     settings = found["settings"] + _settings(f"cloud {own}", folder)
     links = dict(zip(flight.names, flight.files, strict=True))
-    parts = reconstruction_parts(cloud, folder, links, capture, truth)
+    parts = reconstruction_parts(cloud, folder, links, capture, truth, of_model=first)
     return {**found, **parts, "files": found["files"] + more, "settings": settings}
 
 

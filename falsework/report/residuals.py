@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from falsework.report.page import BLUE, RED, number, plain_layout
 from groundwork.files import read_json
 from recon.cloud import SFM_DENSE
+from recon.sfm.camera_model import project
 
 if TYPE_CHECKING:
     from recon.cloud import Cloud
@@ -125,7 +126,8 @@ def reprojection_residuals(cloud: "Cloud", folder: Path) -> F64:
             continue
         pose = poses[camera["name"]]
         local = (cloud.columns["coord"][point[mine]] - pose[:3, 3]) @ pose[:3, :3]
-        seen = _projected(local[:, :2] / local[:, 2:], stored["camera"]["model"], stored["camera"]["params"])
+        lens = stored["camera"]
+        seen = project(local[:, :2] / local[:, 2:], lens["model"], np.array(lens["params"], np.float64))
         result[mine] = np.linalg.norm(seen - cloud.observations["uv"][mine], axis=1)
     return result
 
@@ -159,7 +161,7 @@ def model_fit(folder: Path) -> ModelFit | None:
     model = read_model(folder / "sparse")
     poses = model.poses[model.obs_image]
     local = np.einsum("mi,mij->mj", model.points[model.obs_point] - poses[:, :3, 3], poses[:, :3, :3])
-    seen = _projected(local[:, :2] / local[:, 2:], model.camera_model, list(model.camera_params))
+    seen = project(local[:, :2] / local[:, 2:], model.camera_model, np.array(model.camera_params))
     names = tuple(Path(name).stem for name in model.names)
     return ModelFit(names, model.obs_image, model.obs_uv, seen - model.obs_uv)
 
@@ -265,22 +267,6 @@ def image_table(rows: list[ImageRow], links: dict[str, str]) -> list[dict[str, A
         }
         for row in rows
     ]
-
-
-def _projected(plane: F64, model: str, params: list[float]) -> F64:
-    """Project points at depth 1, shape (N, 2), with a COLMAP camera model."""
-    two = model in ("PINHOLE", "OPENCV")
-    focal = np.array(params[:2] if two else [params[0]] * 2)
-    center = np.array(params[2:4] if two else params[1:3])
-    bend = [*params[4 if two else 3 :], 0.0, 0.0, 0.0, 0.0][:4]
-    square = (plane**2).sum(axis=1, keepdims=True)
-    bent = plane * (1.0 + bend[0] * square + (0.0 if model == "SIMPLE_RADIAL" else bend[1]) * square**2)
-    if model == "OPENCV":
-        x, y, p1, p2 = plane[:, :1], plane[:, 1:], bend[2], bend[3]
-        bent = bent + np.hstack(
-            [2 * p1 * x * y + p2 * (square + 2 * x * x), p1 * (square + 2 * y * y) + 2 * p2 * x * y]
-        )
-    return bent * focal + center
 
 
 def _median(values: NDArray[Any]) -> float:
