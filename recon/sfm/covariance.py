@@ -31,8 +31,8 @@ class Precision:
 
     Attributes:
         names: File name of each image.
-        centers: Covariance of each camera center [m²] in a model in metres, shape (I, 3, 3), float64, where translation,
-            rotation and scale of the whole are such that the centers move least.
+        centers: Covariance of each camera center [m²] in a model in metres, shape (I, 3, 3), float64, where
+            translation, rotation and scale of the whole are such that the centers move least.
         lens: Names of the parameters of the lens that were adjusted.
         lens_sigma: Standard deviation of each [px] [1], shape (K,), float64.
         correlation: Between them [1], shape (K, K), float64.
