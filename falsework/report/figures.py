@@ -12,6 +12,7 @@ from usd_schemas.components import ClassRow
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
+BRIDGE_POINTS = 6_000  # drawn in plan and in elevation: more make the page slow to open
 _ROOM = 0.35  # share of the axis for the count behind the longest bar
 
 
@@ -23,12 +24,13 @@ def flight_figure(
     Args:
         centers: True or measured camera centres [m], shape (N, 3), float64.
         statuses: `ok` or the reason code of each camera.
-        bridge: Points on the bridge for orientation [m], shape (M, 3), float64.
+        bridge: Points on the bridge for orientation [m], shape (M, 3), float64; at most `BRIDGE_POINTS` are drawn.
         good_label: Label of cameras that are `ok`.
         unit: Unit of length, for the axes.
     """
     figure = go.Figure()
     good = np.array([status == "ok" for status in statuses], bool)
+    bridge = bridge[:: max(-(-len(bridge) // BRIDGE_POINTS), 1)].astype(np.float32)
     for name, first, second, axes in (("plan", 0, 1, ("x", "y")), ("elevation", 0, 2, ("x2", "y2"))):
         shown = name == "plan"
         place = {"xaxis": axes[0], "yaxis": axes[1], "showlegend": shown, "mode": "markers"}
