@@ -111,7 +111,8 @@ def _seen_from_above(cloud: "Cloud") -> dict[str, Any]:
     view = plan_view(cloud) if cloud.source == SFM_DENSE else None
     if view is None:
         return {}
-    return {"above": color_figure(view, unit_of(cloud)), "heights": height_figure(view, unit_of(cloud))}
+    painted = color_figure(view, unit_of(cloud)) if view.color.any() else None
+    return {"above": painted, "heights": height_figure(view, unit_of(cloud))}
 
 
 def _positions(
