@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from falsework.report.flight import Flight, flight_data
 from falsework.report.page import script_json
 from falsework.report.scene_tables import unit_of
-from usd_schemas.components import ClassRow
+from usd_schemas.components import UNLABELED, ClassRow
 
 if TYPE_CHECKING:
     from recon.cloud import Cloud
@@ -82,7 +82,11 @@ def cloud_view(
     levels = uncertainty_levels(columns["uncertainty"])
     counts = np.bincount(cloud.columns["segment"], minlength=256)
     rows = [row for row in cloud.classes if counts[row.id]]
-    rows += [ClassRow(255, "unlabelled", _GRAY)] if counts[255] and all(row.id != 255 for row in rows) else []
+    rows += (
+        [ClassRow(UNLABELED, "unlabelled", _GRAY)]
+        if counts[UNLABELED] and all(row.id != UNLABELED for row in rows)
+        else []
+    )
     whole = _framed(columns["coord"], np.ones(len(columns["coord"])) if shown.whole else columns["segment"], flight)
     origin = np.round(np.mean(whole, axis=0))  # single precision is too coarse far from 0
     box = np.array(whole) - origin

@@ -30,13 +30,13 @@ def flight_figure(
     """
     figure = go.Figure()
     good = np.array([status == "ok" for status in statuses], bool)
-    bridge = bridge[:: max(-(-len(bridge) // BRIDGE_POINTS), 1)].astype(np.float32)
+    drawn = bridge[:: max(-(-len(bridge) // BRIDGE_POINTS), 1)].astype(np.float32)
     for name, first, second, axes in (("plan", 0, 1, ("x", "y")), ("elevation", 0, 2, ("x2", "y2"))):
         shown = name == "plan"
         place = {"xaxis": axes[0], "yaxis": axes[1], "showlegend": shown, "mode": "markers"}
         figure.add_scatter(
-            x=bridge[:, first],
-            y=bridge[:, second],
+            x=drawn[:, first],
+            y=drawn[:, second],
             marker={"size": 2, "color": GRAY, "opacity": 0.7},
             name="bridge",
             hoverinfo="skip",

@@ -32,6 +32,7 @@ from falsework.report.scene_tables import (
 )
 from groundwork.slug import slug
 from recon.cloud import SFM_DENSE
+from usd_schemas.components import UNLABELED
 
 if TYPE_CHECKING:
     from recon.cloud import Cloud
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 
 NOTHING: Mapping[str, Any] = {
     "is_cloud": False,
+    "classes": None,
     "threshold": None,
     "noise": [],
     "residuals": None,
@@ -79,7 +81,7 @@ def reconstruction_parts(
     rows = image_rows(cloud, folder, fit)
     size = cameras.get("camera", {}).get("size")
     one_pixel = footprint(cloud, cameras) if unit_of(cloud) == "m" else None
-    noise = cloud.statistics.get("noise")
+    noise, segment = cloud.statistics.get("noise"), cloud.columns["segment"]
     precision = expected_errors(folder) if of_model else None
     return {
         **_seen_from_above(cloud),
@@ -87,7 +89,7 @@ def reconstruction_parts(
         "is_cloud": True,
         "threshold": None if noise is None else f"{noise['threshold']:g} m",
         "noise": noise_rows(noise),
-        "classes": class_figure(cloud.columns["segment"], cloud.classes),
+        "classes": class_figure(segment, cloud.classes) if (segment != UNLABELED).any() else None,
         "known": bool(np.isfinite(cloud.columns["uncertainty"]).any()),
         "uncertainty": uncertainty_figure(cloud.columns["uncertainty"], NOISE_THRESHOLD),
         "residuals": residual_figure(rows) if any(np.isfinite(row.residual) for row in rows) else None,
