@@ -28,7 +28,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "falsework report model scores.json -o training.html",
     ),
     "view": ("falsework view out/scenes/0000", "falsework view out/scenes/0000 --save scene.html"),
-    "gallery": ("falsework gallery families -o sheets",),
+    "gallery": (
+        "falsework gallery families -o sheets",
+        "falsework gallery combinations -o sheets --seed 7 --family arch --world city lakeside",
+    ),
     "scene info": ("falsework scene info scene/scene.usda",),
     "scene validate": ("falsework scene validate scene",),
     "scene diff": ("falsework scene diff before/scene.usda after/scene.usda",),
