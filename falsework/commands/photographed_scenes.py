@@ -137,7 +137,8 @@ def scene_lines(scenes: list[SceneFacts]) -> list[str]:
         ),
         "",
         "Limits: these are enough to look at and to try code on, not to train on. World and light are the same in all.",
-        "Labels and uncertainty come from the truth of the renderer; real photographs have none.",
+        "Photographs are small, so that clouds have holes, and thin members few points. Labels and uncertainty come from",
+        "the truth of the renderer; real photographs have none.",
         "",
     ]
 
@@ -159,7 +160,8 @@ def _copy(made: Path, scene: Path) -> SceneFacts:
     clouds = []
     for kind in _COPIED:
         for source in sorted((made / kind).iterdir()):
-            shutil.copytree(source, scene / kind / source.name, ignore=_LEFT_OUT, copy_function=shutil.copyfile)
+            place = scene / kind / source.name
+            shutil.copytree(source, place, ignore=_LEFT_OUT, copy_function=shutil.copyfile)  # inside an atomic folder
     for place in sorted((scene / "cloud").iterdir()):
         cloud = read_cloud(place)
         counts = np.bincount(cloud.columns["segment"], minlength=256)
