@@ -137,7 +137,7 @@ def scene_lines(scenes: list[SceneFacts]) -> list[str]:
         ),
         "",
         "Limits: these are enough to look at and to try code on, not to train on. World and light are the same in all.",
-        "Photographs are small, so that clouds have holes, and thin members few points. Labels and uncertainty come from",
+        "Photographs are small, so clouds have holes, and thin members few points. Labels and uncertainty come from",
         "the truth of the renderer; real photographs have none.",
         "",
     ]

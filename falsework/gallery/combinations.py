@@ -38,7 +38,7 @@ _SAMPLES = 2  # pixels of a photograph along a side of a pixel of the picture: r
 _TEXELS = 256
 _VIEW = "air"  # over trees and houses, whichever world it is
 _FAST = {"quality": "fast", "shadow_size": 2048, "triangle_budget": 0}  # 96 pictures of one view each
-_LETTERS, _QUALITY = 0.55, 80  # of captions, of the JPEG
+_LETTERS, _QUALITY = 0.55, 66  # of captions, of the JPEG
 
 
 def write_combinations(
