@@ -119,7 +119,8 @@ def _photograph(scene: FlatScene, pose: F64, folder: Path, seed: int) -> U8:
     scene = seen_from(_in_view(scene, camera, pose), pose[None], camera)
     render = RenderSettings.model_validate({**_FAST, "sensor": {**EACH_FOR_ITSELF, "noise": False}})
     render_scene(scene, folder, render, seed, SILENT)
-    return cv2.resize(load_image(read_capture(folder), 0), (_WIDTH, _HEIGHT), interpolation=cv2.INTER_AREA)
+    photograph = load_image(read_capture(folder), 0)
+    return np.asarray(cv2.resize(photograph, (_WIDTH, _HEIGHT), interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def _in_view(scene: FlatScene, camera: Pinhole, pose: F64) -> FlatScene:
