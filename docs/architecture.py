@@ -85,7 +85,7 @@ ROOMS: dict[str, tuple[str, dict[str, str]]] = {
             "view": "a scene in the browser: stage, cameras, pictures and cloud together",
             "store": "results under their keys: written once, verified, repaired",
             "execution": "planning of results and their execution, locally or on a cluster",
-            "gallery": "contact sheets of families, looks and worlds, one picture of a scenario",
+            "gallery": "contact sheets of families, worlds, looks and their combinations, one picture of a scenario",
             "commands": "the commands of the command line",
         },
     ),

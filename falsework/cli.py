@@ -33,6 +33,7 @@ Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 File = tyro.conf.Positional[Path]
 Family = Literal["arch", "beam", "cable_stayed", "girder", "slab", "suspension"]  # a test holds it to the registry
 World = Literal["countryside", "city", "lakeside", "hillside"]  # so, too
+Look = Literal["weathered", "clean", "aged", "random"]  # so, too
 
 
 def doctor(*, as_json: AsJson = False) -> int:
@@ -73,30 +74,37 @@ def author(scenario: File, output: Output, *, scene: int = 0, as_json: AsJson = 
 
 
 def gallery(
-    subject: tyro.conf.Positional[Literal["families", "worlds", "looks"]],
+    subject: tyro.conf.Positional[Literal["families", "worlds", "looks", "combinations"]],
     output: Output,
     *,
     count: int = 6,
     seed: int = 1,
     family: tuple[Family, ...] = (),
     world: tuple[World, ...] = (),
+    look: tuple[Look, ...] = (),
     as_json: AsJson = False,
 ) -> int:
     """Render contact sheets of random bridges: one sheet for each family, for each world, or for all looks.
 
     Families: photograph, classes, close-up. Worlds: from eye height, under the deck, beside a pier and from the air,
-    with varying look and light, and a table of measurements. Looks: one girder bridge in every look.
+    with varying look and light, and a table of measurements. Looks: one girder bridge in every look. Combinations:
+    one bridge of each family in every world and look, one sheet for each world; 96 pictures, so it takes an hour.
 
     Args:
         subject: What to show.
         output: Folder to write: the sheets and an index.
-        count: Bridges on each sheet.
+        count: Bridges on each sheet of families and of worlds.
         seed: Seed of the first bridge; the others follow. A scenario with this `seed` makes the same bridge.
         family: Only these families.
         world: Only these worlds.
+        look: Only these looks.
         as_json: Print one JSON object instead of a line.
     """
-    _check_gallery(subject, count, {"--family": (family, "families"), "--world": (world, "worlds")})
+    _check_gallery(
+        subject,
+        count,
+        {"--family": (family, "families"), "--world": (world, "worlds"), "--look": (look, "")},
+    )
     from groundwork.output_folder import fresh_output
 
     def write(folder: Path) -> None:
@@ -108,6 +116,10 @@ def gallery(
             from falsework.gallery.looks import write_looks
 
             write_looks(folder, seed, 2048, progress)
+        elif subject == _COMBINATIONS:
+            from falsework.gallery.combinations import write_combinations
+
+            write_combinations(folder, seed, family, world, look, progress)
         else:
             from falsework.gallery.families import write_gallery
 
@@ -119,13 +131,17 @@ def gallery(
     return tell({"gallery": str(index)}, [f"gallery {index}"], as_json)
 
 
+_COMBINATIONS = "combinations"
+
+
 def _check_gallery(subject: str, count: int, given: dict[str, tuple[tuple[str, ...], str]]) -> None:
     """Refuse what the sheets of this subject do not know, before anything heavy is loaded."""
     if count < 1:
         raise InputError("no bridge to show", field="--count", value=count, allowed="1 or more")
     for field, (names, own) in given.items():
-        if names and subject != own:
-            raise InputError(f"not with {subject}", field=field, value=" ".join(names), allowed=f"only with {own}")
+        if names and subject not in (own, _COMBINATIONS):
+            allowed = " or ".join(filter(None, (own, _COMBINATIONS)))
+            raise InputError(f"not with {subject}", field=field, value=" ".join(names), allowed=f"only with {allowed}")
 
 
 def completion(shell: tyro.conf.Positional[Literal["bash", "zsh", "fish"]]) -> int:

@@ -112,24 +112,38 @@ def export(
     return tell({"format": to, "folder": str(output)}, [f"export  {output}"], as_json)
 
 
-def demo(output: Output, *, as_json: AsJson = False) -> int:
+def demo(output: Output, *, photographs: bool = False, as_json: AsJson = False) -> int:
     """Write the labelled clouds of random bridges that the package contains, one folder each, with a card.
 
     They are small, sampled on the mesh and thinned; the card states their limits.
 
     Args:
         output: Folder to write.
+        photographs: Make three small scenes of different families, too: photographs with labels, depth and poses, and
+            a sparse and a dense cloud with measured uncertainty. Takes about six minutes on two cores. Fewer of the
+            clouds are written, so that everything stays below 60 MB.
         as_json: Print one JSON object instead of lines.
     """
+    from falsework.commands.photographed_scenes import photographed_scenario, scene_lines, write_scenes
+    from falsework.execution.interrupts import prompt_ending
     from learn.demo.clouds import demo_clouds
-    from learn.demo.ready_made import small_enough, write_ready_made
+    from learn.demo.ready_made import BESIDE_SCENES, small_enough, write_ready_made
 
-    clouds, counts = small_enough(demo_clouds()), []
-    fresh_output(output, "clouds", lambda folder: counts.append(write_ready_made(clouds, folder)))
+    clouds = small_enough(demo_clouds(), BESIDE_SCENES, ()) if photographs else small_enough(demo_clouds())
+    counts, scenes = list[int](), list[str]()
+
+    def write(folder: Path) -> None:
+        made = write_scenes(folder, photographed_scenario(), progress) if photographs else []
+        scenes.extend(scene.name for scene in made)
+        counts.append(write_ready_made(clouds, folder, scene_lines(made) if made else ()))
+
+    with prompt_ending(), ConsoleProgress() as progress:
+        fresh_output(output, "clouds", write)
     card = output / "README.md"
-    line = f"clouds  {output}: {len(clouds)} bridges, {counts[-1]:,} points; read {card}"
+    also = f", {len(scenes)} scenes with photographs" if scenes else ""
+    line = f"clouds  {output}: {len(clouds)} bridges, {counts[-1]:,} points{also}; read {card}"
     facts = {"folder": str(output), "bridges": len(clouds), "points": counts[-1], "card": str(card)}
-    return tell(facts, [line], as_json)
+    return tell(facts | ({"scenes": scenes} if photographs else {}), [line], as_json)
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "falsework report model scores.json -o training.html",
     ),
     "view": ("falsework view out/scenes/0000", "falsework view out/scenes/0000 --save scene.html"),
-    "gallery": ("falsework gallery families -o sheets",),
+    "gallery": (
+        "falsework gallery families -o sheets",
+        "falsework gallery combinations -o sheets --seed 7 --family arch --world city lakeside",
+    ),
     "scene info": ("falsework scene info scene/scene.usda",),
     "scene validate": ("falsework scene validate scene",),
     "scene diff": ("falsework scene diff before/scene.usda after/scene.usda",),
@@ -50,7 +53,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "dataset local": ("falsework dataset local out -o set",),
     "dataset global": ("falsework dataset global out -o set --table kim2023",),
     "dataset export": ("falsework dataset export set -o for_others --to s3dis",),
-    "dataset demo": ("falsework dataset demo -o bridges",),
+    "dataset demo": (
+        "falsework dataset demo -o bridges",
+        "falsework dataset demo -o bridges --photographs",
+    ),
     "train": ("falsework train set -o model --model randlanet --epochs 30", "falsework train --demo -o model"),
     "evaluate": ("falsework evaluate model set",),
     "compare": ("falsework compare out -o compared --preset task-local-1 --plan",),

@@ -1,7 +1,7 @@
 """The clouds of the package as a small published data set: one folder per bridge, and a card."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,31 +11,36 @@ from learn.demo.demo import TEST
 
 CARD = "README.md"
 MOST_POINTS = 600_000  # 92 bytes each: less than 60 MB in all
+BESIDE_SCENES = 65_000  # 6 MB, so that they and scenes with photographs are less than 60 MB in all
 CUT = "--set points=1024 --set fewest=128 --set tile.size=10 --set tile.stride=10 --set tile.voxel=0.5"
 
 
-def small_enough(clouds: Sequence[DemoCloud], most: int = MOST_POINTS) -> list[DemoCloud]:
-    """Select the bridges of the test, and the smallest others up to the limit, in their order.
+def small_enough(
+    clouds: Sequence[DemoCloud], most: int = MOST_POINTS, always: Collection[str] = TEST
+) -> list[DemoCloud]:
+    """Select some bridges, such as those of the test, and the smallest others up to the limit, in their order.
 
     Args:
         clouds: All clouds.
         most: Largest number of points of the selection.
+        always: Names of bridges to select in any case.
     """
-    room = most - sum(len(cloud.coord) for cloud in clouds if cloud.name in TEST)
-    taken: set[str] = set(TEST)
-    for cloud in sorted((cloud for cloud in clouds if cloud.name not in TEST), key=lambda cloud: len(cloud.coord)):
+    room = most - sum(len(cloud.coord) for cloud in clouds if cloud.name in always)
+    taken = set(always)
+    for cloud in sorted((cloud for cloud in clouds if cloud.name not in always), key=lambda cloud: len(cloud.coord)):
         room -= len(cloud.coord)
         if room >= 0:
             taken.add(cloud.name)
     return [cloud for cloud in clouds if cloud.name in taken]
 
 
-def write_ready_made(clouds: Sequence[DemoCloud], folder: Path) -> int:
+def write_ready_made(clouds: Sequence[DemoCloud], folder: Path, more: Sequence[str] = ()) -> int:
     """Write clouds that every command reads, with a card.
 
     Args:
         clouds: The clouds.
-        folder: Empty folder.
+        folder: Existing folder.
+        more: Lines of the card about other things in the folder.
 
     Returns:
         Number of points.
@@ -43,7 +48,7 @@ def write_ready_made(clouds: Sequence[DemoCloud], folder: Path) -> int:
     for cloud in clouds:
         (folder / cloud.name).mkdir()
         write_demo_cloud(cloud, folder / cloud.name)
-    text = "\n".join(card_lines(clouds))
+    text = "\n".join([*card_lines(clouds), *more])
     (folder / CARD).write_text(text, encoding="utf-8")  # inside an atomic folder
     return sum(len(cloud.coord) for cloud in clouds)
 
@@ -55,6 +60,7 @@ def card_lines(clouds: Sequence[DemoCloud]) -> list[str]:
         clouds: The clouds.
     """
     total = sum(len(cloud.coord) for cloud in clouds)
+    held = [name for name in TEST if name in {cloud.name for cloud in clouds}]
     return [
         "# Labelled clouds of random bridges",
         "",
@@ -65,12 +71,12 @@ def card_lines(clouds: Sequence[DemoCloud]) -> list[str]:
         "- Each has its class (`segment`) and component. Colours, normals and instances are not kept: they are zero.",
         "- Points were not seen by a camera or a laser: hidden faces are sampled, too, and nothing is noisy. A network",
         "  that learns from them knows shapes, not sensors. For clouds as sensors see them, run a scenario.",
-        f"- Kept for the test wherever Falsework gives scores: {', '.join(TEST)}.",
+        *([f"- Kept for the test wherever Falsework gives scores: {', '.join(held)}."] if held else []),
         "",
         "```sh",
-        f"falsework dataset local bridges/*/ -o set {CUT}",
+        f"falsework dataset local bridges/*[0-9]/ -o set {CUT}",
         "falsework train set -o model --model forest",
-        "falsework export bridges/beam26 --to laz -o for_others",
+        f"falsework export bridges/{clouds[0].name} --to laz -o for_others",
         "```",
         "",
         "| bridge | points | of each class |",

@@ -26,7 +26,8 @@ LINES = {
     "export d -o o --to lazz": r"export: --to: not one of the choices \(found 'lazz'\); allowed: laz, .*'laz'\?",
     "reconstruct d -o o --mode spare": r"reconstruct: --mode: .*; allowed: both, dense, sparse\. .*'sparse'\?",
     "gallery families -o o --family slap": r"gallery: --family: .*; allowed: arch, .*\. Did you mean 'slab'\?",
-    "gallery looks -o o --world city": r"--world: not with looks \(found 'city'\); allowed: only with worlds",
+    "gallery looks -o o --world city": r"--world: not with looks \(found 'city'\); allowed: only with worlds or .*",
+    "gallery families -o o --look clean": r"--look: not with families .*; allowed: only with combinations",
     "scene set s look=a --re-origin 1 2": r"scene set: --re-origin: needs 3 values \(found 2\)\. See .*",
 }
 

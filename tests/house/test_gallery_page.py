@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 from authoring.scene import author_scene
 from authoring.settings import AuthoringSettings
 from docs.pictures import FAMILIES, RECIPES, WORLDS
-from falsework.gallery import families, looks, worlds
+from falsework.gallery import combinations, families, looks, worlds
 from falsework.scenario import Scenario, load_scenario, scene_seed
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -78,6 +79,19 @@ def test_a_scenario_makes_the_looks_of_their_sheet(monkeypatch: pytest.MonkeyPat
     assert scene_seed(row, 0) == seed
     assert (given.bridge, given.site, given.background) == (settings.bridge, settings.site, settings.background)
     assert set(given.variants.look) == set(looks.LOOKS)
+
+
+def test_a_scenario_makes_the_combinations_of_their_sheets(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It says the seed that the sheets were given: the same bridge in every world and look."""
+    row = first_seed("combinations/city.jpg")
+    given = scenario_beside("combinations")
+    take = partial(combinations.photograph_combinations, "arch", row, given.variants.background, tuple(looks.LOOKS))
+    settings, seed = asked(lambda: list(take()), combinations, monkeypatch)
+    assert given.seed == row
+    assert scene_seed(row, 0) == seed
+    assert (given.bridge, given.site, given.background) == (settings.bridge, settings.site, settings.background)
+    assert (given.look.name, given.light) == (settings.look.name, settings.light)
+    assert given.variants == settings.variants
 
 
 def test_the_gallery_links_what_makes_it() -> None:
