@@ -78,7 +78,7 @@ RECIPES = (
     Recipe(("worlds/imported.jpg",), ("docs.imported_picture", "WORLD")),
     _gallery("looks", ["looks"], "looks", "--seed", "7"),
     Recipe(("looks/surfaces.jpg",), ("docs.surfaces_picture",)),
-    _gallery("combinations", ("city", "lakeside"), "combinations", "--seed", "7", "--world", "city", "lakeside"),
+    _gallery("combinations", WORLDS, "combinations", "--seed", "7"),
     Recipe(
         tuple(
             f"blender/{name}.png" for name in ("1_authored", "2_exported", "3_edited", "4_labels", "5_clean", "6_town")

@@ -74,20 +74,19 @@ def test_scenes_are_whole_and_say_nothing_of_their_run(folder: Path, chain: Chai
 
 
 def test_the_card_tells_numbers_and_how_to_load(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its row has the figures of the cloud; its lines of Python run in the folder; its commands find the scene."""
+    """Its row has the figures of the cloud; its lines of Python and its commands find the scene."""
     card = (folder / "README.md").read_text()
     cloud = read_cloud(folder / "scenes/beam-3/cloud/global")
     median = float(np.median(cloud.columns["uncertainty"]))
     images, valid = len(cloud.cameras), sum(row["status"] == "ok" for row in cloud.cameras)
     assert f"| beam-3 | {images} | {valid} | global | {len(cloud):,} | {median:.4f} | " in card
     (lines,) = re.findall(r"```python\n(.*?)```", card, re.DOTALL)
-    monkeypatch.chdir(folder)
+    monkeypatch.chdir(folder.parent)
     found: dict[str, Any] = {}
     exec(lines, found)
     assert found["points"].shape == (len(cloud), 3)
     assert {found["names"][label] for label in set(found["labels"].tolist())} >= {"background", "deck"}
     assert 0 < len(found["sure"]) < len(cloud)
-    monkeypatch.chdir(folder.parent)
     (text,) = re.findall(r"```sh\n(falsework report.*?)```", card, re.DOTALL)
     for line in text.splitlines():
         command(*line.split()[1:])
