@@ -1,4 +1,4 @@
-"""A dense cloud from above: its colors and its heights on a regular grid, as surveyors know them from orthophotos."""
+"""A dense cloud from above: colors and heights of its highest points on a regular grid."""
 
 import base64
 from dataclasses import dataclass
@@ -21,6 +21,7 @@ U8 = NDArray[np.uint8]
 
 LONGEST = 1400  # cells along the longer side
 _POINTS_OF_A_CELL = 3.0  # where cells have points at all, and around them, at least so many on average
+_FEWEST = 100  # points of a view
 _SIZES, _COARSER = 16, 1.3  # cells that are tried, and how much larger each is than the one before
 _OUTSIDE = 0.5  # [%] of the points that may lie beyond each edge
 _NEIGHBORS = 4  # filled ones of eight around an empty cell that is filled from them
@@ -59,7 +60,7 @@ def plan_view(cloud: "Cloud") -> PlanView | None:
         cloud: A cloud with colors.
 
     Returns:
-        The view; None where the points have no extent.
+        The view; None where there are too few points, or they have no extent.
     """
     place = cloud.columns["coord"]
     low, high = np.percentile(place[:, :2], [_OUTSIDE, 100.0 - _OUTSIDE], axis=0) if len(place) else np.zeros((2, 2))
@@ -73,6 +74,8 @@ def plan_view(cloud: "Cloud") -> PlanView | None:
         if len(inside) >= _POINTS_OF_A_CELL * _covered(np.unique(flat), shape):
             break
     shape, inside, flat = _cells(place, low, high, cell)
+    if len(inside) < _FEWEST:
+        return None
     order = np.argsort(place[inside, 2], kind="stable")  # the highest is written last
     height = np.full(shape, np.nan, np.float32)
     color = np.zeros((*shape, 3), np.uint8)

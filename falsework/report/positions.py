@@ -10,19 +10,21 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from falsework.report.page import GRAY, plain_layout
+from falsework.report.scene_tables import unit_of
 from recon.sfm.colmap_model import read_model
 from recon.sfm.covariance import Precision, precision_of
 
 if TYPE_CHECKING:
+    from recon.cloud import Cloud
     from render.capture import Capture, Truth
 
 F64 = NDArray[np.float64]
 
 _INSIDE = 2.45  # standard deviations of an ellipse that holds 95 % of the errors in plan
 _CORNERS = 25  # of a drawn ellipse
-_DRAWN = 0.04  # of the longer side of the plan: the largest ellipse or stroke
+_DRAWN = 0.04  # of the longer side of the plan: the length of a large error
+_MOST = 90.0  # [%] of the cameras whose errors set the factor: single wrong ones may be drawn longer
 _STEPS = (1, 2, 5)
-COLORS = "Viridis"
 
 
 def expected_errors(folder: Path) -> Precision | None:
@@ -41,74 +43,101 @@ def expected_errors(folder: Path) -> Precision | None:
     return precision_of(read_model(model)) if (model / "images.bin").is_file() else None
 
 
-def measured_centers(capture: "Capture | None", truth: "Truth | None") -> dict[str, F64]:
-    """List where the cameras were, by truth or else by GPS.
+def measured_centers(cloud: "Cloud", capture: "Capture | None", truth: "Truth | None") -> dict[str, F64]:
+    """List where the cameras were in the frame of a cloud: by truth, or by GPS where it fixed that frame.
 
     Args:
-        capture: Photographs; None where they are not at hand.
+        cloud: The cloud.
+        capture: Its photographs; None where they are not at hand.
         truth: Their truth; None where there is none.
 
     Returns:
         Position of each image that has one, by its name [m], shape (3,), float64.
     """
-    if capture is None:
+    target = cloud.alignment.get("target", "truth")
+    if capture is None or unit_of(cloud) != "m" or target not in ("truth", "gps"):
         return {}
-    if truth is not None:
+    if truth is not None and target == "truth":
         return {image.name: pose[:3, 3] for image, pose in zip(capture.images, truth.poses, strict=True)}
     return {image.name: np.array(image.gps) for image in capture.images if image.gps is not None}
 
 
-def ellipse_figure(precision: Precision, centers: Mapping[str, F64], unit: str = "m") -> go.Figure | None:
-    """Draw the expected error of each camera position in plan, its height by color.
+def position_figures(
+    precision: Precision | None, centers: Mapping[str, F64], measured: Mapping[str, F64], unit: str = "m"
+) -> tuple[go.Figure | None, go.Figure | None]:
+    """Draw expected and actual errors of camera positions, enlarged by the same factor.
 
     Args:
-        precision: Expected errors of a model.
-        centers: Found position of each image, by its name [m], shape (3,), float64.
+        precision: Expected errors of the model, None where unknown.
+        centers: Found position of each camera, by its name [m], shape (3,), float64.
+        measured: Measured position of each that has one, by its name [m], shape (3,), float64.
         unit: Unit of length.
 
     Returns:
-        The figure; None where no image has a position.
+        Ellipses, and strokes from found to measured positions; each None where nothing is known.
     """
-    rows = [row for row, name in enumerate(precision.names) if Path(name).stem in centers]
-    if not rows:
+    places = np.array(list(centers.values())).reshape(-1, 3)
+    spread = {} if precision is None else _spreads(precision)
+    reach = [_INSIDE * float(np.sqrt(spread[name].diagonal()[:2].max())) for name in centers if name in spread]
+    away = [float(np.linalg.norm((measured[name] - at)[:2])) for name, at in centers.items() if name in measured]
+    most = [float(np.percentile(lengths, _MOST)) for lengths in (reach, away) if lengths]
+    factor = enlarged(places, max(most)) if most else 1
+    return ellipse_figure(spread, centers, factor, unit), difference_figure(centers, measured, factor, unit)
+
+
+def ellipse_figure(
+    spread: Mapping[str, F64], centers: Mapping[str, F64], factor: int, unit: str = "m"
+) -> go.Figure | None:
+    """Draw the expected error of each camera position in plan, that of its height by color.
+
+    Args:
+        spread: Covariance of each position, by its name [m²], shape (3, 3), float64.
+        centers: Found position of each camera, by its name [m], shape (3,), float64.
+        factor: By which ellipses are enlarged.
+        unit: Unit of length.
+
+    Returns:
+        The figure; None where no camera has both.
+    """
+    names = [name for name in centers if name in spread]
+    if not names:
         return None
-    places = np.array([centers[Path(precision.names[row]).stem] for row in rows])
-    value, axes = np.linalg.eigh(precision.centers[rows][:, :2, :2])
+    places, found = np.array([centers[name] for name in names]), np.array([spread[name] for name in names])
+    value, axes = np.linalg.eigh(found[:, :2, :2])
     reach = _INSIDE * np.sqrt(np.maximum(value, 0.0))
-    factor = enlarged(places, float(reach.max()))
     angle = np.linspace(0.0, 2 * np.pi, _CORNERS)
     circle = np.stack([np.cos(angle), np.sin(angle)])
-    lines = places[:, :2, None] + factor * (axes * reach[:, None, :]) @ circle
-    figure = _lines(lines)
-    up = np.sqrt(precision.centers[rows][:, 2, 2])
-    words = [
-        f"{escape(name)}: ±{_spelled(float(np.sqrt(np.trace(cov))), unit)}"
-        for name, cov in zip((precision.names[row] for row in rows), precision.centers[rows], strict=True)
-    ]
-    return _finished(figure, places, up, words, (unit, f"ellipses hold 95 %, drawn {factor:,} times as large"))
+    figure = _lines(places[:, :2, None] + factor * (axes * reach[:, None, :]) @ circle)
+    total = np.sqrt(np.einsum("ijj->i", found)).tolist()
+    words = [f"{escape(name)}: 1 σ {_spelled(length, unit)}" for name, length in zip(names, total, strict=True)]
+    told = (unit, f"ellipses hold 95 %, drawn {factor:,} times as large", "1 σ of the height")
+    return _finished(figure, places, np.sqrt(found[:, 2, 2]), words, told)
 
 
-def difference_figure(centers: Mapping[str, F64], measured: Mapping[str, F64], unit: str = "m") -> go.Figure | None:
+def difference_figure(
+    centers: Mapping[str, F64], measured: Mapping[str, F64], factor: int, unit: str = "m"
+) -> go.Figure | None:
     """Draw how far each camera is from where it was measured: in plan by a stroke, in height by color.
 
     Args:
-        centers: Found position of each image, by its name [m], shape (3,), float64.
-        measured: Measured position of each image, by its name [m], shape (3,), float64.
+        centers: Found position of each camera, by its name [m], shape (3,), float64.
+        measured: Measured position of each that has one, by its name [m], shape (3,), float64.
+        factor: By which strokes are enlarged.
         unit: Unit of length.
 
     Returns:
-        The figure; None where no image has both.
+        The figure; None where no camera has both.
     """
     names = [name for name in centers if name in measured]
     if not names:
         return None
     places = np.array([centers[name] for name in names])
     away = np.array([measured[name] for name in names]) - places
-    factor = enlarged(places, float(np.linalg.norm(away[:, :2], axis=1).max()))
     figure = _lines(np.stack([places[:, :2], places[:, :2] + factor * away[:, :2]], axis=2))
     lengths = np.linalg.norm(away, axis=1).tolist()
     words = [f"{escape(name)}: {_spelled(length, unit)}" for name, length in zip(names, lengths, strict=True)]
-    return _finished(figure, places, away[:, 2], words, (unit, f"strokes drawn {factor:,} times as long"))
+    told = (unit, f"strokes drawn {factor:,} times as long", "reference above found")
+    return _finished(figure, places, away[:, 2], words, told)
 
 
 def enlarged(places: F64, largest: float) -> int:
@@ -125,29 +154,31 @@ def enlarged(places: F64, largest: float) -> int:
     return ten * max(step for step in _STEPS if step * ten <= wanted)
 
 
+def _spreads(precision: Precision) -> dict[str, F64]:
+    return {Path(name).stem: found for name, found in zip(precision.names, precision.centers, strict=True)}
+
+
 def _lines(lines: F64) -> go.Figure:
     """Draw lines, shape (N, 2, corners), with gaps between them."""
     gap = np.full((len(lines), 2, 1), np.nan)
-    x, y = np.concatenate([lines, gap], axis=2).transpose(1, 0, 2).reshape(2, -1).round(3)
+    x, y = np.concatenate([lines, gap], axis=2).transpose(1, 0, 2).reshape(2, -1).astype(np.float32)
     figure = go.Figure()
     return figure.add_scatter(x=x, y=y, mode="lines", line={"color": GRAY, "width": 1.5}, hoverinfo="skip")
 
 
-def _finished(figure: go.Figure, places: F64, height: F64, words: list[str], told: tuple[str, str]) -> go.Figure:
-    """Add the cameras, colored by the error of their heights, and the axes."""
-    unit, about = told
-    scale, small = (1000.0, "mm") if unit == "m" and float(np.abs(height).max()) < 1.0 else (1.0, unit)
-    bar = {"title": {"text": f"height [{small}]", "side": "right"}, "thickness": 12}
-    marker = {"size": 7, "color": (scale * height).round(3), "colorscale": COLORS, "colorbar": bar, "showscale": True}
+def _finished(figure: go.Figure, places: F64, height: F64, words: list[str], told: tuple[str, str, str]) -> go.Figure:
+    """Add the cameras, colored by what is told of their heights, and the axes."""
+    unit, about, title = told
+    most = float(np.abs(height).max())
+    scale, small = (1000.0, "mm") if unit == "m" and most < 1.0 else (1.0, unit)
+    bar = {"title": {"text": f"{title} [{small}]", "side": "right"}, "thickness": 12}
+    signed = bool((height < 0.0).any())
+    ends = {"cmin": -scale * most, "cmax": scale * most, "colorscale": "RdBu"} if signed else {"colorscale": "Viridis"}
+    line = {"color": GRAY, "width": 0.5}
+    marker = {"size": 7, "color": scale * height, "colorbar": bar, "showscale": True, "line": line, **ends}
+    x, y = places[:, :2].astype(np.float32).T
     hover = "%{text}<extra></extra>"
-    figure.add_scatter(
-        x=places[:, 0].round(3),
-        y=places[:, 1].round(3),
-        mode="markers",
-        marker=marker,
-        text=words,
-        hovertemplate=hover,
-    )
+    figure.add_scatter(x=x, y=y, mode="markers", marker=marker, text=words, hovertemplate=hover)
     plain_layout(figure, 420)
     return figure.update_layout(
         showlegend=False,

@@ -11,7 +11,7 @@ from falsework.report.figures import class_figure, flight_figure, uncertainty_fi
 from falsework.report.flight import flight_of_cloud
 from falsework.report.lens import correlation_rows, footprint, lens_rows, miss_figure, tie_rows
 from falsework.report.plan_view import color_figure, height_figure, plan_view
-from falsework.report.positions import difference_figure, ellipse_figure, expected_errors, measured_centers
+from falsework.report.positions import expected_errors, measured_centers, position_figures
 from falsework.report.residuals import (
     image_rows,
     image_table,
@@ -85,7 +85,7 @@ def reconstruction_parts(
     precision = expected_errors(folder) if of_model else None
     return {
         **_seen_from_above(cloud),
-        **(_positions(cameras, precision, measured_centers(capture, truth), unit_of(cloud)) if of_model else {}),
+        **(_positions(cloud, folder, precision, measured_centers(cloud, capture, truth)) if of_model else {}),
         "is_cloud": True,
         "threshold": None if noise is None else f"{noise['threshold']:g} m",
         "noise": noise_rows(noise),
@@ -118,14 +118,14 @@ def _seen_from_above(cloud: "Cloud") -> dict[str, Any]:
 
 
 def _positions(
-    cameras: Mapping[str, Any], precision: "Precision | None", measured: Mapping[str, np.ndarray], unit: str
+    cloud: "Cloud", folder: Path, precision: "Precision | None", measured: Mapping[str, np.ndarray]
 ) -> dict[str, Any]:
-    """Draw expected and actual errors of the camera positions."""
-    centers = {row["name"]: np.array(row["camera_to_world"], np.float64)[:3, 3] for row in cameras.get("poses", ())}
-    return {
-        "ellipses": None if precision is None else ellipse_figure(precision, centers, unit),
-        "differences": difference_figure(centers, measured, unit),
-    }
+    """Draw expected and actual errors of the positions of good cameras."""
+    good = {str(camera["name"]) for camera in cloud.cameras if camera["status"] == "ok"}
+    poses = stored_cameras(folder).get("poses", ())
+    centers = {row["name"]: np.array(row["camera_to_world"], np.float64)[:3, 3] for row in poses if row["name"] in good}
+    ellipses, differences = position_figures(precision, centers, measured, unit_of(cloud))
+    return {"ellipses": ellipses, "differences": differences}
 
 
 def cloud_parts(name: str, cloud: "Cloud", folder: Path, shown: Shown) -> dict[str, Any]:

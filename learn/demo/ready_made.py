@@ -68,7 +68,7 @@ def card_lines(clouds: Sequence[DemoCloud]) -> list[str]:
         "",
         "- Every bridge is random, and another one. The name says its family and seed.",
         f"- Points are sampled on the mesh, one a cube of {VOXEL} m, and rounded to {STEP} m.",
-        "- Each has its class (`segment`) and component. Colours, normals and instances are not kept: they are zero.",
+        "- Each has its class (`segment`) and component. Their colours, normals and instances were not kept: all zero.",
         "- Points were not seen by a camera or a laser: hidden faces are sampled, too, and nothing is noisy. A network",
         "  that learns from them knows shapes, not sensors. For clouds as sensors see them, run a scenario.",
         *([f"- Kept for the test wherever Falsework gives scores: {', '.join(held)}."] if held else []),

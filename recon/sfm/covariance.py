@@ -1,13 +1,14 @@
 """Expected errors of the lens and of the camera positions, from how well the keypoints of a model fit.
 
-These are errors by the scatter of the keypoints alone (the "internal precision" of photogrammetry): where photographs
-match what they should not, or the lens has another shape, the real errors are larger.
+These are errors by the scatter of the keypoints alone (the "internal precision" of photogrammetry). Where the lens has
+another shape, or photographs match what they should not, real errors are larger. Wrong matches count in full in the
+scatter, though the adjustment gives them little weight: this makes what is expected larger.
 
 Source: Triggs et al., Bundle Adjustment: A Modern Synthesis (2000), sections 6.1 (reduced camera system), 9.3 (inner
 constraints).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,10 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 MOST_IMAGES = 1000  # the inverse of a matrix of 6,000 rows takes a minute
+MOST_OBSERVATIONS = 1_200_000  # 1.8 kB of memory each
 _POSE = 6  # numbers of a pose: center, turn about the axes of the world
 _STEP = 1e-6  # of numerical derivatives, in directions at depth 1 and in parameters as shares of their size
+_NEAREST = 1e-6  # of a point in front of a camera, as a share of the extent of the cameras
 _FIXED = ("cx", "cy")  # the adjustment leaves the principal point alone
 
 
@@ -54,16 +57,17 @@ def precision_of(model: SparseModel) -> Precision | None:
         model: A model.
 
     Returns:
-        The errors; None where they cannot be computed: more than `MOST_IMAGES` images, too few keypoints, or images
-        that hang on the others by nothing.
+        The errors; None where they cannot be computed: more than `MOST_IMAGES` images or `MOST_OBSERVATIONS`, too few
+        keypoints, or images that hang on the others by nothing.
     """
+    model = _usable(model)
     images, rows = len(model.names), 2 * len(model.obs_point)
     names = parameter_names(model.camera_model, len(model.camera_params))
     free = [number for number, name in enumerate(names) if name not in _FIXED]
     size = _POSE * images + len(free)
     count = np.bincount(model.obs_point, minlength=len(model.points))
     spare = rows - 3 * np.count_nonzero(count) - size + 7
-    if not 2 <= images <= MOST_IMAGES or spare <= 0:
+    if not 2 <= images <= MOST_IMAGES or rows > 2 * MOST_OBSERVATIONS or spare <= 0:
         return None
     middle, unit = model.poses[:, :3, 3].mean(axis=0), float(np.ptp(model.poses[:, :3, 3], axis=0).max())
     if unit <= 0.0:
@@ -88,6 +92,16 @@ def precision_of(model: SparseModel) -> Precision | None:
         own / np.outer(sigma, sigma),
         float(np.sqrt(variance)),
     )
+
+
+def _usable(model: SparseModel) -> SparseModel:
+    """Leave out observations from behind, and of points that only one image sees: they say nothing."""
+    poses = model.poses[model.obs_image]
+    ahead = np.einsum("mi,mi->m", model.points[model.obs_point] - poses[:, :3, 3], poses[:, :3, 2])
+    kept = ahead > _NEAREST * float(np.ptp(model.poses[:, :3, 3], axis=0).max(initial=0.0))
+    count = np.bincount(model.obs_point[kept], minlength=len(model.points))
+    kept &= count[model.obs_point] >= 2
+    return replace(model, obs_point=model.obs_point[kept], obs_image=model.obs_image[kept], obs_uv=model.obs_uv[kept])
 
 
 def _derivatives(model: SparseModel, centers: F64, points: F64, free: list[int]) -> tuple[F64, F64, F64, F64]:

@@ -9,10 +9,13 @@ import pytest
 
 from falsework.report.lens import correlation_rows, lens_rows
 from falsework.report.plan_view import height_figure, plan_view
-from falsework.report.positions import difference_figure, ellipse_figure, enlarged, expected_errors
+from falsework.report.positions import expected_errors, measured_centers, position_figures
 from recon.cloud import Cloud
 from recon.sfm.covariance import Precision
+from render.capture import CalibrationPrior, Capture, CaptureImage, Truth
 from tests.falsework.test_cloud_view import small_cloud
+from usd_schemas.distortion import Distortion
+from usd_schemas.pinhole import Pinhole
 
 CENTERS = {"a": np.array([0.0, 0.0, 5.0]), "<b>": np.array([40.0, 10.0, 6.0])}
 
@@ -28,30 +31,61 @@ def precision() -> Precision:
 
 def test_ellipses_hold_what_is_expected() -> None:
     """Half axes of 2.45 standard deviations, by the factor that the axis names; heights in mm by color."""
-    figure: Any = ellipse_figure(precision(), CENTERS)
-    assert figure is not None
-    factor = enlarged(np.array(list(CENTERS.values())), 2.45 * 0.003)
-    assert factor == 200  # 1.6 m at the most
-    assert f"{factor:,} times" in figure.layout.xaxis.title.text
+    found: Any = position_figures(precision(), CENTERS, {})
+    figure, none = found
+    assert none is None
+    assert "drawn 200 times" in figure.layout.xaxis.title.text  # 1.6 m at the most
     lines, cameras = figure.data
     first = np.array([lines.x, lines.y])[:, :25]
-    assert np.abs(first).max(axis=1) == pytest.approx([factor * 2.45 * 0.003, factor * 2.45 * 0.001], abs=2e-3)
+    assert np.abs(first).max(axis=1) == pytest.approx([200 * 2.45 * 0.003, 200 * 2.45 * 0.001], abs=2e-3)
     assert list(cameras.marker.color) == pytest.approx([2.0, 2.0])
     assert cameras.text[1].startswith("&lt;b&gt;")
-    assert ellipse_figure(precision(), {}) is None
+    assert position_figures(precision(), {}, {}) == (None, None)
 
 
 def test_strokes_lead_to_where_cameras_were_measured() -> None:
-    """Enlarged by a round factor in plan; the height is the color."""
+    """By the same factor as the ellipses, in plan; the height is the color, zero in its middle."""
     measured = {name: place + np.array([0.0, 0.01, -0.004]) for name, place in CENTERS.items()}
-    figure: Any = difference_figure(CENTERS, {**measured, "other": np.zeros(3)})
-    assert figure is not None
+    found: Any = position_figures(precision(), CENTERS, {**measured, "other": np.zeros(3)})
+    ellipses, figure = found
+    assert ["drawn 100 times" in each.layout.xaxis.title.text for each in found] == [True, True]
+    assert float(np.nanmax(ellipses.data[0].x[:25])) == pytest.approx(100 * 2.45 * 0.003, abs=2e-3)
     lines, cameras = figure.data
     assert (lines.x[0], lines.y[0], lines.x[1]) == (0.0, 0.0, 0.0)
     assert lines.y[1] == pytest.approx(100 * 0.01)
     assert list(cameras.marker.color) == pytest.approx([-4.0, -4.0])
+    assert (cameras.marker.cmin, cameras.marker.cmax) == pytest.approx((-4.0, 4.0))
     assert "10.8 mm" in cameras.text[0]
-    assert difference_figure(CENTERS, {}) is None
+
+
+def test_one_wrong_camera_does_not_hide_the_others() -> None:
+    """The factor follows most errors; that of the wrong one is drawn as long as it is."""
+    row = {f"{k}": np.array([2.0 * k, 0.0, 5.0]) for k in range(21)}
+    measured = {name: at + np.array([0.0, 4.0 if name == "3" else 0.003, 0.0]) for name, at in row.items()}
+    found: Any = position_figures(None, row, measured)
+    assert "drawn 500 times" in found[1].layout.xaxis.title.text
+
+
+def test_positions_are_compared_in_one_frame() -> None:
+    """Truth where the cloud stands on it, GPS where the cloud does; neither in a frame of its own."""
+    image = CaptureImage(name="a", file="images/a.jpg", gps=(1.0, 2.0, 3.0))
+    capture = Capture(
+        Path(), "s", (4, 3), CalibrationPrior(focal_px=4.0, cx=2.0, cy=1.5), (0.0, 0.0, 0.0), {}, (image,)
+    )
+    pose = np.eye(4)
+    pose[:3, 3] = [5.0, 6.0, 7.0]
+    truth = Truth(Path(), Pinhole(4, 3, 4.0, 4.0, 2.0, 1.5), (), pose[None], (), (), Distortion())
+    cloud = small_cloud(5)
+
+    def compared(alignment: dict[str, Any], known: Truth | None) -> list[list[float]]:
+        found = measured_centers(replace(cloud, alignment=alignment), capture, known)
+        return [place.tolist() for place in found.values()]
+
+    assert compared({"target": "truth", "unit": "m"}, truth) == [[5.0, 6.0, 7.0]]
+    assert compared({"target": "gps", "unit": "m"}, None) == [[1.0, 2.0, 3.0]]
+    assert compared({"target": "gps", "unit": "unknown"}, None) == []
+    assert compared({"target": "control", "unit": "m"}, truth) == []
+    assert measured_centers(cloud, None, None) == {}
 
 
 def test_the_lens_has_its_expected_errors() -> None:
@@ -86,7 +120,7 @@ def test_a_cloud_from_above_shows_its_highest_points() -> None:
     scale = figure.data[0].marker
     assert (scale.cmin, scale.cmax) == pytest.approx((0.0, 3.0))
     assert plan_view(of_points(place[:0], color[:0])) is None
-    assert plan_view(of_points(place[:1], color[:1])) is None
+    assert [plan_view(of_points(place[:few], color[:few])) for few in (1, 2, 3)] == [None, None, None]
 
 
 def of_points(place: np.ndarray, color: np.ndarray) -> Cloud:

@@ -1,5 +1,6 @@
 """Expected errors of lens and cameras: against COLMAP's covariances, and against the scatter of many adjustments."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -132,5 +133,17 @@ def test_what_has_no_errors_to_expect(tmp_path: Path) -> None:
         seen = {name: getattr(model, name)[kept] for name in ("obs_point", "obs_image", "obs_uv")}
         return SparseModel(**{**{name: getattr(model, name) for name in model.__dataclass_fields__}, **seen})
 
+    whole = precision_of(model)
+    assert whole is not None
+    alone = replace(
+        model,
+        points=np.concatenate([model.points, [model.poses[0, :3, 3] + model.poses[0, :3, 0], model.points[0]]]),
+        obs_point=np.concatenate([model.obs_point, len(model.points) + np.array([0, 0, 1])]),
+        obs_image=np.concatenate([model.obs_image, [0, 0, 1]]),
+        obs_uv=np.concatenate([model.obs_uv, np.full((3, 2), 9.0)]),
+    )  # a point beside the camera, and one that one image sees
+    same = precision_of(alone)
+    assert same is not None
+    np.testing.assert_allclose(same.centers, whole.centers, rtol=1e-6)
     assert precision_of(with_seen(few)) is None
     assert precision_of(with_seen(model.obs_image < 2)) is None
