@@ -215,6 +215,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "staging.check_asset",
     },
     OURS: {
+        "photographed_scenes._copy",  # a run of its own
         "preview._answer",
         "preview.photograph_stage",
         "surfaces.read_surfaces",
@@ -348,6 +349,7 @@ READ_SAFELY_ANYHOW = {
     "comparison_page.read_comparison",
     "flight._reconstructed",
     "flight.small_picture",
+    "photographed_scenes._copy",
     "report._recipe",
     "report._settings",
     "residuals.stored_cameras",
