@@ -18,6 +18,7 @@ from learn.demo import clouds
 from learn.demo.clouds import thin_cloud
 from recon.cloud import OBSERVATION_COLUMNS, read_cloud
 from render.capture import read_capture, read_truth
+from tests.conftest import RecordProof
 from tests.end_to_end.conftest import Chain
 from tests.learn.toy_bridge import write_toy
 
@@ -96,9 +97,9 @@ def test_the_card_tells_numbers_and_how_to_load(folder: Path, tmp_path: Path, mo
 
 @pytest.mark.slow
 @pytest.mark.proof_only
-def test_three_scenes_are_small_and_good(tmp_path: Path) -> None:
+def test_three_scenes_are_small_and_good(tmp_path: Path, record_proof: RecordProof) -> None:
     """Less than 60 MB; every photograph registered; three families; medians of uncertainty of centimetres."""
-    names, out = [], tmp_path / "bridges"
+    names, out, images = [], tmp_path / "bridges", 0
     command("dataset", "demo", "-o", out, "--photographs")
     size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
     assert size < MOST_BYTES
@@ -109,8 +110,11 @@ def test_three_scenes_are_small_and_good(tmp_path: Path) -> None:
         for name in ("global+dense", "global+sparse"):
             cloud = read_cloud(scene / "cloud" / name)
             assert all(row["status"] == "ok" for row in cloud.cameras)
+            images += len(cloud.cameras) if name == "global+dense" else 0
             assert np.median(cloud.columns["uncertainty"]) < 0.06  # a pixel is some 2 cm wide
     assert names == ["arch-54", "beam-54", "girder-54"]
+    figures = {"bytes": size, "photographs_all_registered": images}
+    record_proof("dataset demo: three scenes with photographs", len(names), 54, figures)
 
 
 def test_a_filled_folder_is_refused_before_any_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -21,6 +21,7 @@ from falsework.report.flight import Flight, Sheet
 from falsework.report.page import script_json, write_page
 from falsework.report.pictures import data_uri
 from recon.cloud import SFM_SPARSE, Cloud
+from tests.conftest import RecordProof
 from tests.falsework.browser import needs_browser, open_page
 from tests.learn.toy_bridge import toy_cloud
 
@@ -153,7 +154,7 @@ def test_names_cannot_end_the_script() -> None:
 
 
 @needs_browser
-def test_a_browser_paints_and_filters(tmp_path: Path) -> None:
+def test_a_browser_paints_and_filters(tmp_path: Path, record_proof: RecordProof) -> None:
     """Each button gives each point its color, on the canvas too; slider and switches leave the points they should."""
     cloud = small_cloud()
     page = tmp_path / "page.html"
@@ -179,6 +180,11 @@ def test_a_browser_paints_and_filters(tmp_path: Path) -> None:
     assert len({tuple(pixel) for _, pixel in told["drawn"]["uncertainty"]}) > 20
     for paint in ("photo", "instance"):  # a table has seventeen classes at most
         assert len({tuple(pixel) for _, pixel in told["drawn"][paint]}) > 20, paint
+    distinct = {paint: len({tuple(pixel) for _, pixel in told["drawn"][paint]}) for paint in wanted}
+    slid = dict(zip(("any", "254", "200", "100", "0"), told["slid"], strict=True))
+    figures = {f"colors_{paint}": count for paint, count in distinct.items()}
+    figures |= {f"points_at_level_{level}": points for level, points in slid.items()}
+    record_proof("report: buttons and slider of a cloud in a browser", len(levels), 0, figures)
     assert told["pickedAlone"]
     assert told["scale"]
     assert told["slid"] == [len(levels), *(int((levels <= limit).sum()) for limit in (254, 200, 100, 0))]

@@ -9,6 +9,7 @@ import pytest
 
 from recon.sfm.colmap_model import SparseModel, read_model
 from recon.sfm.covariance import precision_of
+from tests.conftest import RecordProof
 
 NOISE, TRIES = 0.3, 60
 
@@ -98,7 +99,7 @@ def test_expected_errors_are_those_of_colmap(tmp_path: Path, kind: str) -> None:
     assert found.residual == pytest.approx(NOISE, rel=0.1)
 
 
-def test_many_adjustments_scatter_as_expected(tmp_path: Path) -> None:
+def test_many_adjustments_scatter_as_expected(tmp_path: Path, record_proof: RecordProof) -> None:
     """Of one scene with other noise each time: focal length and centers scatter by what is said of the first."""
     focal, centers = [], []
     said = None
@@ -118,6 +119,11 @@ def test_many_adjustments_scatter_as_expected(tmp_path: Path) -> None:
             places = fit.scale * places @ fit.rotation.matrix().T + fit.translation
         centers.append(places)
     assert said is not None
+    ratio = np.sqrt((np.var(centers, axis=0)).sum(axis=1) / np.einsum("ijj->i", said.centers))
+    figures = {"focal_scatter_over_expected": float(np.std(focal) / said.lens_sigma[0])}
+    figures |= {"center_scatter_over_expected_median": float(np.median(ratio))}
+    figures |= {"center_scatter_over_expected_worst": float(ratio[np.argmax(np.abs(np.log(ratio)))])}
+    record_proof("report: cameras and lens scatter as expected", TRIES, 5, figures)
     assert np.std(focal) == pytest.approx(said.lens_sigma[0], rel=0.25)
     scatter = np.sqrt((np.var(centers, axis=0)).sum(axis=1))
     expected = np.sqrt(np.einsum("ijj->i", said.centers))
