@@ -57,8 +57,9 @@ def measured_centers(cloud: "Cloud", capture: "Capture | None", truth: "Truth | 
     target = cloud.alignment.get("target", "truth")
     if capture is None or unit_of(cloud) != "m" or target not in ("truth", "gps"):
         return {}
-    if truth is not None and target == "truth":
-        return {image.name: pose[:3, 3] for image, pose in zip(capture.images, truth.poses, strict=True)}
+    if target == "truth":
+        poses = [] if truth is None else zip(capture.images, truth.poses, strict=True)
+        return {image.name: pose[:3, 3] for image, pose in poses}
     return {image.name: np.array(image.gps) for image in capture.images if image.gps is not None}
 
 

@@ -85,7 +85,7 @@ def reconstruction_parts(
     precision = expected_errors(folder) if of_model else None
     return {
         **_seen_from_above(cloud),
-        **(_positions(cloud, folder, precision, measured_centers(cloud, capture, truth)) if of_model else {}),
+        **(_positions(cloud, cameras, precision, measured_centers(cloud, capture, truth)) if of_model else {}),
         "is_cloud": True,
         "threshold": None if noise is None else f"{noise['threshold']:g} m",
         "noise": noise_rows(noise),
@@ -118,11 +118,11 @@ def _seen_from_above(cloud: "Cloud") -> dict[str, Any]:
 
 
 def _positions(
-    cloud: "Cloud", folder: Path, precision: "Precision | None", measured: Mapping[str, np.ndarray]
+    cloud: "Cloud", cameras: Mapping[str, Any], precision: "Precision | None", measured: Mapping[str, np.ndarray]
 ) -> dict[str, Any]:
     """Draw expected and actual errors of the positions of good cameras."""
     good = {str(camera["name"]) for camera in cloud.cameras if camera["status"] == "ok"}
-    poses = stored_cameras(folder).get("poses", ())
+    poses = cameras.get("poses", ())
     centers = {row["name"]: np.array(row["camera_to_world"], np.float64)[:3, 3] for row in poses if row["name"] in good}
     ellipses, differences = position_figures(precision, centers, measured, unit_of(cloud))
     return {"ellipses": ellipses, "differences": differences}

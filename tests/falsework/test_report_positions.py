@@ -82,6 +82,7 @@ def test_positions_are_compared_in_one_frame() -> None:
         return [place.tolist() for place in found.values()]
 
     assert compared({"target": "truth", "unit": "m"}, truth) == [[5.0, 6.0, 7.0]]
+    assert compared({"target": "truth", "unit": "m"}, None) == []  # GPS is no truth
     assert compared({"target": "gps", "unit": "m"}, None) == [[1.0, 2.0, 3.0]]
     assert compared({"target": "gps", "unit": "unknown"}, None) == []
     assert compared({"target": "control", "unit": "m"}, truth) == []
