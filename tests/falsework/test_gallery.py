@@ -99,12 +99,15 @@ def test_looks_and_worlds_are_swapped_round_one_bridge(monkeypatch: pytest.Monke
 @pytest.mark.slow
 @pytest.mark.proof_only
 def test_the_verb_writes_a_sheet_for_each_family(tmp_path: Path) -> None:
-    """One real bridge: three pictures that are neither empty nor alike."""
+    """One real bridge: photographs with contrast, and its classes in colors on the one of the background."""
     with pytest.raises(SystemExit) as done:
         main(["gallery", "families", "-o", str(tmp_path / "out"), "--count", "1", "--family", "slab"])
     assert done.value.code == 0
     image = cv2.imread(str(tmp_path / "out/slab.jpg"))
     assert image is not None
     third = image.shape[1] // 3
-    assert all(image[:, k * third : (k + 1) * third].std() > 15.0 for k in range(3))
+    whole, classes, close = (image[:, k * third : (k + 1) * third].astype(float) for k in range(3))
+    assert min(whole.std(), close.std()) > 15.0
+    background = np.median(classes, axis=(0, 1))
+    assert 0.03 < (np.abs(classes - background).max(axis=2) > 40.0).mean() < 0.5
     assert "slab.jpg" in (tmp_path / "out/index.md").read_text()
