@@ -1,6 +1,6 @@
 """How a model labels scans whose classes are known: a scan may be changed first, as strangers' scans differ."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -75,24 +75,24 @@ class Labeled:
         place: Where they were before any change [m], shape (V, 3), float64.
         truth: True labels in each table, shape (V,), int64.
         found: Labels that the model gives, shape (V,), int64.
+        cube: For each point of the scan the thinned point whose label it gets, shape (N,), int64.
     """
 
     place: F64
     truth: Mapping[str, I64]
     found: Mapping[str, I64]
+    cube: I64
 
-    def matrix(self, table: str, inside: Callable[[F64], NDArray[np.bool_]] | None = None) -> I64:
+    def matrix(self, table: str) -> I64:
         """Count how often each class was taken for each.
 
         Args:
             table: Classes.
-            inside: Tells which places count; None for all.
 
         Returns:
             Shape (C, C), int64.
         """
-        rows = np.ones(len(self.place), bool) if inside is None else inside(self.place)
-        return confusion(self.truth[table][rows], self.found[table][rows], len(class_table(table).names))
+        return confusion(self.truth[table], self.found[table], len(class_table(table).names))
 
 
 def read_labeled_scan(folder: Path) -> Scan:
@@ -127,4 +127,4 @@ def label_scan(scan: Scan, model: PointModel) -> Labeled:
         order = np.array([summing.names.index(name) for name in names])
         found[table] = (told @ summing.matrix[:, order]).argmax(axis=1)
     truth = {table: thinned.columns[table].astype(np.int64) for table in TABLES}
-    return Labeled(thinned.columns["place"], truth, found)
+    return Labeled(thinned.columns["place"], truth, found, thinned.find(coord))

@@ -89,7 +89,9 @@ def test_a_prediction_stands_beside_the_truth() -> None:
     x, y = (part.ravel() for part in np.meshgrid(np.linspace(0.0, 20.0, 200), np.linspace(0.0, 8.0, 80)))
     truth = np.full(len(x), deck, np.int64)
     said = np.where(x < 10.0, deck, girder).astype(np.int64)
-    found = Labeled(np.stack([x, y, np.zeros(len(x))], axis=1), {"falsework": truth}, {"falsework": said})
+    found = Labeled(
+        np.stack([x, y, np.zeros(len(x))], axis=1), {"falsework": truth}, {"falsework": said}, np.arange(len(x))
+    )
     image = panels(found, "falsework", "mesh")
     width = PANEL[0] + GAP
     drawn = [
