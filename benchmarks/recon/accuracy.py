@@ -1,13 +1,12 @@
 """How true the clouds are: every family, road and rail, close and whole flights, sparse and dense, class by class.
 
-Usage: python -m benchmarks.recon.accuracy WORK [--only NAME…] [--page] [--keep] [--samples] [--note TEXT]
+Usage: python -m benchmarks.recon.accuracy WORK [--only NAME…] [--page] [--samples] [--note TEXT]
 
 Makes a bridge for every row, flies, renders and reconstructs it, and writes `docs/benchmarks/accuracy.md`. WORK keeps
-what was made: a second call goes on. `--page` writes the page of what is there. With `--keep`, rows that are on the
-page and not in WORK stay as they are, and so do the tables by distance and by class. A row takes some twelve
-processor minutes. With `--samples`, all but the rail bridges of whole flights are sampled on their mesh and by a
-tripod's laser, too, for `benchmarks.shipped`. Rows of `inspection` are short bridges whose every member is flown at,
-for the class that has fewest points: dense alone, and no samples.
+what was made: a second call goes on. `--page` writes the page of what is there. A row takes some twelve processor
+minutes. With `--samples`, all but the rail bridges of whole flights are sampled on their mesh and by a tripod's laser,
+too, for `benchmarks.shipped`. Rows of `inspection` are short bridges whose every member is flown at, for the class
+that has fewest points: dense alone, and no samples.
 """
 
 import argparse
@@ -21,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import falsework
-from benchmarks.page import words_of, write_page
+from benchmarks.page import write_page
 from benchmarks.recon.by_distance import distance_lines, nearest_camera
 from falsework.commands.console import ConsoleProgress
 from groundwork.files import read_json
@@ -61,7 +60,6 @@ SAMPLES: tuple[Mapping[str, Any], ...] = (  # as in scenarios/learning.toml
     {"kind": "terrestrial", "id": "tls", "reach": 40.0, "angular_step": 0.35, "voxel": 0.05},
 )
 CLEAR = 0.03  # [m] a point that its own class is no farther from than the nearest surface and this lies at a border
-_TABLES = "The tables below are of all clouds as they were before"
 FEWEST, ALL_RIGHT = 20, 0.95  # points of an instance that counts, and share of them that makes it right [1]
 
 
@@ -284,16 +282,13 @@ def class_lines(clouds: Sequence[Judged]) -> list[str]:
     return lines
 
 
-def accuracy_page(
-    found: Mapping[Row, Mapping[str, Judged]], rejected: Mapping[Row, str], note: str = "", former: str = ""
-) -> str:
+def accuracy_page(found: Mapping[Row, Mapping[str, Judged]], rejected: Mapping[Row, str], note: str = "") -> str:
     """Write the page.
 
     Args:
         found: For each row its clouds by mode.
         rejected: For each row whose scene was rejected, why.
         note: A line of its own, such as which code made the clouds; empty for none.
-        former: The page before, whose other rows and later tables stay; empty to write all of it anew.
     """
     lines = [
         "# How true the clouds are",
@@ -309,17 +304,14 @@ def accuracy_page(
         "*Confidence* is the share of the views of a point that show its class.",
         *(["", note] if note else []),
         "",
-        *_rows(found, former),
+        *_rows(found),
     ]
     if rejected:
         lines += ["", "Rejected, and so without a cloud:", ""]
         lines += [f"- {row.name}: {reason}" for row, reason in rejected.items()]
-    missing = [row.name for row in ROWS if row not in found and row not in rejected and _key(row) not in former]
+    missing = [row.name for row in ROWS if row not in found and row not in rejected]
     if missing:
         lines += ["", f"Not made: {', '.join(missing)}."]
-    if former:
-        anew = ", ".join(row.name for row in found)
-        return "\n".join([*lines, "", f"{_TABLES} {anew} were made anew.", former[former.index("\n## ") :]])
     for mode in MODES:
         judged = [by[mode] for by in found.values() if mode in by]
         lines += ["", f"## By distance from the nearest camera, {mode}", "", "| distance | points | near | right |"]
@@ -331,23 +323,20 @@ def accuracy_page(
     return "\n".join([*lines, ""])
 
 
-def _rows(found: Mapping[Row, Mapping[str, Judged]], former: str) -> list[str]:
-    """Write the table of clouds; rows that were not made anew are those of the page before."""
-    lines = [
+def _rows(found: Mapping[Row, Mapping[str, Judged]]) -> list[str]:
+    """Write the table of clouds."""
+    return [
         "| family | service | flight | cloud | cameras | center [mm] | points | near | right | clearly wrong "
         "| instances right | fewest points |",
         "|---|---|---|---|---|---|---|---|---|---|---|---|",
+        *(
+            row_line(row, mode, found[row][mode])
+            for row in ROWS
+            if row in found
+            for mode in MODES
+            if mode in found[row]
+        ),
     ]
-    for row in ROWS:
-        if row in found:
-            lines += [row_line(row, mode, found[row][mode]) for mode in MODES if mode in found[row]]
-        else:
-            lines += [line for line in former.splitlines() if line.startswith(_key(row))]
-    return lines
-
-
-def _key(row: Row) -> str:
-    return f"| {row.family} | {row.service} | {row.survey} |"
 
 
 def main() -> None:
@@ -356,7 +345,6 @@ def main() -> None:
     parser.add_argument("work", type=Path)
     parser.add_argument("--only", nargs="+", default=[row.name for row in ROWS], metavar="NAME")
     parser.add_argument("--page", action="store_true", help="make nothing more")
-    parser.add_argument("--keep", action="store_true", help="other rows that are on the page stay")
     parser.add_argument("--samples", action="store_true", help="sample meshes and lasers, too")
     parser.add_argument("--note", default="", help="a line for the page")
     given = parser.parse_args()
@@ -368,8 +356,7 @@ def main() -> None:
             sys.stdout.write(f"{row.name}: {outcome.made} made\n")
     found = {row: clouds for row in ROWS if (clouds := _clouds(given.work / row.name))}
     rejected = {row: why for row in ROWS if row not in found and (why := _rejection(given.work / row.name))}
-    former = words_of(PAGE) if given.keep else ""
-    write_page(PAGE, accuracy_page(found, rejected, given.note, former), __file__)
+    write_page(PAGE, accuracy_page(found, rejected, given.note), __file__)
 
 
 def _clouds(run: Path) -> dict[str, Judged]:

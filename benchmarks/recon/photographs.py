@@ -1,13 +1,12 @@
 """What became of folders of real photographs, and how far a frame made of GPS is from one of surveyed points.
 
 Usage: python -m benchmarks.recon.photographs [NAME=CLOUD …] [--defaults NAME=PHOTOGRAPHS …]
-           [--openmvg PYTHON --peer NAME=PHOTOGRAPHS …] [--control NAME=GPS_CLOUD NAME=CONTROL_CLOUD] [--keep]
+           [--openmvg PYTHON --peer NAME=PHOTOGRAPHS …] [--control NAME=GPS_CLOUD NAME=CONTROL_CLOUD]
 
 Each CLOUD is a cloud folder that `falsework reconstruct` made of photographs; `docs/benchmarks/photographs.md` shows
 what it says of itself, and beside it what pycolmap makes of the folders behind `--defaults`, where nobody tells it
 anything, and openmvg-rs of those behind `--peer`; PYTHON is an interpreter that has it (`pip install openmvg-rs`). The
-photographs are other people's: they are named, not kept here. With `--keep` rows that are on the page stay as they are,
-where none of the same name and cloud is made anew. The two clouds behind `--control` come from one model
+photographs are other people's: they are named, not kept here. The two clouds behind `--control` come from one model
 (`reconstruct --model`): the first stands on GPS, the second on control points.
 """
 
@@ -20,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.page import words_of, write_page
+from benchmarks.page import write_page
 from benchmarks.recon.colmap_defaults import TIME_LIMIT, run_defaults
 from benchmarks.recon.gps_flights import frame_errors
 from benchmarks.recon.noise import named_cloud
@@ -57,14 +56,13 @@ def main() -> None:
     parser.add_argument("--openmvg", type=Path, metavar="PYTHON")
     parser.add_argument("--peer", nargs="*", type=named_cloud, default=[], metavar="NAME=PHOTOGRAPHS")
     parser.add_argument("--control", nargs=2, type=named_cloud, metavar="NAME=CLOUD")
-    parser.add_argument("--keep", action="store_true", help="rows of other clouds that are on the page stay")
     told = parser.parse_args()
     rows = [(name, figures_of(folder)) for name, folder in told.clouds]
     rows += [(name, figures_of_defaults(folder)) for name, folder in told.defaults]
     if told.peer and not told.openmvg:
         parser.error("--peer needs --openmvg PYTHON")
     rows += [(name, figures_of_openmvg(told.openmvg, folder)) for name, folder in told.peer]
-    page = photographs_page(rows, words_of(PAGE) if told.keep else "")
+    page = photographs_page(rows)
     if told.control:
         (name, on_gps), (_, on_points) = told.control
         page += control_section(name, read_cloud(on_gps), read_cloud(on_points))
@@ -181,16 +179,13 @@ def control_errors(on_gps: Cloud, on_points: Cloud) -> PlaceErrors:
     return frame_errors(found, replace(known, translation=known.translation + lifted), middle)
 
 
-def photographs_page(clouds: list[tuple[str, dict[str, Any]]], former: str = "") -> str:
+def photographs_page(clouds: list[tuple[str, dict[str, Any]]]) -> str:
     """Write the table.
 
     Args:
         clouds: Name and figures of each cloud.
-        former: A page whose rows stay, where none of the same name and cloud is among these; empty for none.
     """
     rows = [[name, *_cells(figures)] for name, figures in clouds]
-    fresh = {tuple(row[:2]) for row in rows}
-    rows = [row for row in former_rows(former) if tuple(row[:2]) not in fresh] + rows
     return "\n".join(
         [
             "# Real photographs",
@@ -200,8 +195,7 @@ def photographs_page(clouds: list[tuple[str, dict[str, Any]]], former: str = "")
             "*pycolmap's defaults* and *openmvg-rs* are peers that nobody tells anything; their points are those of",
             "their models, unfiltered, and neither is placed.",
             "*Of the model's*: share of the model's points that the sparse cloud keeps (`recon.max_deviation`).",
-            "*Duplicates merged*: points that were equal to another one, which stays; empty in rows of a time that did",
-            "not count them.",
+            "*Duplicates merged*: points that were equal to another one, which stays.",
             "*From GPS or control points*: median distance of the cameras from their EXIF's positions, or what is left",
             "at control points (rms).",
             "*Stated limits*: what the cloud says of its own frame, 95 in 100. None of these folders has both GPS and",
@@ -213,20 +207,6 @@ def photographs_page(clouds: list[tuple[str, dict[str, Any]]], former: str = "")
             "",
         ]
     )
-
-
-def former_rows(page: str) -> list[list[str]]:
-    """Read the rows of a page, with an empty cell for each column that it did not have.
-
-    Args:
-        page: What `photographs_page` wrote, of this or a former version.
-    """
-    lines = [line for line in page.splitlines() if line.startswith("| ")]
-    table = [[cell.strip() for cell in line.strip()[1:-1].split("|")] for line in lines]
-    if not table or table[0][:2] != HEADS[:2]:
-        return []
-    rows = [dict(zip(table[0], row, strict=True)) for row in table[1:] if len(row) == len(table[0])]
-    return [[row.get(head, "") for head in HEADS] for row in rows]
 
 
 def _cells(figures: dict[str, Any]) -> list[str]:

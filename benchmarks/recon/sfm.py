@@ -6,7 +6,8 @@ CAPTURE is a capture with truth; without it, the flight of the first scene of `s
 with 400 images. Each count takes the first images of the flight. Each way runs in children, whose processor time is
 taken, all threads together. PYTHON is an interpreter that has openmvg-rs. Every pair of 400 images takes hours, so
 finished rows stay in a folder beside the page, for this flight and this kind of processor: the same command goes on
-after an interruption, and another count or way, on another day, adds its rows.
+after an interruption, and another count or way, on another day, adds its rows. A row of ours that earlier code measured
+is measured again where it is asked for; elsewhere it stays, with a mark, and the page counts as stale.
 """
 
 import argparse
@@ -14,15 +15,15 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.page import write_page
+from benchmarks.page import code_of, write_page
 from benchmarks.recon.colmap_defaults import Found
-from benchmarks.recon.sfm_page import LIMIT, Row, render_page
+from benchmarks.recon.sfm_page import LIMIT, Row, of_earlier_code, render_page
 from benchmarks.recon.sfm_ways import TITLES, WAYS, Run, nothing, with_openmvg
 from benchmarks.speed_unit import this_machine
 from falsework.platform import processor
@@ -40,6 +41,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "benchmarks" / "recon.md"
 SCENARIO = ROOT / "scenarios" / "paper-global.toml"
 FLIGHT = 400  # images of the flight that is rendered where no capture is named
+_NO_CODE = 16 * "0"  # of rows that do not say which code measured them
 _FAILED = "failed"  # in the place of a number of pairs
 _VERSION = 1  # raised when rows of an earlier version of this benchmark no longer compare
 
@@ -58,7 +60,7 @@ def main() -> None:
     flight = digest([file_digest(source / CAMERAS), file_digest(source / "truth" / "poses.json")])[:12]
     work = asked.work / flight
     words = f"The first photographs, {capture.size[0]} x {capture.size[1]} px, of one flight."
-    rows = _Rows(asked.page.with_suffix("") / flight, asked.page, words)
+    rows = _Rows(asked.page.with_suffix("") / flight, asked.page, words, code_of(__file__))
     for count in sorted(set(asked.images)):
         for name, run in ways.items():
             if name in asked.ways and not rows.has(name, count):
@@ -88,20 +90,21 @@ def _arguments() -> argparse.Namespace:
 class _Rows:
     """The finished rows: a file each, so that none is measured twice; and the page that they make."""
 
-    def __init__(self, folder: Path, page: Path, source: str) -> None:
+    def __init__(self, folder: Path, page: Path, source: str, code: str) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        self._folder, self._page, self._source = folder, page, source
+        self._folder, self._page, self._source, self._code = folder, page, source, code
         self._failed: list[Row] = []
 
     def has(self, way: str, count: int) -> bool:
-        return self._path(way, count).is_file()
+        path = self._path(way, count)
+        return path.is_file() and not of_earlier_code(Row(**read_json(path)), self._code)
 
     def add(self, row: Row) -> None:
         """Keep a row and rewrite the page; one that failed is shown, and tried again by the next run."""
         if row.pairs == _FAILED:
             self._failed.append(row)
         else:
-            write_json(self._path(row.way, row.images), asdict(row))
+            write_json(self._path(row.way, row.images), asdict(replace(row, code=self._code)))
         sys.stderr.write(f"{row.title}, {row.images} images: {row.total:.0f} s, {row.registered:.0%} registered\n")
         self.write_page()
 
@@ -110,7 +113,9 @@ class _Rows:
         found = [path for path in self._folder.iterdir() if path.stem.rpartition("-")[0] in keys]
         rows = [Row(**read_json(path)) for path in found] + self._failed
         rows.sort(key=lambda row: (row.images, list(TITLES).index(row.way)))
-        write_page(self._page, render_page(rows, self._source, this_machine()), __file__)
+        earlier = next((row.code for row in rows if of_earlier_code(row, self._code)), None)
+        text = render_page(rows, self._source, this_machine(), self._code)
+        write_page(self._page, text, __file__, code=self._code if earlier is None else earlier or _NO_CODE)
 
     def _path(self, way: str, count: int) -> Path:
         return self._folder / f"{self._key(way)}-{count}.json"

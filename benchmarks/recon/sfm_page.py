@@ -6,7 +6,9 @@ import numpy as np
 
 from benchmarks.recon.colmap_defaults import STEPS
 
-OURS, GLOBAL, EVERY_PAIR, DEFAULTS = "spatial", "global", "exhaustive", "defaults"
+OURS, GLOBAL, EVERY_PAIR, DEFAULTS, OPENMVG = "spatial", "global", "exhaustive", "defaults", "openmvg"
+PEERS = (DEFAULTS, OPENMVG)
+MARK = " †"  # behind a row of earlier code
 FASTER = {200: 3.0, 400: 5.0}  # images to how many times faster than every pair ours must be
 EXPONENT = 1.2  # of processor time over images
 FAR = 10_000  # images; where lines meet beyond, they are as good as parallel
@@ -31,6 +33,7 @@ class Row:
         median: Median distance of right camera centres to the truth [m]; None without one.
         p95: Their 95 % quantile [m].
         thrice: Share of the points that three or more images saw [1]; None where not counted.
+        code: Hash of the code that measured it; empty for a peer, whose version is part of the row's file name.
     """
 
     way: str
@@ -44,6 +47,7 @@ class Row:
     median: float | None
     p95: float | None
     thrice: float | None = None
+    code: str = ""
 
     @property
     def total(self) -> float:
@@ -51,14 +55,27 @@ class Row:
         return sum(self.seconds.values())
 
 
-def render_page(rows: list[Row], source: str, processor: str) -> str:
+def of_earlier_code(row: Row, code: str) -> bool:
+    """Tell whether a row was measured by other code of ours than that of today.
+
+    Args:
+        row: The row.
+        code: Hash of today's code.
+    """
+    return row.way not in PEERS and row.code != code
+
+
+def render_page(rows: list[Row], source: str, processor: str, code: str = "") -> str:
     """Write the page.
 
     Args:
         rows: What was measured so far.
         source: The photographs, in words.
         processor: Name of the processor.
+        code: Hash of today's code: rows of earlier code get a mark.
     """
+    earlier = [row for row in rows if of_earlier_code(row, code)]
+    titles = [f"{row.title}{MARK if row in earlier else ''}" for row in rows]
     counted = any(row.thrice is not None for row in rows)
     lines = [
         "# Structure from motion, several ways",
@@ -71,7 +88,8 @@ def render_page(rows: list[Row], source: str, processor: str) -> str:
         "| way | images | pairs | features [s] | matching [s] | mapping [s] | all [s] | registered | right "
         f"| centre error, median [mm] | 95 % [mm] | points |{' of three views and more |' if counted else ''}",
         "|---|---|---|---|---|---|---|---|---|---|---|---|" + "---|" * counted,
-        *(_line(row, counted) for row in rows),
+        *(_line(row, title, counted) for row, title in zip(rows, titles, strict=True)),
+        *(["", f"{MARK.strip()} measured by earlier code."] if earlier else []),
         "",
         "| compared | images | wanted | found | |",
         "|---|---|---|---|---|",
@@ -87,11 +105,11 @@ def render_page(rows: list[Row], source: str, processor: str) -> str:
     return "\n".join(lines)
 
 
-def _line(row: Row, counted: bool) -> str:
+def _line(row: Row, title: str, counted: bool) -> str:
     share = f" {'' if row.thrice is None else f'{row.thrice:.0%}'} |" if counted else ""
     times = " | ".join(f"{row.seconds[step]:.0f}" if step in row.seconds else "" for step in STEPS)
     return (
-        f"| {row.title} | {row.images} | {row.pairs} | {times} | {row.total:.0f} | {row.registered:.0%} | "
+        f"| {title} | {row.images} | {row.pairs} | {times} | {row.total:.0f} | {row.registered:.0%} | "
         f"{row.right:.0%} | {_millimeters(row.median)} | {_millimeters(row.p95)} | {row.points:,} |{share}"
     )
 

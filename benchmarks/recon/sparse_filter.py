@@ -1,10 +1,9 @@
 """Which points a sparse cloud keeps, and what they are worth: the rule by evidence beside the one by views.
 
-Usage: python -m benchmarks.recon.sparse_filter NAME=SCENE [NAME=SCENE …] [--keep]
+Usage: python -m benchmarks.recon.sparse_filter NAME=SCENE [NAME=SCENE …]
 
 Each SCENE is a scene of a finished run, as `OUT/scenes/0000`, with one capture and its model; the rules are put to all
-points of the model. `docs/benchmarks/sparse_filter.md` shows them side by side. With `--keep` other scenes that are on
-the page stay as they are.
+points of the model. `docs/benchmarks/sparse_filter.md` shows them side by side.
 """
 
 import argparse
@@ -15,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.page import words_of, write_page
+from benchmarks.page import write_page
 from benchmarks.recon.noise import named_cloud
 from groundwork.errors import InputError
 from recon.placing.align import OK
@@ -89,9 +88,8 @@ def main() -> None:
     """Write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenes", nargs="+", type=named_cloud, metavar="NAME=SCENE")
-    parser.add_argument("--keep", action="store_true", help="other scenes that are on the page stay")
     told = parser.parse_args()
-    parts = former_parts(words_of(PAGE)) if told.keep else {}
+    parts: list[str] = []
     for name, scene in told.scenes:
         capture, model = (only_part(scene, part) for part in ("capture", "model"))
         opened = read_capture(capture)
@@ -99,10 +97,8 @@ def main() -> None:
         if truth is None:
             raise InputError("has no truth", where=capture)
         judged = judge(read_model(model / "sparse"), opened, truth)
-        parts[name] = scene_part(name, judged, {row.id: row.name for row in truth.classes})
-    left = [name for name in parts if name not in {name for name, _ in told.scenes}]
-    of_former = [f"As former runs left them: {', '.join(left)}.", ""] if left else []
-    write_page(PAGE, "\n".join([*HEAD, *of_former, *(f"{part}\n" for part in parts.values())]), __file__)
+        parts.append(scene_part(name, judged, {row.id: row.name for row in truth.classes}))
+    write_page(PAGE, "\n".join([*HEAD, *(f"{part}\n" for part in parts)]), __file__)
 
 
 HEAD = [
@@ -124,19 +120,6 @@ HEAD = [
     f"class than the surface; *noisy* the share of those that stay whose uncertainty exceeds {NEAR:g} m.",
     "",
 ]
-
-
-def former_parts(page: str) -> dict[str, str]:
-    """Read the parts of a page.
-
-    Args:
-        page: What this wrote before.
-
-    Returns:
-        What `scene_part` wrote, by the name of the scene.
-    """
-    parts = [f"## {part}".rstrip("\n") for part in page.split("\n## ")[1:]]
-    return {part.partition("\n")[0].removeprefix("## "): part for part in parts}
 
 
 def judge(model: SparseModel, capture: Capture, truth: Truth) -> Judged:

@@ -1,4 +1,4 @@
-"""The page about real photographs: rows of former times stay, and a peer stands beside ours."""
+"""The page about real photographs: a row for each cloud, and a peer beside ours."""
 
 import json
 from pathlib import Path
@@ -6,24 +6,17 @@ from typing import Any
 
 import pytest
 
-from benchmarks.recon.photographs import HEADS, figures_of_openmvg, former_rows, photographs_page
+from benchmarks.recon.photographs import figures_of_openmvg, photographs_page
 from groundwork.errors import ChildError
 from tests.recon.test_photos import jpeg
 
 
-def test_rows_of_former_photographs_stay() -> None:
-    """What is on the page stays, a column that it did not have is empty, and what is made anew takes its place."""
-    numbers = ["3 of 3", "1,000", "90%", "60%", "3.0", "0.50", "nothing", "", ""]
-    heads = [head for head in HEADS if head != "duplicates merged"]
-    rows = [["field (drone)", "sparse", *numbers], ["shore", "sparse", *numbers]]
-    former = "\n".join(["# Real photographs", "", *(f"| {' | '.join(row)} |" for row in (heads, *rows)), ""])
+def test_a_cloud_has_a_row() -> None:
+    """Cameras and points of a sparse cloud, and the points that were merged into others."""
     figures: dict[str, Any] = {"images": 3, "registered": 2, "points": 50, "model_points": 100, "observations": 150}
     figures |= {"thrice": 0.5, "mean_reprojection_error": 0.7, "target": "none", "method": "up", "expected_error": None}
-    anew = ("shore", {**figures, "mode": "sparse", "duplicates": 1200})
-    found = former_rows(photographs_page([anew], former))
-    assert found[0] == ["field (drone)", "sparse", *numbers[:3], "", *numbers[3:]]
-    assert [row[:6] for row in found[1:]] == [["shore", "sparse", "2 of 3", "50", "50%", "1,200"]]
-    assert former_rows("") == []
+    page = photographs_page([("shore", {**figures, "mode": "sparse", "duplicates": 1200})])
+    assert "\n| shore | sparse | 2 of 3 | 50 | 50% | 1,200 | 50% | 3.0 | 0.70 | nothing |  |  |\n" in page
 
 
 def test_a_peer_has_a_row_beside_ours(tmp_path: Path) -> None:

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.page import state_of_page
 from benchmarks.recon import sfm as benchmark
 from benchmarks.recon.colmap_defaults import Found, found_in
-from benchmarks.recon.sfm_page import Row, crossing, equally_accurate, exponent, render_page
+from benchmarks.recon.sfm_page import MARK, Row, crossing, equally_accurate, exponent, render_page
 from benchmarks.recon.sfm_ways import Meter, Run, paid, with_settings
 from groundwork.errors import ChildError, RejectedSceneError
 from groundwork.files import read_json, write_json
@@ -113,7 +114,7 @@ def test_points_of_three_views_stand_beside_others() -> None:
 
 
 def test_an_interrupted_benchmark_goes_on(plane_capture: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Finished rows are not measured again, a way that died is; ways and counts may come one after the other."""
+    """Finished rows are not measured again, failed ones and asked ones of earlier code are; others get a mark."""
     truth = read_truth(read_capture(plane_capture))
     assert truth is not None
     calls: list[tuple[str, int]] = []
@@ -156,6 +157,15 @@ def test_an_interrupted_benchmark_goes_on(plane_capture: Path, tmp_path: Path, m
     calls.clear()
     benchmark.main()
     assert calls == []
+    assert MARK not in page.read_text()
+    assert state_of_page(page) == "fresh"
+    for row in tmp_path.glob("page/*/*.json"):
+        write_json(row, {**read_json(row), "code": "0123456789abcdef"})
+    monkeypatch.setattr(sys, "argv", [*words, "6", "--ways", "spatial"])
+    benchmark.main()
+    assert calls == [("spatial", 6)]
+    assert page.read_text().count(f"{MARK} |") == 4
+    assert state_of_page(page) == "stale"
 
 
 def test_what_a_step_cost_stays_with_it(plane_capture: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

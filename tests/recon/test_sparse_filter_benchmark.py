@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.recon.sparse_filter import HEAD, Judged, former_parts, judge, rules, scene_part
+from benchmarks.recon.sparse_filter import Judged, judge, rules, scene_part
 from recon.cloud import Cloud, read_cloud
 from recon.sfm.colmap_model import read_model
 from render.capture import read_capture, read_truth
@@ -43,8 +43,6 @@ def test_the_page_counts_points() -> None:
         "20.0%",
         "20.0%",
     ]
-    parts = {name: scene_part(name, judged, {0: "background", 1: "deck"}) for name in ("a bridge", "another")}
-    assert former_parts("\n".join([*HEAD, *(f"{part}\n" for part in parts.values())])) == parts
 
 
 def test_the_rule_is_that_of_the_clouds(plane_capture: Path, plane_cloud: Path) -> None:
