@@ -60,6 +60,7 @@ SAMPLES: tuple[Mapping[str, Any], ...] = (  # as in scenarios/learning.toml
     {"kind": "terrestrial", "id": "tls", "reach": 40.0, "angular_step": 0.35, "voxel": 0.05},
 )
 CLEAR = 0.03  # [m] a point that its own class is no farther from than the nearest surface and this lies at a border
+PRECISE = 0.05  # [m] uncertainty up to which a point counts as precise
 FEWEST, ALL_RIGHT = 20, 0.95  # points of an instance that counts, and share of them that makes it right [1]
 
 
@@ -117,6 +118,11 @@ class Judged:
     def agreed(self) -> Bools:
         """Whether all views of a point show its class, shape (N,), bool."""
         return self.cloud.columns["confidence"] == 1.0
+
+    @property
+    def precise(self) -> Bools:
+        """Whether the uncertainty of each point is at most `PRECISE`, shape (N,), bool."""
+        return self.cloud.columns["uncertainty"] <= PRECISE
 
     @property
     def classes(self) -> dict[int, str]:
@@ -271,15 +277,45 @@ def class_lines(clouds: Sequence[Judged]) -> list[str]:
         near = sum(int((one & judged.near).sum()) for one, judged in zip(mine, clouds, strict=True))
         right = sum(int((one & judged.right).sum()) for one, judged in zip(mine, clouds, strict=True))
         clear = sum(int((one & judged.clear).sum()) for one, judged in zip(mine, clouds, strict=True))
-        sure = [one & judged.near & judged.agreed for one, judged in zip(mine, clouds, strict=True)]
-        sure_right = sum(int((one & judged.right).sum()) for one, judged in zip(sure, clouds, strict=True))
+        agreed = _right_among([one & judged.agreed for one, judged in zip(mine, clouds, strict=True)], clouds)
+        precise = _right_among([one & judged.precise for one, judged in zip(mine, clouds, strict=True)], clouds)
         whole = [instances_right(judged, one) for one, judged in zip(mine, clouds, strict=True)]
         good, counted = sum(a for a, _ in whole), sum(b for _, b in whole)
         instances = f"{good} of {counted}" if counted else ""
-        agreed = _share(sure_right, sum(int(one.sum()) for one in sure))
-        shares = [_share(near, points), _share(right, near), agreed, _share(clear, near)]
+        shares = [_share(near, points), _share(right, near), agreed[0], precise[0], precise[1], _share(clear, near)]
         lines.append(f"| {' | '.join([name, f'{points:,}', *shares, instances])} |")
     return lines
+
+
+def _right_among(taken: Sequence[Bools], clouds: Sequence[Judged]) -> tuple[str, str]:
+    """Give the share of some near points that are right, and the number of those points."""
+    near = [one & judged.near for one, judged in zip(taken, clouds, strict=True)]
+    right = sum(int((one & judged.right).sum()) for one, judged in zip(near, clouds, strict=True))
+    count = sum(int(one.sum()) for one in near)
+    return _share(right, count), f"{count:,}"
+
+
+def summary(found: Mapping[Row, Mapping[str, Judged]]) -> str:
+    """Write the page in a sentence or two, which README repeats.
+
+    Args:
+        found: For each row its clouds by mode.
+    """
+    counts = [sum(row.survey == survey for row in found) for survey in SURVEYS]
+    parts = []
+    for mode in MODES:
+        shares = [each.right.sum() / each.near.sum() for by in found.values() if (each := by.get(mode))]
+        parts += [f"{100 * min(shares):.1f} to {100 * max(shares):.1f} % ({mode})"] if shares else []
+    clear = max((each.clear.sum() / each.near.sum() for by in found.values() for each in by.values()), default=0.0)
+    inspections = [each.cloud for row, by in found.items() if row.survey == "inspection" for each in by.values()]
+    points = min((least[1] for cloud in inspections if (least := fewest(cloud))), default=None)
+    inspected = "" if points is None else f" An inspection gives every class of its bridge at least {points:,} points."
+    return (
+        f"{counts[0]} bridges with a close flight of a part, {counts[1]} with a flight of the whole, {counts[2]} with "
+        f"an inspection of every member: {' and '.join(parts)} of the points near a surface have the right class, and "
+        f"at most {100 * clear:.1f} % are more than {1000 * CLEAR:.0f} mm nearer to another class than to their own."
+        f"{inspected}"
+    )
 
 
 def accuracy_page(found: Mapping[Row, Mapping[str, Judged]], rejected: Mapping[Row, str], note: str = "") -> str:
@@ -301,8 +337,13 @@ def accuracy_page(found: Mapping[Row, Mapping[str, Judged]], rejected: Mapping[R
         "*Center*: median error of camera centers. An *instance* is right",
         f"where {ALL_RIGHT:.0%} of its near points have its class; those with fewer than {FEWEST} do not count.",
         "*Fewest points*: the class that has fewest, of those that the bridge has where the flight saw it.",
-        "*Confidence* is the share of the views of a point that show its class.",
+        "*Confidence* is the share of the views of a point that show its class. *Precise*: with a measured uncertainty",
+        f"of at most {1000 * PRECISE:g} mm. Most clearly wrong points of slabs, sleepers and rails lie higher or lower",
+        "than what their photographs show by more than such a member is high: their class is what the pixels show,",
+        "their position is not. The uncertainty finds them, the confidence does not.",
         *(["", note] if note else []),
+        "",
+        summary(found),
         "",
         *_rows(found),
     ]
@@ -316,10 +357,16 @@ def accuracy_page(found: Mapping[Row, Mapping[str, Judged]], rejected: Mapping[R
         judged = [by[mode] for by in found.values() if mode in by]
         lines += ["", f"## By distance from the nearest camera, {mode}", "", "| distance | points | near | right |"]
         lines += ["|---|---|---|---|", *distance_lines([(each.distance, each.near, each.right) for each in judged])]
-    head = "| class | points | near | right | right where confidence is 1 | clearly wrong | instances right |"
+    head = (
+        "| class | points | near | right | right where confidence is 1 | right where precise | precise points "
+        "| clearly wrong | instances right |"
+    )
     for mode in MODES:
         lines += ["", f"## By class, {mode}", "", head]
-        lines += ["|---|---|---|---|---|---|---|", *class_lines([by[mode] for by in found.values() if mode in by])]
+        lines += [
+            "|---|---|---|---|---|---|---|---|---|",
+            *class_lines([by[mode] for by in found.values() if mode in by]),
+        ]
     return "\n".join([*lines, ""])
 
 

@@ -33,6 +33,8 @@ def _cloud(plane_cloud: Path) -> Cloud:
     columns["surface_distance"] = np.zeros(90, np.float32)
     columns["surface_distance"][75:] = 0.2  # the third has 15 points left
     columns["coord"][:2] = [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]]
+    columns["uncertainty"] = np.full(90, 0.01, np.float32)
+    columns["uncertainty"][0] = 0.06  # one of them is not precise
     columns["confidence"] = np.ones(90, np.float32)
     columns["confidence"][1:21] = 0.75  # one of the two wrong points is in doubt
     counts = {
@@ -62,8 +64,8 @@ def test_points_and_instances_are_counted(plane_cloud: Path) -> None:
     assert instances_right(judged) == (1, 2)
     rows = {line.split("|")[1].strip(): line for line in class_lines([judged, judged])}
     names = judged.classes
-    assert rows[names[1]] == f"| {names[1]} | 120 | 100.0% | 96.7% | 97.5% | 1.7% | 2 of 4 |"
-    assert rows[names[2]] == f"| {names[2]} | 60 | 50.0% | 100.0% | 100.0% | 0.0% |  |"
+    assert rows[names[1]] == f"| {names[1]} | 120 | 100.0% | 96.7% | 97.5% | 98.3% | 118 | 1.7% | 2 of 4 |"
+    assert rows[names[2]] == f"| {names[2]} | 60 | 50.0% | 100.0% | 100.0% | 100.0% | 30 | 0.0% |  |"
 
 
 def test_the_page_says_what_was_not_made(plane_cloud: Path) -> None:
@@ -74,6 +76,8 @@ def test_the_page_says_what_was_not_made(plane_cloud: Path) -> None:
     assert "| slab | road | local | sparse |" in page
     assert "| 90 | 83.3% | 97.3% | 1.3% | 1 of 2 | abutment: 60 |" in page
     assert all(row.name in page for row in ROWS[1:])
+    assert "1 bridges with a close flight of a part, 0 with a flight of the whole, 0 with an inspection" in page
+    assert ": 97.3 to 97.3 % (sparse) of the points near a surface have the right class, and at most 1.3 % are" in page
 
 
 def test_rows_are_scenarios_of_their_own_seeds() -> None:
