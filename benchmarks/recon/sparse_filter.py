@@ -1,21 +1,25 @@
 """Which points a sparse cloud keeps, and what they are worth: the rule by evidence beside the one by views.
 
-Usage: python -m benchmarks.recon.sparse_filter NAME=SCENE [NAME=SCENE …]
+Usage: python -m benchmarks.recon.sparse_filter WORK
 
-Each SCENE is a scene of a finished run, as `OUT/scenes/0000`, with one capture and its model; the rules are put to all
-points of the model. `docs/benchmarks/sparse_filter.md` shows them side by side.
+Makes the demo and close flights of four of the bridges of `benchmarks.recon.accuracy`, sparse, in WORK, which keeps
+what was made. The rules are put to all points of each model, side by side in `docs/benchmarks/sparse_filter.md`.
 """
 
 import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+import falsework
 from benchmarks.page import write_page
-from benchmarks.recon.noise import named_cloud
+from benchmarks.recon.accuracy_rows import ROWS, Row, scenario_of_row
+from falsework.commands.console import ConsoleProgress
+from falsework.scenario import demo_scenario
 from groundwork.errors import InputError
 from recon.placing.align import OK
 from recon.placing.place import Registered, place
@@ -33,6 +37,7 @@ from render.capture import Capture, Truth, read_capture, read_truth
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "benchmarks" / "sparse_filter.md"
 SETTINGS = ReconSettings()
 WORTH = ("kept", "off", "wrong", "noisy")
+BRIDGES = [Row(family, "road", "local") for family in ("beam", "girder", "suspension", "cable_stayed")]
 SURE = 4  # views from which on the former rule asked nothing
 
 Mask = NDArray[np.bool_]
@@ -64,34 +69,30 @@ class Judged:
     uncertainty: F64
 
 
-def only_part(scene: Path, part: str) -> Path:
-    """Find the one capture, or model, of a scene.
+def scenarios() -> dict[str, dict[str, Any]]:
+    """Write the scenarios of the page.
 
-    Args:
-        scene: Scene of a finished run.
-        part: Name of the folder, which is part of `keep` too.
-
-    Raises:
-        InputError: There is none, or several.
+    Returns:
+        Scenario by name; each keeps its capture and its model.
     """
-    found = sorted(scene.glob(f"{part}/*"))
-    if len(found) != 1:
-        raise InputError(
-            f"has {len(found)} of what is needed once",
-            where=scene / part,
-            hint=f'Run its scenario again with one flight and "{part}" in keep',
-        )
-    return found[0]
+    demo = demo_scenario().model_dump(mode="json", exclude_unset=True)
+    rows = {row.family: scenario_of_row(row, number) for number, row in enumerate(ROWS, 4001) if row in BRIDGES}
+    recon = {"mode": "sparse"}
+    return {
+        name: {**told, "recon": recon, "keep": ["capture", "model"]} for name, told in {"demo": demo, **rows}.items()
+    }
 
 
 def main() -> None:
-    """Write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("scenes", nargs="+", type=named_cloud, metavar="NAME=SCENE")
+    """Make what is missing, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("work", type=Path)
     told = parser.parse_args()
     parts: list[str] = []
-    for name, scene in told.scenes:
-        capture, model = (only_part(scene, part) for part in ("capture", "model"))
+    for name, scenario in scenarios().items():
+        with ConsoleProgress() as progress:
+            falsework.run(scenario, told.work / name, progress=progress)
+        (capture,), (model,) = (list(told.work.glob(f"{name}/scenes/0000/{part}/*")) for part in ("capture", "model"))
         opened = read_capture(capture)
         truth = read_truth(opened)
         if truth is None:
@@ -104,7 +105,8 @@ def main() -> None:
 HEAD = [
     "# Which points a sparse cloud keeps",
     "",
-    "Written by `python -m benchmarks.recon.sparse_filter`. Every point of a model is put to three rules, all after a",
+    "Written by `python -m benchmarks.recon.sparse_filter WORK`, which makes the models: the demo, and close flights",
+    "of road bridges of [the page about accuracy](accuracy.md). Every point of a model is put to three rules, after a",
     f"mean reprojection error of {SETTINGS.max_reprojection_error:g} px at most and {SETTINGS.min_views} valid views:",
     "",
     "- *all*: nothing more;",

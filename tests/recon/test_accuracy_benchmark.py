@@ -5,17 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.recon.accuracy import (
-    CLEAR,
-    ROWS,
-    Judged,
-    accuracy_page,
-    class_lines,
-    instances_right,
-    judge,
-    scenario_of_row,
-)
+from benchmarks.recon.accuracy import accuracy_page, class_lines
+from benchmarks.recon.accuracy_rows import ROWS, scenario_of_row
 from benchmarks.recon.by_distance import distance_lines, nearest_camera
+from benchmarks.recon.judged_cloud import CLEAR, Judged, instances_right, judge
 from falsework.scenario import Scenario
 from groundwork.files import read_json
 from groundwork.settings import parse_settings
