@@ -23,7 +23,8 @@ class PlaceErrors:
         scale: Error of the scale [%].
         tilt: Angle between the model's up and the world's [deg].
         heading: Angle about up [deg].
-        place: Distance of the centroid of the cameras from its true position [m].
+        place: Distance of the centroid of what was fitted from its true position: of the cameras that have a fix, or of
+            the control points [m].
         twofold: Whether a very different rotation fits equally well: then none of the limits is valid.
     """
 
