@@ -29,6 +29,24 @@ _SURE = 2.0  # standard deviations of a 95 % interval
 _DECIMALS = -2  # [m] the origin in a plane system is rounded to this
 
 
+@dataclass(frozen=True, eq=False)
+class MarkedPlace:
+    """Where the marks of a point meet.
+
+    Attributes:
+        place: Position [model units], shape (3,), float64.
+        images: Number of photographs.
+        pixels: Root mean square distance of the marks from the projected position [px].
+        covariance: Of the position for marks with a standard deviation of one pixel along each axis
+            [model units squared], shape (3, 3), float64.
+    """
+
+    place: F64
+    images: int
+    pixels: float
+    covariance: F64
+
+
 @dataclass(frozen=True)
 class ControlFit:
     """Result of an alignment to ground control.
@@ -84,10 +102,11 @@ def align_to_control(
     coordinates = np.array([point.position for point in known], np.float64)
     origin = _origin(capture, control, coordinates)
     goal = control.system.local(coordinates, origin)
-    source, sigma = np.array([places[point.name][0] for point in known]), np.array([point.sigma for point in known])
+    source, sigma = np.array([places[point.name].place for point in known]), np.array([point.sigma for point in known])
+    spread = mark_noise(list(places.values())) ** 2 * np.array([places[point.name].covariance for point in known])
     gimbal = None if target.gimbal is None else target.gimbal[rows]
     levels = gravity_cues(target.level(model.poses, rows), gimbal)
-    fit, errors = _fixed_frame(source, goal, sigma, levels, control.file, rng)
+    fit, errors = _fixed_frame(source, goal, sigma, spread, levels, control.file, rng)
     alignment = replace(
         stand_upright(model.poses, rows, target), similarity=fit.similarity, method=POINTS, errors=errors
     )
@@ -103,11 +122,32 @@ def align_to_control(
     return ControlFit(alignment, POINTS, facts)
 
 
+def mark_noise(places: list[MarkedPlace]) -> float:
+    """Estimate the standard deviation of a mark along an axis of the picture.
+
+    Args:
+        places: All marked points.
+
+    Returns:
+        The standard deviation [px].
+    """
+    squares = sum(place.images * place.pixels**2 for place in places)
+    return float(np.sqrt(squares / max(sum(2 * place.images - 3 for place in places), 1)))
+
+
 def _fixed_frame(
-    source: F64, goal: F64, sigma: F64, levels: GravityCues, file: Path, rng: np.random.Generator
+    source: F64, goal: F64, sigma: F64, spread: F64, levels: GravityCues, file: Path, rng: np.random.Generator
 ) -> tuple[Fit, PlaceErrors]:
-    """Fit points of the model to surveyed ones; refuse points that do not determine scale, tilt and heading."""
+    """Fit points of the model to surveyed ones; refuse points that do not determine scale, tilt and heading.
+
+    A second fit weighs each point by its survey and by its marks, whose errors the first fit turns into the world:
+    where few photographs show a point, or from one side, its position in the model is as uncertain as the survey.
+    """
     fit = fit_to_fixes(source, goal, sigma, levels, rng, flown=False)
+    if fit is not None:
+        turn = fit.similarity.scale * fit.similarity.rotation
+        marks = np.diagonal(turn @ spread @ turn.T, axis1=1, axis2=2)
+        fit = fit_to_fixes(source, goal, np.sqrt(sigma**2 + marks), levels, rng, flown=False)
     errors = None if fit is None else expected_errors(fit, np.zeros(3))
     if fit is None or errors is None or errors.unfixed():
         wide = "" if errors is None else f" ({errors.unfixed()})"
@@ -119,14 +159,13 @@ def _fixed_frame(
     return fit, errors
 
 
-def _point_facts(point: ControlPoint, place: tuple[F64, int, float], off: F64, agrees: bool) -> dict[str, Any]:
-    _, images, pixels = place
+def _point_facts(point: ControlPoint, place: MarkedPlace, off: F64, agrees: bool) -> dict[str, Any]:
     return {
         "name": point.name,
-        "images": images,
+        "images": place.images,
         "error": off.tolist(),
         "distance": float(np.linalg.norm(off)),
-        "pixels": pixels,
+        "pixels": place.pixels,
         "agrees": agrees,
     }
 
@@ -154,13 +193,13 @@ def triangulate(centers: F64, directions: F64) -> F64:
     return point
 
 
-def _triangulated(model: SparseModel, capture: Capture, control: GroundControl) -> dict[str, tuple[F64, int, float]]:
-    """Return each point's position in the model, the number of its photographs, and its reprojection error [px]."""
+def _triangulated(model: SparseModel, capture: Capture, control: GroundControl) -> dict[str, MarkedPlace]:
+    """Find where the marks of each point meet in the model."""
     camera, distortion = lens_of(model, capture.size)
     row_of = {PurePath(name).stem: row for row, name in enumerate(model.names)}
     focal, middle = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
     size = np.array(capture.size)
-    found: dict[str, tuple[F64, int, float]] = {}
+    found: dict[str, MarkedPlace] = {}
     for point in control.points:
         marks = [mark for mark in point.marks if PurePath(mark.image).stem in row_of]
         uv = np.array([mark.uv for mark in marks]).reshape(-1, 2)
@@ -183,21 +222,30 @@ def _triangulated(model: SparseModel, capture: Capture, control: GroundControl) 
         if not (local[:, 2] > 0.0).all():
             continue  # the rays diverge: a mark is wrong
         back = distortion.distort(local[:, :2] / local[:, 2:]) * focal + middle
-        found[point.name] = place, len(marks), float(np.sqrt(((back - uv) ** 2).sum(axis=1).mean()))
+        pixels = float(np.sqrt(((back - uv) ** 2).sum(axis=1).mean()))
+        covariance = _covariance(place - poses[:, :3, 3], float(focal.mean()))
+        found[point.name] = MarkedPlace(place, len(marks), pixels, covariance)
     return found
+
+
+def _covariance(lines: F64, focal: float) -> F64:
+    """Compute the covariance of the point where lines of sight, shape (N, 3), meet, for marks off by one pixel."""
+    square = (lines**2).sum(axis=1)
+    across = square[:, None, None] * np.eye(3) - lines[:, :, None] * lines[:, None, :]
+    return np.linalg.inv(np.einsum("n,nij->ij", (focal / square) ** 2, across))
 
 
 def _scaled(
     model: SparseModel,
     rows: I64,
     target: Target,
-    places: Mapping[str, tuple[F64, int, float]],
+    places: Mapping[str, MarkedPlace],
     control: GroundControl,
     rng: np.random.Generator,
 ) -> Alignment:
     """Scale by bars a model that GPS, or gravity alone, has placed; the centroid of its cameras stays."""
     bars = [bar for bar in control.bars if bar.ends[0] in places and bar.ends[1] in places]
-    found = np.array([np.linalg.norm(places[bar.ends[0]][0] - places[bar.ends[1]][0]) for bar in bars])
+    found = np.array([np.linalg.norm(places[bar.ends[0]].place - places[bar.ends[1]].place) for bar in bars])
     lengths, sigmas = np.array([bar.length for bar in bars]), np.array([bar.sigma for bar in bars])
     weights = (found / sigmas) ** 2
     scale = float((weights * lengths / found).sum() / weights.sum())
@@ -237,13 +285,11 @@ def _origin_facts(control: GroundControl, origin: tuple[float, float, float]) ->
     return dict(zip(names, origin, strict=True))
 
 
-def _bar_facts(
-    similarity: Similarity, places: Mapping[str, tuple[F64, int, float]], control: GroundControl
-) -> dict[str, Any]:
+def _bar_facts(similarity: Similarity, places: Mapping[str, MarkedPlace], control: GroundControl) -> dict[str, Any]:
     rows = []
     for bar in control.bars:
         if bar.ends[0] in places and bar.ends[1] in places:
-            one, other = similarity.move(np.array([places[name][0] for name in bar.ends]))
+            one, other = similarity.move(np.array([places[name].place for name in bar.ends]))
             rows.append(
                 {"ends": list(bar.ends), "length": bar.length, "error": float(np.linalg.norm(one - other)) - bar.length}
             )

