@@ -152,7 +152,7 @@ def test_noise_stays_within_the_stated_limits(proof_count: Count, record_proof: 
         fit = replace(
             fit, translation=fit.translation + [found.facts["origin"][axis] for axis in ("east", "north", "up")]
         )
-        errors = frame_errors(fit, known, np.mean([point.position for point in points], axis=0))
+        errors = frame_errors(fit, known, np.array([point.position or () for point in points]).mean(axis=0))
         kept.append([getattr(errors, name) <= getattr(stated, name) for name in ("scale", "tilt", "heading", "place")])
         residuals.append(np.mean([row["distance"] for row in found.facts["control_points"]]))
     shares = dict(zip(("scale", "tilt", "heading", "place"), np.mean(kept, axis=0).tolist(), strict=True))
