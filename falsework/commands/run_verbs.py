@@ -1,6 +1,7 @@
 """The verbs that run the whole chain: the demo, or a scenario of the user."""
 
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -117,17 +118,25 @@ def _run(scenario: object, output: Path, scenes: list[int] | None, as_json: bool
 
 
 def _few(clouds: list[Path]) -> list[str]:
-    """List the classes with few points somewhere along the bridges, one line for each kind of cloud."""
+    """List the classes with few points somewhere along the bridges, and those of which `max_deviation` took most.
+
+    One line of each for each kind of cloud.
+    """
     from groundwork.files import read_json
-    from recon.truth.per_class import scarce_classes_in_words
+    from recon.truth.per_class import lost_classes, scarce_classes_in_words
 
     by_source: dict[str, list[dict[str, Any]]] = {}
     for cloud in clouds:
         if (cloud / "cloud.json").is_file():
             stored = read_json(cloud / "cloud.json")
             by_source.setdefault(stored["source"].removeprefix("sfm-"), []).append(stored["statistics"])
-    lines = [(source, scarce_classes_in_words(found)) for source, found in sorted(by_source.items())]
-    return [f"{source} clouds: {line}" for source, line in lines if line]
+    lines = []
+    for source, found in sorted(by_source.items()):
+        lost = Counter(name for each in found if each.get("classes") for name in lost_classes(each))
+        named = ", ".join(f"{name} in {count} of {len(found)}" for name, count in sorted(lost.items()))
+        took = f"max_deviation took more than half of a class: {named}. Raise [recon] max_deviation" if lost else ""
+        lines += [f"{source} clouds: {line}" for line in (scarce_classes_in_words(found), took) if line]
+    return lines
 
 
 def _say(line: str) -> None:
