@@ -73,6 +73,7 @@ class Row:
         wrong: Share of points within 0.1 m of the surface that have another label than it [1].
         wrong_clear: The same of those 3 px from label edges [1].
         kept: Share of the points within 0.1 m that are those [1].
+        by_class: Right points of each class within 0.1 m of the surface, by its name.
     """
 
     name: str
@@ -82,6 +83,7 @@ class Row:
     wrong: float
     wrong_clear: float
     kept: float
+    by_class: dict[str, int]
 
 
 def main() -> None:
@@ -165,6 +167,7 @@ def _judge(name: str, cost: Cost, points: DensePoints, model: SparseModel, truth
         float(wrong[on].mean()),
         float(wrong[clear].mean()),
         float(clear.sum() / on.sum()),
+        {row.name: int((on & ~wrong & (nearest == row.id)).sum()) for row in truth.classes},
     )
 
 
@@ -278,6 +281,16 @@ def _page(rows: list[Row], speed: str, samples: int, capture: Capture, chosen: s
         "| wrong label | 3 px from edges | kept |",
         "|---|---|---|---|---|---|---|---|---|---|",
         *map(_line, rows),
+        "",
+        "Points within 0.1 m of the surface that have its class, class by class:",
+        "",
+        f"| class | {' | '.join(row.name for row in rows)} |",
+        "|---|" + "---|" * len(rows),
+        *(
+            f"| {name} | {' | '.join(f'{row.by_class[name]:,}' for row in rows)} |"
+            for name in rows[0].by_class
+            if any(row.by_class[name] for row in rows)
+        ),
         "",
         speed,
         "",
