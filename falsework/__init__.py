@@ -13,6 +13,7 @@
 Functions that make something; each writes one output folder and returns its content:
 
     author(scenario, out)           a scenario, or its sections as a dict  ->  path of scene.usda
+    swap(scene, out, look=…)        a copy of a scene with other layers    ->  path of its scene.usda
     render(stage, out)              any USD stage                          ->  {name: Capture}
     reconstruct(capture, out)       a capture, or your own photographs     ->  Cloud
     sample(stage, out, settings)    any USD stage, without photographs     ->  Cloud
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
         sample,
         save_cloud,
         scenario_of,
+        swap,
     )
     from falsework.commands.console import ConsoleProgress
     from falsework.pipeline import Outcome
@@ -108,11 +110,12 @@ __all__ = [
     "sample",
     "save_cloud",
     "scenario_of",
+    "swap",
 ]
 
 _HOMES = {
     "falsework.api": (
-        *("author", "render", "reconstruct", "sample", "run", "save_cloud"),
+        *("author", "swap", "render", "reconstruct", "sample", "run", "save_cloud"),
         *("read_stage", "read_capture", "read_truth", "read_cloud", "load_scenario", "scenario_of"),
     ),
     "falsework.commands.console": ("ConsoleProgress",),

@@ -1,4 +1,4 @@
-"""The Python API: `author`, `render`, `reconstruct`, `sample` and `run` as functions, for scripts.
+"""The Python API: `author`, `swap`, `render`, `reconstruct`, `sample` and `run` as functions, for scripts.
 
 Each writes one output folder, replacing an earlier one that Falsework wrote, and returns its content. The readers open
 existing folders. Every path may be a `str` or a `pathlib.Path`.
@@ -56,6 +56,56 @@ def author(
     from falsework.commands.verbs import author_file
 
     return author_file(_scenario(scenario), _path(out, "out"), scene, progress)
+
+
+def swap(
+    scene: str | PathLike[str],
+    out: str | PathLike[str],
+    *,
+    look: str | PathLike[str] | None = None,
+    background: str | PathLike[str] | None = None,
+    light: str | None = None,
+    taxonomy: str | None = None,
+    allow_roots: str | PathLike[str] | Iterable[str | PathLike[str]] = (),
+    progress: Progress = SILENT,
+) -> Path:
+    """Copy a scene, and swap layers of the copy: no camera and no part of the bridge moves.
+
+    Args:
+        scene: Scene folder, its root layer, or a folder of a run such as `out/scenes/0000`.
+        out: Folder to make; an existing one is never replaced, since it may hold edits.
+        look: clean, weathered, aged or random, or a USD file with materials named like the roles.
+        background: none, countryside, city, lakeside or hillside, or a USD file.
+        light: Name of a light of the scene, or a date and time such as `2024-12-21T10:00`.
+        taxonomy: Name of another class table.
+        allow_roots: One or more further folders from which your own files may load layers and textures.
+        progress: Listener.
+
+    Returns:
+        Path of the copy's `scene.usda`.
+
+    Raises:
+        InputError: No such scene, layer or file, or the output folder exists.
+
+    Example:
+        >>> evening = falsework.swap(scene, "evening", light="2024-06-21T20:00", background="none")
+    """
+    from shutil import rmtree
+
+    from authoring.scenes.checkout import checkout_scene
+    from falsework.commands.scene_verbs import choose_layers
+
+    asked = {"look": look, "background": background, "light": light, "taxonomy": taxonomy}
+    choices = {axis: str(_path(value, axis)) for axis, value in asked.items() if value is not None}
+    place = _path(out, "out")
+    copy = checkout_scene(_path(scene, "scene"), place)
+    try:
+        if choices:
+            choose_layers(copy, choices, "", None, tuple(_roots(allow_roots)), progress)
+    except BaseException:
+        rmtree(place)  # ours: it was made above
+        raise
+    return copy
 
 
 def render(

@@ -16,6 +16,7 @@ from groundwork.child import run_child
 from groundwork.errors import InputError
 from groundwork.output_place import output_place
 from groundwork.output_reading import reading
+from groundwork.progress import Progress
 
 WORKER = "falsework.children.scene_work"
 LONG_WORK = ("choose", "flatten", "package")  # no time limit: they author and bake
@@ -151,13 +152,39 @@ def set_(
         if not axis or not value:
             raise InputError("not a choice", field="set", value=axis, allowed="look=… background=… light=… taxonomy=…")
     wanted = {axis: value for axis, _, value in pairs}
-    own = [Path(value) for value in wanted.values() if Path(value).suffix.startswith(".usd")]
-    chosen = _work("choose", scene, {"choices": wanted, "variant": variant, "origin": re_origin}, allow_root, *own)
+    with ConsoleProgress() as progress:
+        chosen = choose_layers(scene, wanted, variant, re_origin, allow_root, progress)
     if as_json:
         return answer(chosen)
     for axis, name in chosen.items():
         _say(f"{axis:<11} {name}")
     return 0
+
+
+def choose_layers(
+    scene: Path,
+    choices: dict[str, str],
+    variant: str,
+    origin: tuple[float, float, float] | None,
+    roots: Roots,
+    progress: Progress,
+) -> dict[str, str]:
+    """Choose layers of a scene in a child process; what is missing is made or imported first.
+
+    Args:
+        scene: Scene folder, or its root layer.
+        choices: Name, USD file, or date and time, by `look`, `background`, `light` or `taxonomy`.
+        variant: Name of a layer to write beside the scene, which stays as it is; empty to change the scene.
+        origin: Point of the user's own background at the scene's origin [m].
+        roots: Further folders from which it may load files.
+        progress: Listener.
+
+    Returns:
+        What was chosen, by axis.
+    """
+    own = [Path(value) for value in choices.values() if Path(value).suffix.startswith(".usd")]
+    request = {"choices": choices, "variant": variant, "origin": origin}
+    return _work("choose", scene, request, roots, *own, progress=progress)
 
 
 def checkout(source: File, output: Output, *, as_json: AsJson = False) -> int:
@@ -268,15 +295,19 @@ def _together(paths: list[str]) -> list[str]:
     return lines
 
 
-def _work(work: str, scene: Path, request: dict[str, Any], roots: Roots, *others: Path) -> Any:
+def _work(
+    work: str, scene: Path, request: dict[str, Any], roots: Roots, *others: Path, progress: Progress | None = None
+) -> Any:
+    if progress is None:
+        with ConsoleProgress() as listener:
+            return _work(work, scene, request, roots, *others, progress=listener)
     scene = stage_file(scene)
     stages = [str(stage) for stage in (scene, *others)]
     request = {**request, "work": work, "scene": str(scene), "stages": stages, "allow_roots": [str(r) for r in roots]}
-    with ConsoleProgress() as progress:
-        if work in LONG_WORK:
-            with reading(scene, *others):
-                return run_child(WORKER, request, time_limit=TIME_LIMIT, memory_limit=MEMORY_LIMIT, progress=progress)
-        return read_safely(WORKER, request, scene, progress)
+    if work in LONG_WORK:
+        with reading(scene, *others):
+            return run_child(WORKER, request, time_limit=TIME_LIMIT, memory_limit=MEMORY_LIMIT, progress=progress)
+    return read_safely(WORKER, request, scene, progress)
 
 
 def _say(line: str) -> None:

@@ -11,6 +11,7 @@ from inspect import isfunction
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import falsework
@@ -42,7 +43,12 @@ def test_the_page_runs(chain: Chain, tmp_path: Path, monkeypatch: pytest.MonkeyP
             assert names["flight"].folder == Path("captures/global")
             names["flight"] = falsework.read_capture(flown / "capture/global")
         exec(compile(block, str(PAGE), "exec"), names)
-    assert len(blocks) == 7
+    assert len(blocks) == 8
+    there, evening = (falsework.read_stage(names[name]) for name in ("scene", "evening"))
+    np.testing.assert_array_equal(there.cameras[0].poses, evening.cameras[0].poses)
+    assert there.sun is not None
+    assert evening.sun is not None
+    assert not np.allclose(there.sun.direction, evening.sun.direction)
     assert names["cloud"].source == "sfm-dense"
     assert [path.name for path in names["outcome"].clouds] == ["mesh"]
     assert (tmp_path / "above/cloud.json").is_file()

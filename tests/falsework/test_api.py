@@ -60,6 +60,9 @@ CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
         lambda out: falsework.sample("x.usda", out, falsework.MeshSettings(), allow_roots=[NUMBER]),
         "allow_roots: not a path",
     ),
+    "a number as a scene": (lambda out: falsework.swap(NUMBER, out, look="clean"), "scene: not a path"),
+    "a scene that is missing": (lambda out: falsework.swap("x", out, look="clean"), "x: holds no scene.usda"),
+    "a number as a look": (lambda out: falsework.swap("x", out, look=NUMBER), "look: not a path"),
     "a number as roots": (lambda out: falsework.render("x", out, allow_roots=NUMBER), "allow_roots: not a path"),
     "a number as a folder of a run": (lambda out: falsework.run(SCENARIO, NUMBER), "out: not a path"),
     "a number as a cloud's folder": (lambda out: falsework.save_cloud(toy_cloud(1, 50), NUMBER), "out: not a path"),
@@ -106,6 +109,7 @@ def test_one_folder_as_root_is_that_folder_alone(tmp_path: Path) -> None:
 
 PATHS = {
     "author": {"out"},
+    "swap": {"scene", "out", "look", "background", "allow_roots"},
     "render": {"stage", "out", "allow_roots"},
     "reconstruct": {"capture", "out", "control", "model"},
     "sample": {"stage", "out", "allow_roots"},
