@@ -11,7 +11,7 @@ _STAMP = "Written by `{module}` and what it reaches: code `{code}`, commit `{com
 _READ = re.compile(_STAMP.format(module="(?P<module>[^`]+)", code="(?P<code>[0-9a-f]{16})", commit="[^`]+") + r"\Z")
 
 
-def write_page(page: Path, text: str, module: str, root: Path = ROOT, code: str = "") -> None:
+def write_page(page: Path, text: str, module: str, root: Path = ROOT) -> None:
     """Write a page that ends with the hash of the code that it describes, and the commit.
 
     Args:
@@ -19,25 +19,19 @@ def write_page(page: Path, text: str, module: str, root: Path = ROOT, code: str 
         text: Text of the page.
         module: File of the benchmark, its `__file__`.
         root: Folder of the repository.
-        code: Hash of earlier code, where some of the page's figures were measured by it; the page is stale then.
     """
     file = Path(module).resolve()
-    code = code or code_of(module, root)
-    stamp = _STAMP.format(module=file.relative_to(root).as_posix(), code=code, commit=_commit(root))
+    stamp = _STAMP.format(module=file.relative_to(root).as_posix(), code=digest_of(file, root), commit=_commit(root))
     write_text(page, f"{text.rstrip()}\n\n{stamp}")
 
 
-def code_of(module: str, root: Path = ROOT) -> str:
-    """Compute the hash of the code that a benchmark measures.
+def words_of(page: Path) -> str:
+    """Read the text of a page, without the lines about its code: to write it again with other rows.
 
     Args:
-        module: File of the benchmark, its `__file__`.
-        root: Folder of the repository.
-
-    Returns:
-        16 hexadecimal digits.
+        page: The file.
     """
-    return digest_of(Path(module).resolve(), root)
+    return _READ.sub("", page.read_text(encoding="utf-8"))
 
 
 def state_of_page(page: Path, root: Path = ROOT) -> str:

@@ -7,7 +7,7 @@ with 400 images. Each count takes the first images of the flight. Each way runs 
 taken, all threads together. PYTHON is an interpreter that has openmvg-rs. Every pair of 400 images takes hours, so
 finished rows stay in a folder beside the page, for this flight and this kind of processor: the same command goes on
 after an interruption, and another count or way, on another day, adds its rows. A row of ours that earlier code measured
-is measured again where it is asked for; elsewhere it stays, with a mark, and the page counts as stale.
+is measured again where it is asked for; elsewhere it stays, with a mark, and the page states no code.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.page import code_of, write_page
+from benchmarks.page import words_of, write_page
 from benchmarks.recon.colmap_defaults import Found
 from benchmarks.recon.sfm_page import LIMIT, Row, of_earlier_code, render_page
 from benchmarks.recon.sfm_ways import TITLES, WAYS, Run, nothing, with_openmvg
@@ -31,17 +31,17 @@ from falsework.scenario import load_scenario, scene_seed
 from falsework.stages import STAGES
 from groundwork.canonical import digest, file_digest
 from groundwork.errors import ChildError, RejectedSceneError
-from groundwork.files import read_json, write_json
+from groundwork.files import read_json, write_json, write_text
 from groundwork.progress import SILENT
 from recon.placing.align import Target, align
 from recon.settings import AlignmentSettings
 from render.capture import CAMERAS, Capture, Truth, read_capture, read_truth
+from tests.provenance import digest_of
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "benchmarks" / "recon.md"
 SCENARIO = ROOT / "scenarios" / "paper-global.toml"
 FLIGHT = 400  # images of the flight that is rendered where no capture is named
-_NO_CODE = 16 * "0"  # of rows that do not say which code measured them
 _FAILED = "failed"  # in the place of a number of pairs
 _VERSION = 1  # raised when rows of an earlier version of this benchmark no longer compare
 
@@ -60,7 +60,7 @@ def main() -> None:
     flight = digest([file_digest(source / CAMERAS), file_digest(source / "truth" / "poses.json")])[:12]
     work = asked.work / flight
     words = f"The first photographs, {capture.size[0]} x {capture.size[1]} px, of one flight."
-    rows = _Rows(asked.page.with_suffix("") / flight, asked.page, words, code_of(__file__))
+    rows = _Rows(asked.page.with_suffix("") / flight, asked.page, words, digest_of(Path(__file__).resolve()))
     for count in sorted(set(asked.images)):
         for name, run in ways.items():
             if name in asked.ways and not rows.has(name, count):
@@ -113,9 +113,9 @@ class _Rows:
         found = [path for path in self._folder.iterdir() if path.stem.rpartition("-")[0] in keys]
         rows = [Row(**read_json(path)) for path in found] + self._failed
         rows.sort(key=lambda row: (row.images, list(TITLES).index(row.way)))
-        earlier = next((row.code for row in rows if of_earlier_code(row, self._code)), None)
-        text = render_page(rows, self._source, this_machine(), self._code)
-        write_page(self._page, text, __file__, code=self._code if earlier is None else earlier or _NO_CODE)
+        write_page(self._page, render_page(rows, self._source, this_machine(), self._code), __file__)
+        if any(of_earlier_code(row, self._code) for row in rows):
+            write_text(self._page, f"{words_of(self._page).rstrip()}\n")
 
     def _path(self, way: str, count: int) -> Path:
         return self._folder / f"{self._key(way)}-{count}.json"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.page import state_of_page, write_page
+from benchmarks.page import state_of_page, words_of, write_page
 from tests.house.house import ROOT
 
 
@@ -29,6 +29,7 @@ def test_a_page_is_stale_when_its_code_does_something_else(project: Path) -> Non
     page, benchmark, code = project / "speed.md", project / "benchmarks" / "speed.py", project / "render" / "draw.py"
     write_page(page, "# Speed\n\n| 1 |\n", str(benchmark), project)
     assert page.read_text().startswith("# Speed\n\n| 1 |\n\nWritten by `benchmarks/speed.py`")
+    assert words_of(page) == "# Speed\n\n| 1 |\n\n"
     assert state_of_page(page, project) == "fresh"
     code.write_text(code.read_text().replace("Draws.", "Draws one."))
     assert state_of_page(page, project) == "fresh"

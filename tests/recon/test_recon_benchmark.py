@@ -165,7 +165,7 @@ def test_an_interrupted_benchmark_goes_on(plane_capture: Path, tmp_path: Path, m
     benchmark.main()
     assert calls == [("spatial", 6)]
     assert page.read_text().count(f"{MARK} |") == 4
-    assert state_of_page(page) == "stale"
+    assert state_of_page(page) == "unknown"
 
 
 def test_what_a_step_cost_stays_with_it(plane_capture: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
