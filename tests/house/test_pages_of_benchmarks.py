@@ -46,3 +46,11 @@ def test_every_page_is_written_with_its_code() -> None:
     files = [path for path in ROOT.glob("benchmarks/**/*.py") if path.name != "page.py"]
     others = [path.name for path in files if re.search(r"write_text\((PAGE|page)\b", path.read_text(encoding="utf-8"))]
     assert not others
+
+
+def test_readme_repeats_what_the_accuracy_page_says() -> None:
+    """The sentence that sums up the page stands in README word by word."""
+    page, readme = (ROOT / name for name in ("docs/benchmarks/accuracy.md", "README.md"))
+    lines = page.read_text(encoding="utf-8").splitlines()
+    (sentence,) = (line for line in lines if " bridges with a close flight of a part, " in line)
+    assert sentence in " ".join(readme.read_text(encoding="utf-8").split())
