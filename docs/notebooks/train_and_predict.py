@@ -21,7 +21,7 @@ def run(line: str) -> None:
 run("falsework dataset demo -o bridges")
 
 # %% [markdown]
-# `bridges/README.md` is their card: what they are, and what they are not.
+# `bridges/README.md` describes the clouds and their limits.
 
 # %%
 from pathlib import Path
@@ -34,7 +34,7 @@ print({name: len(cloud) for name, cloud in clouds.items()})
 
 # %% [markdown]
 # ## Cut them into training pieces
-# Whole bridges are held out: pieces of one bridge never stand on both sides.
+# Whole bridges are held out: pieces of one bridge are never in both training and test.
 
 # %%
 kept = "beam26"
@@ -57,7 +57,7 @@ print(Path("scores.md").read_text())
 
 # %% [markdown]
 # ## Label it as if it were a scan
-# The copy has three columns more: class, confidence, instance.
+# The copy has three more columns: class, confidence, instance.
 
 # %%
 run(f"falsework export bridges/{kept} --to laz -o scan")

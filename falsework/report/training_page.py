@@ -42,7 +42,7 @@ def write_training_page(path: Path, models: Mapping[str, Path], evaluations: Map
 
 
 def _lead(models: int, scores: int) -> str:
-    """Say what the page is of; models without scores are told how to get some."""
+    """State the content of the page, and for a model without scores the command that makes them."""
     counted = ((models, "model", "models"), (scores, "table of scores", "tables of scores"))
     of = ", ".join(f"{count} {several if count > 1 else one}" for count, one, several in counted if count)
     return of if scores else f"{of}; for scores: falsework evaluate MODEL DATASET -o scores.json, and name it, too"

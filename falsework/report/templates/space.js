@@ -406,7 +406,7 @@ class Space {
     canvas.addEventListener("pointerup", left);
     canvas.addEventListener("pointercancel", left);
     canvas.addEventListener("wheel", (event) => {
-      if (document.activeElement !== canvas) return;  // whoever scrolls past does not want to zoom
+      if (document.activeElement !== canvas) return;  // zooms only after a click: scrolling the page still works
       event.preventDefault();
       eye.zoom(Math.exp(0.0012 * event.deltaY));
       this.draw();
