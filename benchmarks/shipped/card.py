@@ -80,7 +80,7 @@ def _head(folder: Path, facts: ModelFacts, model: PointModel) -> list[str]:
     return [
         "# The model of the package",
         "",
-        "`falsework predict scan.laz -o labelled.laz` uses it where no `--model` is named. It labels weakly: look at",
+        "`falsework predict scan.laz -o labeled.laz` uses it where no `--model` is named. It labels weakly: look at",
         "the scores and limits below before you rely on it.",
         "",
         f"- {facts.network}, {size:.1f} MB, {len(facts.classes)} component kinds, summed into any table (`--table`).",

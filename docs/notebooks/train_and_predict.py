@@ -1,6 +1,6 @@
 """Train a model, and label a scan.
 
-The package brings small labelled clouds of random bridges. A forest learns from them here, since it needs no GPU and a
+The package brings small labeled clouds of random bridges. A forest learns from them here, since it needs no GPU and a
 minute; the networks are trained by the same command. One bridge is kept for the test.
 """
 
@@ -61,12 +61,12 @@ print(Path("scores.md").read_text())
 
 # %%
 run(f"falsework export bridges/{kept} --to laz -o scan")
-run("falsework predict scan/cloud.laz -o labelled.laz --model model --link 0.5")
+run("falsework predict scan/cloud.laz -o labeled.laz --model model --link 0.5")
 
 # %%
 import laspy
 import numpy as np
 
-labelled = laspy.read("labelled.laz")
-predicted, true = np.asarray(labelled["predicted_class"]), np.asarray(labelled["segment"])
+labeled = laspy.read("labeled.laz")
+predicted, true = np.asarray(labeled["predicted_class"]), np.asarray(labeled["segment"])
 print("classes that were found:", sorted(set(predicted.tolist())), "· points:", len(predicted))

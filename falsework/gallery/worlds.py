@@ -151,8 +151,8 @@ def world_table(rows: list[WorldShots]) -> list[str]:
         rows: Its pictures, seed by seed.
     """
     lines = [
-        "| seed, look, light | view | kinds of things | rays below the horizon without a hit | flat patches [%] | median "
-        "| triangles |",
+        "| seed, look, light | view | kinds of things | rays below the horizon without a hit | flat patches [%] "
+        "| median | triangles |",
         "|---|---|---|---|---|---|---|",
     ]
     for shots in rows:

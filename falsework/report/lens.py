@@ -85,7 +85,7 @@ def footprint(cloud: "Cloud", cameras: Mapping[str, Any]) -> float | None:
     """Tell what one pixel covers where the points are.
 
     Args:
-        cloud: A cloud whose lengths are metres.
+        cloud: A cloud whose lengths are meters.
         cameras: Lens and poses of its reconstruction.
 
     Returns:

@@ -124,7 +124,7 @@ def _log(path: Path) -> list[dict[str, float | None]]:
 
 
 def _curves(models: list[dict[str, Any]]) -> list[tuple[str, go.Figure]]:
-    """Plot loss and validation over the epochs, one colour for each model."""
+    """Plot loss and validation over the epochs, one color for each model."""
     drawn = []
     for title, keys in (
         ("Loss of training", ("loss",)),
@@ -202,7 +202,7 @@ def _scores(name: str, record: Mapping[str, Any], models: Sequence[Mapping[str, 
             (title, _instances(panoptic[key], names))
             for key, title in (
                 ("parts", "connected parts of the true classes"),
-                ("modelled", "components as they were modelled"),
+                ("modelled", "components as they were modeled"),
             )
             if panoptic.get(key)
         ],

@@ -52,7 +52,7 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const unit = (a) => { const long = Math.hypot(...a) || 1; return a.map((value) => value / long); };
 
-// The eye goes round a target; z is up. Angles in radians, lengths in metres.
+// The eye goes round a target; z is up. Angles in radians, lengths in meters.
 class Eye {
   constructor(box, along) {
     this.box = box;
@@ -144,7 +144,7 @@ class Pen {
     return made;
   }
 
-  // A target without smoothed edges, whose colours are numbers.
+  // A target without smoothed edges, whose colors are numbers.
   numbered(width, height) {
     const { gl } = this;
     if (!this.target) this.target = { frame: gl.createFramebuffer(), color: gl.createRenderbuffer(), depth: gl.createRenderbuffer() };
