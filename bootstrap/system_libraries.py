@@ -1,7 +1,7 @@
 """Check the few system libraries that the wheels need, install what is missing, or name it in one line.
 
-A library counts as present when it can be loaded, whoever installed it: no package database is asked. What is missing
-comes through apt where this user may (root, or sudo without a password). Where not, OpenGL comes from the OSMesa wheel.
+A library counts as present when it can be loaded; the package database is not queried. What is missing comes through
+apt where this user may (root, or sudo without a password). Where not, OpenGL comes from the OSMesa wheel.
 
 Pages are tested in a Chromium; where none can be had, those tests are skipped, and that is said here, too.
 

@@ -67,7 +67,7 @@ ROOMS: dict[str, tuple[str, dict[str, str]]] = {
     "learn": (
         "clouds → data sets, models, scores, labels for a scan",
         {
-            "neighborhoods": "search, sampling, pyramids of neighbours",
+            "neighborhoods": "search, sampling, pyramids of neighbors",
             "datasets": "windows, tiles, splits, augmentation, class maps",
             "models": "PointNet++, PointNeXt, RandLA-Net, a forest",
             "scoring": "a class for every point, by votes of overlapping samples",

@@ -1,4 +1,4 @@
-"""Compose the picture of a reconstructed cloud: by colour, class, instance, uncertainty, and with three thresholds.
+"""Compose the picture of a reconstructed cloud: by color, class, instance, uncertainty, and with three thresholds.
 
 The lower row is the paper's Figure 18: points whose uncertainty is above 100, 1 and 0.01 m as the class noisy_point.
 
@@ -38,7 +38,7 @@ def main(folder: Path, picture: Path) -> None:
         palette[row.id] = row.color
     palette[NOISY_POINT] = (255, 0, 255)
     views = {
-        "colour": cloud.columns["color"],
+        "color": cloud.columns["color"],
         "class": palette[cloud.columns["segment"]],
         "instance": paint_instances(cloud),
         "uncertainty, 1 mm to 1 m": paint_uncertainty(cloud),
@@ -63,13 +63,13 @@ def main(folder: Path, picture: Path) -> None:
 
 
 def paint_instances(cloud: Cloud) -> U8:
-    """Give every component a colour of its own; no component is grey.
+    """Give every component a color of its own; no component is gray.
 
     Args:
         cloud: A cloud.
 
     Returns:
-        sRGB colours, shape (N, 3), uint8.
+        sRGB colors, shape (N, 3), uint8.
     """
     ids = cloud.columns["instance"].astype(np.uint64)
     mixed = (ids * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(40)
@@ -84,7 +84,7 @@ def paint_uncertainty(cloud: Cloud) -> U8:
         cloud: A cloud.
 
     Returns:
-        sRGB colours, shape (N, 3), uint8.
+        sRGB colors, shape (N, 3), uint8.
     """
     value = np.clip(cloud.columns["uncertainty"].astype(np.float64), DARKEST, BRIGHTEST)
     share = np.log(value / DARKEST) / np.log(BRIGHTEST / DARKEST)

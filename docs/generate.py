@@ -23,9 +23,9 @@ HERE = Path(__file__).resolve().parent
 _INTRODUCTION = (
     "Each part of a scene carries a `component` and the class that it has in the base table, `falsework`. Another",
     'table is switched in as a layer (`[labels] taxonomy = "kim2023"`), and label images, instance tables and clouds',
-    "then carry its classes. *Class alone* is what a prim is taken for that says a class of the base table and no",
-    "component. Ids 16 and 255 mean the same in every table: `noisy_point` is made on read by a threshold,",
-    "`unlabelled` says that no class is known. Class 0 is what the sky shows.",
+    "then carry its classes. *Class alone*: the component assumed for a prim that has a class of the base table but no",
+    "component. Ids 16 and 255 mean the same in every table: `noisy_point` is assigned on reading, from a threshold of",
+    "the uncertainty; `unlabelled` says that no class is known. The sky has class 0.",
 )
 
 

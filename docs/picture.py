@@ -60,7 +60,7 @@ def cloud_view(cloud: Cloud, width: int, height: int) -> U8:
         height: Image height [px].
 
     Returns:
-        sRGB colours, shape (height, width, 3), uint8.
+        sRGB colors, shape (height, width, 3), uint8.
     """
     palette = np.zeros((256, 3), np.uint8)
     for row in cloud.classes:

@@ -19,6 +19,21 @@ _MEANING = {
 
 
 _SHOWN = 5
+_FOLDERS = ("benchmarks", "experiments")  # of docs/: their pages are written by commands
+
+
+def page_states(root: Path = ROOT) -> dict[str, str]:
+    """Compute the state of every page that a benchmark writes.
+
+    Args:
+        root: Folder of the repository.
+
+    Returns:
+        Path of each page below docs/, such as `benchmarks/gps.md`, to its state, as `state_of_page` gives it.
+    """
+    docs = root / "docs"
+    pages = (page for folder in _FOLDERS for page in sorted((docs / folder).glob("*.md")))
+    return {page.relative_to(docs).as_posix(): state_of_page(page, root) for page in pages}
 
 
 def main(arguments: list[str]) -> int:
@@ -32,10 +47,9 @@ def main(arguments: list[str]) -> int:
     """
     codes: dict[str, str] = {}
     rows = {row["name"]: state_of(row, ROOT, codes) for row in read_rows(ROOT / "docs" / "proof.json")}
-    pages = {page.name: state_of_page(page) for page in sorted((ROOT / "docs" / "benchmarks").glob("*.md"))}
     for what, renewed, states in (
         ("docs/proof.json: rows", "make proof", rows),
-        ("docs/benchmarks: pages", "the command in its first lines", pages),
+        ("docs: pages of benchmarks", "the command in its first lines", page_states()),
     ):
         counts = Counter(states.values())
         sys.stdout.write(f"{what} that speak of the code as it is: {counts['fresh']} of {len(states)}\n")

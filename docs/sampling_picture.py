@@ -1,4 +1,4 @@
-"""Compose the picture of docs/sampling.md: one bridge as five clouds, by colour and by class, from above and below.
+"""Compose the picture of docs/sampling.md: one bridge as five clouds, by color and by class, from above and below.
 
 Usage: python -m docs.sampling_picture demo-out
 """
@@ -66,13 +66,13 @@ def draw(points: F64, colors: U8, eye: F64, low: F64, high: F64) -> U8:
 
     Args:
         points: Positions [m], shape (N, 3), float64.
-        colors: sRGB colours, shape (N, 3), uint8.
+        colors: sRGB colors, shape (N, 3), uint8.
         eye: Where to look from, from the middle of the bridge, in lengths of its diagonal [1], shape (3,), float64.
         low: Lower corner of the bridge [m], shape (3,), float64.
         high: Upper corner [m], shape (3,), float64.
 
     Returns:
-        sRGB colours, shape (H, W, 3), uint8.
+        sRGB colors, shape (H, W, 3), uint8.
     """
     width, height = PANEL
     middle, size = (low + high) / 2, float(np.linalg.norm(high - low))

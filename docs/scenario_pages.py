@@ -129,7 +129,7 @@ def index_page() -> str:
     lines = ["# Keys of the scenario", ""]
     lines += [
         "A scenario is one TOML file. Every section and every key is optional: what it leaves out is drawn from the",
-        "seed, or has the default below. A mistyped key is refused with the nearest one.",
+        "seed, or has the default below. An unknown key is an error that names the nearest valid key.",
         "",
         _GENERATED,
         "",
@@ -143,7 +143,7 @@ def index_page() -> str:
         if label not in seen[name]:
             seen[name].append(label)
     lines += [f"| [{topic.title}](scenario/{name}.md) | {', '.join(seen[name])} |" for name, topic in TOPICS.items()]
-    lines += ["", "A scenario to begin with is `scenarios/demo.toml`; every line of it is explained.", ""]
+    lines += ["", "Start with `scenarios/demo.toml`, which explains each line.", ""]
     return "\n".join([*lines, "```{toctree}", ":hidden:", "", *(f"scenario/{name}" for name in TOPICS), "```", ""])
 
 

@@ -57,7 +57,7 @@ def named(name: str, cell: U8) -> U8:
 
     Args:
         name: What to write.
-        cell: sRGB colours, shape (CELL, CELL, 3), uint8.
+        cell: sRGB colors, shape (CELL, CELL, 3), uint8.
     """
     marked = cell.copy()
     marked[:14] //= 3

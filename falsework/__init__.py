@@ -4,7 +4,7 @@
 
     scene = falsework.author({"bridge": {"family": "beam"}}, "scene")  # a layered USD stage
     flight = falsework.render(scene, "captures")["local"]  # photographs, cameras, truth
-    cloud = falsework.reconstruct(flight, "cloud")  # labelled points, each with its uncertainty
+    cloud = falsework.reconstruct(flight, "cloud")  # labeled points, each with its uncertainty
     scan = falsework.sample(scene, "scan", falsework.TerrestrialSettings())  # a simulated laser scan
 
     points, classes = cloud.columns["coord"], cloud.columns["segment"]  # [m], shape (N, 3); shape (N,)

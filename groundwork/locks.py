@@ -15,7 +15,7 @@ _NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)  # errors of file sys
 
 
 class BusyError(FalseworkError):
-    """Another process holds a lock that we do not wait for."""
+    """Another process holds a lock, and the caller does not wait for it."""
 
 
 @contextmanager

@@ -29,12 +29,12 @@ def is_signed(path: Path) -> bool:
 
 
 def check_output_file(path: Path, inputs: Iterable[Path] = (), is_ours: IsOurs = is_signed) -> Path:
-    """Refuse to overwrite anything that we did not write, before any work is done.
+    """Refuse to overwrite a file that Falsework did not write, before any work is done.
 
     Args:
         path: The file that the user named.
         inputs: Files and folders that it is made from.
-        is_ours: Tells an earlier file of ours from other files.
+        is_ours: Tells an earlier file of Falsework from other files.
 
     Returns:
         The path of the file, with links resolved.
@@ -92,7 +92,7 @@ def write_fresh_file(path: Path, data: bytes, inputs: Iterable[Path] = (), is_ou
         path: The file that the user named.
         data: Its content.
         inputs: Files and folders that it is made from.
-        is_ours: Tells an earlier file of ours from other files.
+        is_ours: Tells an earlier file of Falsework from other files.
     """
     with fresh_file(path, inputs, is_ours) as temporary:
         temporary.write_bytes(data)  # inside an atomic folder: a temporary name

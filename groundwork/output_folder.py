@@ -29,7 +29,7 @@ def fresh_output(
     resume: bool = False,
     is_marked: bool = True,
 ) -> None:
-    """Write an output folder as a whole, replacing an earlier one of ours; other files in it are kept.
+    """Write an output folder as a whole, replacing an earlier one of Falsework; other files in it are kept.
 
     Args:
         folder: The folder that the user named.
@@ -149,7 +149,7 @@ def _has_other_work(work: Path, kind: str) -> bool:
 
 
 def _former(place: Path) -> Listing:
-    """List our files in a folder; all files if its mark is of a version without a list."""
+    """List the files of Falsework in a folder; all files if its mark is of a version without a list."""
     mark = place / MARK
     if not mark.is_file():
         return Listing("")

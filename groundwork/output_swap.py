@@ -46,12 +46,12 @@ def roll_forward(place: Path) -> None:
         place: Folder of the output.
 
     Raises:
-        InputError: A file that we did not write is in the place of a new one; then nothing has been moved.
+        InputError: A file that Falsework did not write is in the place of a new one; then nothing has been moved.
     """
     work = place / NEXT
     new, former = read_listing(work / READY), read_listing(work / REPLACED)
     waiting = [name for name in new.files if os.path.lexists(work / FILES / name)]
-    _refuse_strangers(place, new, waiting, former)
+    _refuse_foreign_files(place, new, waiting, former)
     (place / MARK).unlink(missing_ok=True)
     sync(place)
     _clear_away(place, former, new)
@@ -117,7 +117,7 @@ def _clear_away(place: Path, former: Listing, new: Listing) -> None:
             sync(folder)
 
 
-def _refuse_strangers(place: Path, new: Listing, waiting: list[str], former: Listing) -> None:
+def _refuse_foreign_files(place: Path, new: Listing, waiting: list[str], former: Listing) -> None:
     """Refuse to replace a file or folder that Falsework did not write."""
     ours, folders = set(former.files), set(former.folders)
     for name in new.folders:

@@ -44,7 +44,7 @@ def class_weights(counts: Tensor, rule: WeightRule) -> Tensor:
 def cross_entropy(
     logits: Tensor, labels: Tensor, weights: Tensor | None = None, points: Tensor | None = None, smoothing: float = 0.0
 ) -> Tensor:
-    """Average the cross-entropy over the labelled points, each multiplied by its class weight and its own weight.
+    """Average the cross-entropy over the labeled points, each multiplied by its class weight and its own weight.
 
     The sum is divided by the number of points, as in RandLA-Net, not by the sum of the weights, as in torch.
 
@@ -56,7 +56,7 @@ def cross_entropy(
         smoothing: Share of the target that is distributed over all classes [1].
 
     Returns:
-        A number [1], shape (); 0 without a labelled point.
+        A number [1], shape (); 0 without a labeled point.
     """
     known = labels != UNLABELED
     target = labels.clamp(max=logits.shape[-1] - 1)
@@ -76,7 +76,7 @@ def lovasz_softmax(logits: Tensor, labels: Tensor) -> Tensor:
         labels: Classes, 255 where unknown, shape (P,), int64.
 
     Returns:
-        A number [1], shape (); 0 without a labelled point.
+        A number [1], shape (); 0 without a labeled point.
 
     Source: Berman et al., The Lovasz-softmax loss, 2018, algorithm 1.
     """
@@ -116,7 +116,7 @@ def noise_loss(logits: Tensor, labels: Tensor, noisy: int) -> Tensor:
         noisy: Number of the class of noisy points.
 
     Returns:
-        Mean binary cross-entropy over the labelled points [1], shape (); 0 without one.
+        Mean binary cross-entropy over the labeled points [1], shape (); 0 without one.
     """
     known = labels != UNLABELED
     target = (labels == noisy).to(logits.dtype)

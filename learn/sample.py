@@ -19,7 +19,7 @@ class Sample:
     """One cloud as input of a network.
 
     Attributes:
-        coord: Positions relative to the cloud's centre, metric or scaled by one constant [m or 1], shape (N, 3),
+        coord: Positions relative to the cloud's center, metric or scaled by one constant [m or 1], shape (N, 3),
             float32.
         features: The network's inputs [1], shape (N, C), float32; they include positions if the network uses them as
             features.

@@ -163,7 +163,7 @@ def forest_inputs(sample: Sample, scales: Sequence[int]) -> F32:
 
     Args:
         sample: A cloud.
-        scales: Numbers of neighbours.
+        scales: Numbers of neighbors.
 
     Returns:
         One row a point [m or 1], shape (N, C), float32.

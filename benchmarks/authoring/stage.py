@@ -49,7 +49,7 @@ def measure(count: int) -> dict[str, float]:
         count: Number of components.
 
     Returns:
-        Processor time of `author`, `export`, `open`, `switch_cpu` and `diff` [s], the time that somebody waits for
+        Processor time of `author`, `export`, `open`, `switch_cpu` and `diff` [s], the wall time of
         `switch` [s], and the number of `components`.
 
     Raises:

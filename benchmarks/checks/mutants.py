@@ -1,4 +1,4 @@
-"""Would the tests notice? Small faults are put into core modules, one at a time, and their tests must fail.
+"""Mutation tests: small faults in core modules, one at a time, that tests must detect.
 
 Usage: python -m benchmarks.checks.mutants [--mutants N] [--seed S] [--only NAME] [--kept FILE] [--page]
 
@@ -30,10 +30,10 @@ from tests.provenance import HASHED
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "benchmarks" / "mutants.md"
-TIME_LIMIT = 600.0  # [s] for the tests of one fault; an endless loop is noticed
+TIME_LIMIT = 600.0  # [s] for the tests of one fault; an endless loop is detected
 FOLDERS = (*HASHED, "scenarios", "docs", "typings")
 
-# What is tried: the modules of each subject, and the tests that are there to notice.
+# What is tried: the modules of each subject, and the tests that must detect them.
 SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "vote": (("recon/truth/annotate.py", "recon/truth/label_margin.py"), ("tests/recon/test_annotate.py",)),
     "uncertainty": (
@@ -139,7 +139,7 @@ class Mutant:
         line: Line of the fault.
         what: The expression before and after.
         text: The module with the fault in it.
-        tests: Files of the tests that are there to notice.
+        tests: Files of the tests that must detect them.
     """
 
     subject: str
@@ -262,7 +262,7 @@ def _judge(drawn: list[Mutant], tree: Path, known: dict[str, bool], kept: Path |
     found = []
     runner = TestRunner(drawn[0].tests, tree)
     if any(_identity(mutant) not in known for mutant in drawn) and not runner.passes():
-        sys.exit(f"the tests of {drawn[0].subject} fail without any fault")  # else every fault would count as noticed
+        sys.exit(f"the tests of {drawn[0].subject} fail without any fault")  # else every fault would count as detected
     for mutant in drawn:
         identity = _identity(mutant)
         if identity not in known:
@@ -270,7 +270,7 @@ def _judge(drawn: list[Mutant], tree: Path, known: dict[str, bool], kept: Path |
             if kept:
                 write_json(kept, known)
         found.append((mutant, known[identity]))
-        sys.stdout.write(f"{'noticed ' if known[identity] else 'SURVIVED'} {_told(mutant)}\n")
+        sys.stdout.write(f"{'detected' if known[identity] else 'SURVIVED'} {_told(mutant)}\n")
         sys.stdout.flush()
     runner.close()
     return found
@@ -367,13 +367,13 @@ def _told(mutant: Mutant) -> str:
 
 def _page(found: list[tuple[Mutant, bool]], seed: int) -> str:
     lines = [
-        "# Would the tests notice?",
+        "# Mutation tests",
         "",
         "Written by `python -m benchmarks.checks.mutants --page`.",
         f"{len(found)} small faults, one at a time; their tests must fail. They are drawn with seed {seed}; those",
-        "called *named* were chosen by a reviewer, and tests once passed over them.",
+        "called *named* were chosen by a reviewer, and tests once did not detect them.",
         "",
-        "| subject | faults | noticed |",
+        "| subject | faults | detected |",
         "|---|---|---|",
     ]
     for subject in dict.fromkeys(mutant.subject for mutant, _ in found):
@@ -383,7 +383,7 @@ def _page(found: list[tuple[Mutant, bool]], seed: int) -> str:
     lines += [
         f"| **all** | {len(judged)} | {sum(judged)} ({100 * sum(judged) / max(len(judged), 1):.1f} %) |",
         "",
-        "## Not noticed",
+        "## Not detected",
         "",
     ]
     lines += [f"- {_told(mutant)}" for mutant, noticed in found if not noticed] or ["None."]

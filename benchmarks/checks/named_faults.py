@@ -1,4 +1,4 @@
-"""Faults that a reviewer put in by hand, and that tests once passed over: tried again with those that are drawn."""
+"""Faults that a reviewer put in by hand, and that tests once did not detect: tried again with those that are drawn."""
 
 from dataclasses import dataclass
 
@@ -52,7 +52,7 @@ NAMED = (
         ("tests/groundwork/test_files.py",),
     ),
     NamedFault(
-        "a lock holds nobody off",
+        "a lock does not exclude other processes",
         "groundwork/locks.py",
         "fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))",
         "pass",

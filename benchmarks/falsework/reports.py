@@ -138,15 +138,15 @@ def page_lines(rows: Sequence[Opened], machine: str) -> list[str]:
         "Written by `python -m benchmarks.falsework.reports KIND=PATH …`: size of each kind of page, and the time",
         "from the start of the navigation to the second picture after it has loaded, in a headless Chromium with",
         "WebGL in software and an empty cache.",
-        f"Promised: less than {MOST_MEGABYTES:.0f} MB and {MOST_SECONDS:.0f} s.",
+        f"Limits: less than {MOST_MEGABYTES:.0f} MB and {MOST_SECONDS:.0f} s.",
         "",
     ]
     if not rows:
-        return [*lines, "Not measured yet: no figure stands here before a quiet machine has given it."]
+        return [*lines, "Not measured yet: measure on an idle machine."]
     lines += [
         f"{machine}; {len(rows[0].seconds)} openings each.",
         "",
-        "| page | size [MB] | to open, median [s] | least | most | as promised |",
+        "| page | size [MB] | to open, median [s] | least | most | within limits |",
         "|---|---|---|---|---|---|",
     ]
     for row in rows:

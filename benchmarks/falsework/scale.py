@@ -187,7 +187,7 @@ def _told(process: subprocess.Popen[bytes]) -> dict[str, float]:
 
 def _head(load: float, small: bool) -> list[str]:
     cores = len(os.sched_getaffinity(0))
-    busy = "The machine was busy with other work: waits are too long, and only processor time means something. "
+    busy = "The machine was busy with other work: wall times are too long; only processor times are valid. "
     return [
         "# Many scenes",
         "",
@@ -202,8 +202,8 @@ def _overhead(size: Size, waited: dict[int, Timed], each: float) -> list[str]:
         "## What the engine adds",
         "",
         f"{size.scenes} scenes of {size.seconds:g} s each, in which every stage waits and writes a few small files: "
-        f"what is more than the waiting is the engine's. To hold: {MOST_OVERHEAD:.0%} of the whole beyond {START:g} s "
-        "for the start.",
+        f"time beyond the simulated work is the overhead of the engine. Limit: {MOST_OVERHEAD:.0%} of the whole beyond "
+        f"{START:g} s for the start.",
         "",
         "| workers | waiting [s] | whole [s] | more [s] | beyond the start | first to last [s] | processor [s] |",
         "|---|---|---|---|---|---|---|",
@@ -227,7 +227,7 @@ def _speedup(size: Size, busy: dict[int, Timed], bare: dict[int, float]) -> list
         "## Two workers against one",
         "",
         f"{size.busy_scenes} scenes that multiply matrices for {size.busy_seconds:g} s of processor time each, every "
-        f"worker on one thread. To hold: {LEAST_SPEEDUP:g} times as fast. The last row is the same work in plain "
+        f"worker on one thread. Limit: {LEAST_SPEEDUP:g} times as fast. The last row is the same work in plain "
         "processes: what this machine's second core is worth.",
         "",
         "| | one [s] | two [s] | times as fast |",

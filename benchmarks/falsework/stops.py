@@ -179,7 +179,7 @@ def stops_page(stops: Sequence[Stop], equal: bool, load: float) -> str:
         f"Written by `python -m benchmarks.falsework.stops`. {cores} cores of {this_machine()}; load when it began "
         f"{load:.1f}. One scene, with and without a worker, stopped {len(stops)} times at random moments by SIGINT and",
         "run on by the same",
-        f"command. To hold: no process is left {ONCE:g} s after one signal, nor {TWICE:g} s after a second one that",
+        f"command. Limits: no process is left {ONCE:g} s after one signal, nor {TWICE:g} s after a second one that",
         f"follows {BETWEEN:g} s later; exit code {STOPPED[0]}, as a shell says it.",
         "",
         "| workers | what its children ran | stops | seconds, median | longest | stopped twice | longest |",
@@ -199,7 +199,7 @@ def stops_page(stops: Sequence[Stop], equal: bool, load: float) -> str:
         [
             *lines,
             "",
-            "| to hold | found | |",
+            "| limit | measured | |",
             "|---|---|---|",
             f"| stops that took longer | {len(late)} of {len(stops)} | {_held(not late)} |",
             f"| other exit codes | {len(odd)} of {len(stops)} | {_held(not odd)} |",

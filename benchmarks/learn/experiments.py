@@ -108,7 +108,7 @@ def experiment_page(record: Mapping[str, Any], name: str, grounds: Mapping[str, 
     about = (
         f"`python -m benchmarks.learn.experiments RUN… -o OUT --only {name}` writes this page, from "
         f"`benchmarks/learn/experiment/{name}.toml`. [How to read it](../comparisons.md). Trainings are short: the "
-        "direction of a large difference is worth something, its size is not, and models that train for longer may "
+        "sign of a large difference is reliable, its size is not, and models that train for longer may "
         "differ."
     )
     lines = [heading, "", about, *_ground_lines(grounds)]
@@ -120,8 +120,8 @@ def _ground_lines(grounds: Mapping[str, tuple[float, float]]) -> list[str]:
         return []
     ground = (
         "Heights count from a ground that is estimated from each cloud's own points. A mesh shows footings, piles and "
-        "whatever else stands in the ground, and its estimate sinks to them, so that a deck is higher in it than in a "
-        "scan: that may be part of what it loses below, as may the faces that nobody can see."
+        "whatever else stands in the ground, so the ground estimated from a mesh is lower, and a deck is higher above "
+        "it than in a scan: that may be part of what it loses below, as may the faces that nobody can see."
     )
     rows = [f"| {name} | {middle:+.2f} m | {low:+.2f} m |" for name, (middle, low) in grounds.items()]
     what = "Estimate minus the laser's, over the tiles that all show:"

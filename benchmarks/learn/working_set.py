@@ -125,7 +125,7 @@ def page(rows: Sequence[BridgeRow], stages: Mapping[str, tuple[int, float, float
         "",
         "## Hours and disk space",
         "",
-        "Hours of one of two workers on two cores. Photographs and models are let go when their clouds are made.",
+        "Hours of one of two workers on two cores. Photographs and models are removed when their clouds are made.",
         "",
         "| stage | results | hours | GB |",
         "|---|---|---|---|",

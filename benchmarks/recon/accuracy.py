@@ -1,4 +1,4 @@
-"""How true the clouds are: every family, road and rail, close and whole flights, sparse and dense, class by class.
+"""Accuracy of the clouds: every family, road and rail, close and whole flights, sparse and dense, class by class.
 
 Usage: python -m benchmarks.recon.accuracy WORK [--only NAME…] [--page] [--samples] [--note TEXT]
 
@@ -134,9 +134,9 @@ def accuracy_page(found: Mapping[Row, Mapping[str, Judged]], rejected: Mapping[R
         note: A line of its own, such as which code made the clouds; empty for none.
     """
     lines = [
-        "# How true the clouds are",
+        "# Accuracy of the clouds",
         "",
-        "Written by `python -m benchmarks.recon.accuracy WORK`. One bridge a row, 960 x 720 px, sensor noise,",
+        "Written by `python -m benchmarks.recon.accuracy WORK`. One bridge per row, 960 x 720 px, sensor noise,",
         f"countryside, quality `medium`; both clouds come from one model. *Near*: within {NEAR:g} m of the true",
         "surface. *Right*: of these, with the class of that surface. *Clearly wrong*: with another class, and the",
         f"nearest surface of their own lies more than {1000 * CLEAR:.0f} mm farther: where rails and sleepers are a",

@@ -223,7 +223,7 @@ class _Labeled:
         return (
             f"Labels, uncertainty and displacement of {len(self.seen.counts):,} points ({len(self.error):,} "
             f"observations) take {min(self.waited):.2f} s ({max(self.waited):.2f} at most in {len(self.waited)} "
-            f"rounds), {min(self.spent):.1f} s of processor time (to hold: {most * slower('numpy'):.1f} s for {name})."
+            f"rounds), {min(self.spent):.1f} s of processor time (limit: {most * slower('numpy'):.1f} s for {name})."
         )
 
 
@@ -272,7 +272,7 @@ def _page(rows: list[Row], speed: str, samples: int, capture: Capture, chosen: s
         "",
         f"Written by `python -m benchmarks.recon.dense`. {len(capture.images)} photographs of {width} x {height} px,",
         f"poses from structure from motion, filter {chosen}; {len(os.sched_getaffinity(0))} cores of {this_machine()}. "
-        f"To hold: {MOST_MINUTES * slower('numpy'):.1f} minutes for 75 photographs of 1280 x 960 px in quality high, "
+        f"Limit: {MOST_MINUTES * slower('numpy'):.1f} minutes for 75 photographs of 1280 x 960 px in quality high, "
         f"and {MOST_MEMORY:.0f} GB.",
         f"Completeness: share of {samples:,} samples of the true surface, at most {FAR:.0f} m from {VIEWS} cameras,",
         f"with a point within {100 * REACH:.0f} cm.",

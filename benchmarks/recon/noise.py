@@ -88,7 +88,7 @@ def noise_page(clouds: list[tuple[str, dict[str, Any]]]) -> str:
         f"A point is off when it lies more than {limit} from the place that its pixels truly show (displacement), or",
         "from the nearest true surface (surface distance). Precision: share of the noisy points that are off. Recall:",
         "share of the points off that are noisy. A point that is noisy is displaced by definition: its depth is off by",
-        "as much at least; so against displacement there is recall alone.",
+        "as much at least, so the precision against displacement is 1 by definition, and only recall is shown.",
         "",
         *_table(
             heads,

@@ -4,8 +4,8 @@ Usage: python -m benchmarks.recon.photographs [NAME=CLOUD …] [--defaults NAME=
            [--openmvg PYTHON --peer NAME=PHOTOGRAPHS …] [--control NAME=GPS_CLOUD NAME=CONTROL_CLOUD]
 
 Each CLOUD is a cloud folder that `falsework reconstruct` made of photographs; `docs/benchmarks/photographs.md` shows
-what it says of itself, and beside it what pycolmap makes of the folders behind `--defaults`, where nobody tells it
-anything, and openmvg-rs of those behind `--peer`; PYTHON is an interpreter that has it (`pip install openmvg-rs`). The
+what it says of itself, and beside it what pycolmap makes of the folders behind `--defaults`, with its default
+settings, and openmvg-rs of those behind `--peer`; PYTHON is an interpreter that has it (`pip install openmvg-rs`). The
 photographs are other people's: they are named, not kept here. The two clouds behind `--control` come from one model
 (`reconstruct --model`): the first stands on GPS, the second on control points.
 """
@@ -192,8 +192,8 @@ def photographs_page(clouds: list[tuple[str, dict[str, Any]]]) -> str:
             "",
             "Written by `python -m benchmarks.recon.photographs`. Each folder, or part, as its authors made it;",
             'no settings but `mode = "dense"`, the quality and the control points that are named.',
-            "*pycolmap's defaults* and *openmvg-rs* are peers that nobody tells anything; their points are those of",
-            "their models, unfiltered, and neither is placed.",
+            "*pycolmap's defaults* and *openmvg-rs* are other programs with their default settings; their points are",
+            "unfiltered and not georeferenced.",
             "*Of the model's*: share of the model's points that the sparse cloud keeps (`recon.max_deviation`).",
             "*Duplicates merged*: points that were equal to another one, which stays.",
             "*From GPS or control points*: median distance of the cameras from their EXIF's positions, or what is left",

@@ -81,8 +81,9 @@ def render_page(rows: list[Row], source: str, processor: str, code: str = "") ->
         "# Structure from motion, several ways",
         "",
         f"Written by `python -m benchmarks.recon.sfm`. {source} Processor time, all threads together, of {processor}; "
-        "the same photographs for all, the same keypoints for all but the defaults and openmvg-rs. Each way is charged "
-        "for its keypoints. By GPS, from 100 images on every fourth is also paired with those 32, 64, 128 … on. "
+        "the same photographs for all, the same keypoints for all but the defaults and openmvg-rs. The time of each "
+        "way includes its keypoints. By GPS, from 100 images on, every fourth image is also paired with those 32, 64, "
+        "128 … later. "
         f"Centre errors after alignment to the truth, of cameras within {LIMIT} m (*right*).",
         "",
         "| way | images | pairs | features [s] | matching [s] | mapping [s] | all [s] | registered | right "

@@ -1,9 +1,9 @@
-"""Which points a sparse cloud keeps, and what they are worth: the rule by evidence beside the one by views.
+"""Which points a sparse cloud keeps, and how good they are: the rule by precision beside the one by views.
 
 Usage: python -m benchmarks.recon.sparse_filter WORK
 
 Makes the demo and close flights of four of the bridges of `benchmarks.recon.accuracy`, sparse, in WORK, which keeps
-what was made. The rules are put to all points of each model, side by side in `docs/benchmarks/sparse_filter.md`.
+what was made. All points of each model are tested by the rules, side by side in `docs/benchmarks/sparse_filter.md`.
 """
 
 import argparse
@@ -106,14 +106,15 @@ HEAD = [
     "# Which points a sparse cloud keeps",
     "",
     "Written by `python -m benchmarks.recon.sparse_filter WORK`, which makes the models: the demo, and close flights",
-    "of road bridges of [the page about accuracy](accuracy.md). Every point of a model is put to three rules, after a",
-    f"mean reprojection error of {SETTINGS.max_reprojection_error:g} px at most and {SETTINGS.min_views} valid views:",
+    "of road bridges of [the page about accuracy](accuracy.md). Every point of a model is tested by three rules, all",
+    f"after a mean reprojection error of {SETTINGS.max_reprojection_error:g} px at most and {SETTINGS.min_views} valid "
+    "views:",
     "",
     "- *all*: nothing more;",
     f"- *by views*, the rule of former versions: {SURE} views, or a place that would move by at most "
     f"{SETTINGS.max_deviation:g} m",
-    "  (a standard deviation, along the direction that its rays tell least about) were its keypoints off by a pixel;",
-    "- *by evidence*, `[recon] max_deviation` as it is: the same of every point, however many views it has, if its",
+    "  (a standard deviation, in the direction that its rays determine worst) if its keypoints were off by a pixel;",
+    "- *by precision*, `[recon] max_deviation` as it is: the same of every point, however many views it has, if its",
     "  keypoints are off by as much as the residuals of all points, and its own, show. Many views from one place count",
     "  little, two from far apart much.",
     "",
@@ -168,7 +169,7 @@ def rules(judged: Judged) -> dict[str, Mask]:
     return {
         "all": np.ones(len(judged.views), bool),
         "by views": (judged.views >= SURE) | (judged.deviation <= limit),
-        "by evidence": judged.noise * judged.deviation <= limit,
+        "by precision": judged.noise * judged.deviation <= limit,
     }
 
 

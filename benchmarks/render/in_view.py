@@ -1,4 +1,4 @@
-"""The renderer beside others where culling and levels of detail hide nothing: one surface, all of it in every image.
+"""The renderer compared with others where culling and levels of detail hide nothing: one surface in every image.
 
 Usage: python -m benchmarks.render.in_view. Others take part where their Python is named: FALSEWORK_BPY_PYTHON and
 FALSEWORK_PYRENDER_PYTHON, as for `benchmarks.render.speed`. Writes `docs/benchmarks/in_view.md`.

@@ -238,7 +238,7 @@ def _page(scene: FlatScene, ours: dict[str, list[Cost]], peers: list[Cost], valu
     cores, shown = len(os.sched_getaffinity(0)), triangles_in_view(scene)
     standard = min(cost.cpu for cost in ours["standard"])
     lines = [
-        "# The renderer beside others",
+        "# Speed and memory of the renderer, compared with other renderers",
         "",
         f"Written by `python -m benchmarks.render.speed`. {len(os.sched_getaffinity(0))} cores of {this_machine()},",
         f"{render_platform()['gl_renderer']}; {CAMERA.width} x {CAMERA.height} px. Processor time counts all threads.",
@@ -253,12 +253,12 @@ def _page(scene: FlatScene, ours: dict[str, list[Cost]], peers: list[Cost], valu
         f"{IMAGES - WARM}",
         f"images of a survey costs after the first {WARM}, what the survey costs once (scene, textures, light,",
         f"shadows, in each of its {cores} worker processes), and the most memory that one of them takes; the least of",
-        f"{ROUNDS} surveys, and the greatest in brackets (of images a second, the most and the least), as others",
+        f"{ROUNDS} surveys, and the greatest in brackets (of images per second, the most and the least), as others",
         "work on the same machine. Below them the others: an image that they drew once before, scene, textures and",
         "shaders loaded. Blender's EEVEE is not among them.",
         "",
-        "| renderer | processor [s an image] | at most | images a second | at least | times `standard` | once [s] "
-        "| memory [GB] | at most |",
+        "| renderer | processor [s per image] | limit | images per second | limit | times `standard` | once [s] "
+        "| memory [GB] | limit |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     speed = slower("llvmpipe")
@@ -281,7 +281,7 @@ def _page(scene: FlatScene, ours: dict[str, list[Cost]], peers: list[Cost], valu
         "What an image is worth to structure from motion (`standard`, noise on): keypoints of OpenCV's SIFT, matches",
         "to an image taken 0.6 m beside it (ratio 0.8), and the share of them within 1.5 px of the truth.",
         "",
-        "| view | keypoints | at least | matches | right | at least |",
+        "| view | keypoints | limit | matches | right | limit |",
         "|---|---|---|---|---|---|",
     ]
     lines += [

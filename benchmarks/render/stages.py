@@ -240,7 +240,7 @@ def page(drawn: list[Drawn], verdicts: dict[str, Any]) -> str:
     empty = [one for one in judged if one.name in nothing and one.said]
     right = len(judged) - len(bad)
     lines = [
-        "# Stages that nobody here wrote",
+        "# Stages from other sources",
         "",
         "Made by `python -m benchmarks.render.stages FOLDER`; FOLDER is a checkout of the public repository "
         "usd-wg/assets. Every picture was looked at beside the thumbnail of the stage; light and point of view are "

@@ -1,4 +1,4 @@
-"""The card of the model that comes with the package: what it learnt from, what it scores where, what it cannot do."""
+"""The card of the model that comes with the package: training data, scores, limits."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -23,11 +23,12 @@ I64 = NDArray[np.int64]
 
 LIMITS = (
     "Everything it saw was made by this project: no real scan had a part in its training, and none in these scores.",
-    "It sees positions alone. What only colour or intensity tells apart it cannot know.",
-    "It saw {bridges} bridges among the plants, houses and vehicles of our own worlds. It knows no power line, crane, "
-    "scaffold or person, and will call some of them parts of a bridge.",
+    "It sees positions alone. It cannot know what only color or intensity distinguishes.",
+    "It was trained on {bridges} bridges{start} among the plants, houses and vehicles of our own worlds. It knows no "
+    "power line, crane, scaffold or person, and will call some of them parts of a bridge.",
     "Parts finer than its cubes of {voxel:g} m (bearings, sockets, clamps, rails) are mostly lost.",
-    "Its tiles are {size:g} m wide: what a part is for, where that is seen from farther away alone, it guesses.",
+    "Its tiles are {size:g} m wide. Where the function of a part is visible only from farther away, its class is a "
+    "guess.",
     "Confidence is calibrated on {picked} of our bridges; how far it can be trusted on other scans is not known.",
     "The scan must say its unit, or be given `--unit`, and stand with z up, or be given `--up`.",
 )
@@ -53,14 +54,15 @@ def card_text(folder: Path, dataset: Path, tests: Mapping[str, Path], validation
         seconds, points = seconds + time.process_time() - before, points + len(scan.coord)
         matrices[f"{name} ({read_cloud(path).source})"] = {t: found.matrix(t) for t in TABLES}
     lines = [*_head(folder, facts, model), *([f"- {note}"] if note else [])]
-    lines += ["", "## What it learnt from", "", *_sources(read_facts(dataset), validation, facts)]
+    lines += ["", "## Training data", "", *_sources(read_facts(dataset), validation, facts)]
     lines += ["", "## Scores", "", *_score_lines(matrices), "", "## What it cannot do", ""]
     own = {row.bridge for row in read_facts(dataset).pieces if row.split == "train"}
-    bridges = len(own | set(facts.data.get("earlier", [])))
-    lines += [
-        f"- {line.format(bridges=bridges, picked=len(validation), voxel=model.tile.voxel, size=model.tile.size)}"
-        for line in LIMITS
-    ]
+    bridges = sum(not bridge.startswith(tuple(validation)) for bridge in own)
+    others = len(set(facts.data.get("earlier", [])) - own)
+    start = f", starting from a model of {others} others," if others else ""
+    values = {"bridges": bridges, "start": start, "picked": len(validation)}
+    sizes = {"voxel": model.tile.voxel, "size": model.tile.size}
+    lines += [f"- {line.format(**values, **sizes)}" for line in LIMITS]
     if points:
         lines += [
             "",
@@ -78,7 +80,7 @@ def _head(folder: Path, facts: ModelFacts, model: PointModel) -> list[str]:
     return [
         "# The model of the package",
         "",
-        "`falsework predict scan.laz -o labelled.laz` uses it where no `--model` is named. It labels weakly: look at",
+        "`falsework predict scan.laz -o labeled.laz` uses it where no `--model` is named. It labels weakly: look at",
         "the scores and limits below before you rely on it.",
         "",
         f"- {facts.network}, {size:.1f} MB, {len(facts.classes)} component kinds, summed into any table (`--table`).",
@@ -92,7 +94,7 @@ def _head(folder: Path, facts: ModelFacts, model: PointModel) -> list[str]:
             if (lean := chosen.get("lean"))
             else []
         ),
-        "- Licence: Apache-2.0, as the package. Trained on clouds of this project alone.",
+        "- License: Apache-2.0, as the package. Trained on clouds of this project alone.",
         "- Made by `python -m benchmarks.shipped.model CLOUDS… --validation HASH… --test HASH…`.",
     ]
 
@@ -115,7 +117,7 @@ def _sources(facts: DatasetFacts, validation: Sequence[str], model: ModelFacts) 
 def _score_lines(matrices: Mapping[str, Mapping[str, I64]]) -> list[str]:
     if not matrices:
         return ["No bridge was kept for the test: nothing is known."]
-    lines = ["Of the thinned points of whole scans of the test bridges, labelled as `falsework predict` does.", ""]
+    lines = ["Of the thinned points of whole scans of the test bridges, labeled as `falsework predict` does.", ""]
     rows = [
         [
             title,

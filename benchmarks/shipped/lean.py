@@ -2,7 +2,7 @@
 
 Usage: python -m benchmarks.shipped.lean MODEL OUT --clouds CLOUD… [--reach METERS]
 
-A training draws pieces with a bridge far more often than a stranger's scan holds one, and weighs rare classes. What a
+A training draws pieces with a bridge far more often than a scan of others holds one, and weighs rare classes. What a
 network then says is right for such samples: elsewhere too much of the surroundings becomes a part of a bridge. Known
 frequencies would mend that by a summand of each logit (Saerens, Latinne and Decaestecker 2002; Menon et al. 2021). Here
 one summand for all kinds of surroundings is the smallest that is enough on scans of held bridges, and OUT is the model
@@ -38,18 +38,18 @@ LEANS = tuple(0.5 * number for number in range(11))  # of the logits [1]
 ENOUGH = 0.02  # share of the points far from a bridge that may be called a part of one [1]
 
 
-def leaning(told: F32, rest: NDArray[np.bool_], lean: float) -> F32:
+def leaning(probabilities: F32, rest: NDArray[np.bool_], lean: float) -> F32:
     """Multiply the odds of the surroundings.
 
     Args:
-        told: Probabilities of the classes [1], shape (N, C), float32.
+        probabilities: Probabilities of the classes [1], shape (N, C), float32.
         rest: Which classes are surroundings, shape (C,), bool.
         lean: Logarithm of the factor [1].
 
     Returns:
         Probabilities again [1], shape (N, C), float32.
     """
-    raised = told * np.where(rest, np.float32(np.exp(lean)), np.float32(1.0))
+    raised = probabilities * np.where(rest, np.float32(np.exp(lean)), np.float32(1.0))
     return raised / raised.sum(axis=1, keepdims=True)
 
 
@@ -72,11 +72,11 @@ def measure(model: TrainedModel, scans: Sequence[Scan]) -> list[tuple[float, flo
         columns = {"place": scan.place, **scan.labels}
         grid = lay_grid(scan.coord.min(axis=0), scan.coord.max(axis=0), model.tile.voxel)
         cloud: VoxelCloud = add_points(empty_cloud(grid), scan.coord, columns)
-        told = vote(VoxelCloud(cloud.grid, cloud.keys, cloud.coord, {}), model, scan.settings.batch)
+        probabilities = vote(VoxelCloud(cloud.grid, cloud.keys, cloud.coord, {}), model, scan.settings.batch)
         far = ~near_bridge(scan, APART)(cloud.columns["place"]) & (cloud.columns["falsework"] == 0)
         count += int(far.sum())
         for lean in LEANS:
-            said = leaning(told, rest, lean)
+            said = leaning(probabilities, rest, lean)
             for name in TABLES:
                 names = class_table(name).names
                 summing = sum_classes(model.classes, model.table, name, ())

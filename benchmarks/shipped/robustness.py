@@ -1,4 +1,4 @@
-"""What strangers' scans cost a model: mean IoU lost where unit, axes, place, density, extent or level differ.
+"""Robustness of a model to other scans: mean IoU lost where unit, axes, place, density, extent or level differ.
 
 Usage: python -m benchmarks.shipped.robustness CLOUD… [--model FOLDER] [--length METERS] [--out FILE]
 
@@ -216,7 +216,7 @@ def page(scans: Mapping[str, Scan], model: PointModel, name: str) -> str:
     found = {title: rows_of(scan, model) for title, scan in scans.items()}
     ways = next(iter(found.values()))[0]
     lines = [
-        "# What strangers' scans cost a model",
+        "# Robustness of the model to other scans",
         "",
         f"Written by `python -m benchmarks.shipped.robustness`. Model: {name}. Mean IoU of the thinned points over the",
         "classes that it has, in the tables `falsework` (sixteen classes) and `kim2023` (four). A scan as it is has a",
@@ -235,7 +235,7 @@ def page(scans: Mapping[str, Scan], model: PointModel, name: str) -> str:
         "",
         "## Mean IoU lost",
         "",
-        f"The wish is at most {ALLOWED:g}; negative: gained. Over the scans: mean, and the worst.",
+        f"Goal: at most {ALLOWED:g}; negative: gained. Over the scans: mean, and the worst.",
         "",
         "| what differs | falsework | worst | kim2023 | worst | within |",
         "|---|---|---|---|---|---|",

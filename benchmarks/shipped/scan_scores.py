@@ -1,4 +1,4 @@
-"""How a model labels scans whose classes are known: a scan may be changed first, as strangers' scans differ."""
+"""How a model labels scans whose classes are known: a scan may be changed first, as scans of others differ."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -186,7 +186,7 @@ def page(rows: Mapping[str, Row], clouds: int, reach: float = np.inf) -> str:
     lines += ["", "## Where there is no bridge", ""]
     lines += [
         f"Share of the points of the surroundings that are called a part of a bridge, more than {APART:g} m from its",
-        "box: tiles there hold no point of a bridge. The wish is at most 2 %.",
+        "box: tiles there hold no point of a bridge. Goal: at most 2 %.",
         "",
     ]
     cells = [

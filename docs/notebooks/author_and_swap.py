@@ -1,7 +1,7 @@
 """Author a bridge, and swap its layers.
 
 A bridge, its surroundings and its flights are one USD stage of several layers. This notebook makes one, gives it
-another look, and shows what that moves: nothing but colours.
+another look, and shows what changes: only colors.
 """
 
 # %% [markdown]
@@ -22,7 +22,7 @@ scene = falsework.author(scenario, "scene")
 
 # %% [markdown]
 # ## What lies in the folder
-# `scene.usda` holds composition alone. Each layer below it has one subject.
+# `scene.usda` only lists the layers. Each layer holds one topic.
 
 # %%
 from pxr import Usd
@@ -44,7 +44,7 @@ flights = {
 print(list(flights))
 
 # %% [markdown]
-# ## What moved
+# ## What changed
 # Depth, classes and poses are equal to the last bit. The photographs are not.
 
 # %%

@@ -1,7 +1,7 @@
 """Render a flight, and reconstruct it.
 
-The renderer stands for the drone's camera. Structure from Motion sees its photographs and nothing else. The truth is
-asked at the end: which class has each point, and how far is it off?
+The renderer takes the place of a drone's camera. Structure from Motion uses only its photographs. The truth is used at
+the end, for the class and the error of each point.
 """
 
 # %% [markdown]
@@ -21,7 +21,8 @@ flight = falsework.render(scene, "captures", settings=falsework.RenderSettings(q
 
 # %% [markdown]
 # ## The truth beside them
-# Depth is measured along the optical axis, in metres; the sky is infinitely far. Ids are exact: no edge is blended.
+# Depth is measured along the optical axis, in meters; the sky is infinitely far. Ids are exact: they are not mixed at
+# edges.
 
 # %%
 import numpy as np
@@ -35,7 +36,8 @@ print("instances in the first image:", len(np.unique(truth.instance(0))))
 
 # %% [markdown]
 # ## A cloud of the photographs alone
-# `mode="dense"` gives a point at nearly every pixel, the way to train on; `mode="sparse"` the tie points alone, sooner.
+# `mode="dense"` gives a point for nearly every pixel and is recommended for training; `mode="sparse"` gives tie points
+# only, and is faster.
 
 # %%
 dense = falsework.ReconSettings(mode="dense", quality="medium")
@@ -47,7 +49,7 @@ for number, count in zip(classes.tolist(), counts.tolist(), strict=True):
 
 # %% [markdown]
 # ## How far off
-# `uncertainty` is true against reconstructed depth, the median over the images that saw the point.
+# `uncertainty` is the absolute difference of true and reconstructed depth: the median over the images that saw it.
 
 # %%
 uncertainty = cloud.columns["uncertainty"]

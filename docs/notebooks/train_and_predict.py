@@ -1,6 +1,6 @@
 """Train a model, and label a scan.
 
-The package brings small labelled clouds of random bridges. A forest learns from them here, since it needs no GPU and a
+The package brings small labeled clouds of random bridges. A forest learns from them here, since it needs no GPU and a
 minute; the networks are trained by the same command. One bridge is kept for the test.
 """
 
@@ -21,7 +21,7 @@ def run(line: str) -> None:
 run("falsework dataset demo -o bridges")
 
 # %% [markdown]
-# `bridges/README.md` is their card: what they are, and what they are not.
+# `bridges/README.md` describes the clouds and their limits.
 
 # %%
 from pathlib import Path
@@ -34,7 +34,7 @@ print({name: len(cloud) for name, cloud in clouds.items()})
 
 # %% [markdown]
 # ## Cut them into training pieces
-# Whole bridges are held out: pieces of one bridge never stand on both sides.
+# Whole bridges are held out: pieces of one bridge are never in both training and test.
 
 # %%
 kept = "beam26"
@@ -57,16 +57,16 @@ print(Path("scores.md").read_text())
 
 # %% [markdown]
 # ## Label it as if it were a scan
-# The copy has three columns more: class, confidence, instance.
+# The copy has three more columns: class, confidence, instance.
 
 # %%
 run(f"falsework export bridges/{kept} --to laz -o scan")
-run("falsework predict scan/cloud.laz -o labelled.laz --model model --link 0.5")
+run("falsework predict scan/cloud.laz -o labeled.laz --model model --link 0.5")
 
 # %%
 import laspy
 import numpy as np
 
-labelled = laspy.read("labelled.laz")
-predicted, true = np.asarray(labelled["predicted_class"]), np.asarray(labelled["segment"])
+labeled = laspy.read("labeled.laz")
+predicted, true = np.asarray(labeled["predicted_class"]), np.asarray(labeled["segment"])
 print("classes that were found:", sorted(set(predicted.tolist())), "· points:", len(predicted))

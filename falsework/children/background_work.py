@@ -56,7 +56,7 @@ def _read(file: Path, up: str, scale: float, progress: Progress) -> "CityModel":
         return read_usd(file, progress.note, scale)
     if scale != 1.0:
         raise InputError(
-            "a CityJSON file is always in metres", where=file, field="--scale", value=scale, hint="Leave it out"
+            "a CityJSON file is always in meters", where=file, field="--scale", value=scale, hint="Leave it out"
         )
     return read_cityjson(file, progress.note)
 

@@ -125,7 +125,7 @@ def _between(a: F64, b: F64, beyond_a: F64, beyond_b: F64) -> F64:
 def _coarsened(corners: F64, low: F64, high: F64, most: int) -> tuple[F64, I64]:
     """Merge corners in cells that grow with their distance to a box until few enough triangles are left.
 
-    All corners in a cell go to the same place, whichever triangle they belong to: no gap opens between neighbours.
+    All corners in a cell go to the same place, whichever triangle they belong to: no gap opens between neighbors.
     """
     rows, cell, merged = np.arange(len(corners)), CELL, corners
     flat = corners.reshape(-1, 3)

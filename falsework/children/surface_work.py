@@ -1,4 +1,4 @@
-"""Child process that reads the surfaces of an untrusted stage: few triangles with one colour each, for display."""
+"""Child process that reads the surfaces of an untrusted stage: few triangles with one color each, for display."""
 
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ U8 = NDArray[np.uint8]
 
 
 def material_color(material: Any) -> tuple[float, float, float]:
-    """Compute the mean sRGB colour of a material [1]; grey for an unreadable texture.
+    """Compute the mean sRGB color of a material [1]; gray for an unreadable texture.
 
     Args:
         material: A `usd_schemas.flat_scene.Material`.
@@ -70,7 +70,7 @@ def _variants(path: Path) -> list[dict[str, Any]]:
 
 
 def _colors(scene: Any, rows: NDArray[np.uint32]) -> U8:
-    """Compute the colour of each triangle: that of its material, or the mean of its vertex colours, shape (T, 3)."""
+    """Compute the color of each triangle: that of its material, or the mean of its vertex colors, shape (T, 3)."""
     geometry, draws = scene.geometry, scene.draws
     of_material = np.array([material_color(material) for material in scene.materials])
     colors = of_material[draws.material][rows]

@@ -30,19 +30,19 @@ def import_background(
     license: str = "",
     as_json: AsJson = False,
 ) -> int:
-    """Import a city model as a background for scenes: in metres, z up, with its own origin and labels.
+    """Import a city model as a background for scenes: in meters, z up, with its own origin and labels.
 
     A CityJSON file states what is a building. In a mesh, the lowest surface is the ground, and everything that rises
-    above it is a building. Colours and textures are kept.
+    above it is a building. Colors and textures are kept.
 
     Args:
         file: CityJSON 1.0 to 2.0 or CityJSONSeq (.json, .jsonl); .glb, .gltf, .obj, .ply, or a .zip with one of them
             and its textures; or any USD stage (.usd, .usda, .usdc, .usdz).
         output: Folder to write; its name is the name of the world.
         up: Axis that points up in .obj, .ply, .gltf and .glb, y or z; default: y for glTF and z for the others.
-        scale: Metres per unit of a mesh, e.g. 0.01 for centimetres.
+        scale: Meters per unit of a mesh, e.g. 0.01 for centimeters.
         attribution: Author of the data, if the file does not state it.
-        license: Licence of the data, if the file does not state it.
+        license: License of the data, if the file does not state it.
         as_json: Print one JSON object instead of lines.
     """
     if file.is_file() and file.suffix.lower() not in _SUFFIXES:
@@ -72,7 +72,7 @@ def import_background(
 
 
 def info(world: File, *, as_json: AsJson = False) -> int:
-    """Show the contents and the licence of an imported world.
+    """Show the contents and the license of an imported world.
 
     Args:
         world: Its root layer or folder.

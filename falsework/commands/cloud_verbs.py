@@ -39,8 +39,8 @@ def reconstruct(
         mode: Kind of cloud. sparse: the points of structure from motion; dense: a point for nearly every pixel that
             enough photographs confirm, recommended for training; both: one cloud of each kind from one model. Default:
             as in the scenario, else dense.
-        quality: Resolution of the depth maps of a dense cloud. ultra: a depth for every pixel of the photographs; high
-            for each 2 x 2 of them, medium 4 x 4, low 8 x 8. Default: as in the scenario, else high.
+        quality: Resolution of the depth maps of a dense cloud. ultra: one depth for every pixel of the photographs;
+            high: for each 2 x 2 pixels; medium: 4 x 4; low: 8 x 8. Default: as in the scenario, else medium.
         model: A cloud of the same photographs whose cameras are reused.
         as_json: Print one JSON object instead of lines.
     """

@@ -149,8 +149,8 @@ def _facts(experiment: "Experiment") -> list[str]:
         )
         lines.append(f"bridges of the set `{name}`: {counts}")
     cut = {
-        "metric": f"tiles of {settings.tile.size:g} m, one point in each {settings.tile.voxel:g} m, heights over "
-        "a ground that each cloud shows itself",
+        "metric": f"tiles of {settings.tile.size:g} m, one point in each {settings.tile.voxel:g} m, heights above "
+        "a ground estimated from each cloud",
         "paper": f"windows of {settings.window.length:g} m, each scaled to the cube from 0 to 1",
         "whole": "draws from whole bridges",
     }[settings.mode]
@@ -162,12 +162,12 @@ def _facts(experiment: "Experiment") -> list[str]:
         steps = settings.samples_each // settings.batch * settings.looks
         lines.append(
             f"networks: {steps:,} steps of {settings.batch} samples in every arm, recipe `{settings.recipe}`, "
-            f"weights of the best of {settings.looks} looks at the validation bridges"
+            f"weights of the best of {settings.looks} validations"
         )
         if settings.accelerator == "gpu":
             lines.append("networks were trained and tested on a GPU: another run gives slightly different figures")
     if "forest" in settings.models:
-        lines.append(f"forest: {settings.forest_draws:,} draws in every arm, nothing picked")
+        lines.append(f"forest: {settings.forest_draws:,} draws in every arm, no selection by validation")
     lines.append(f"seeds {settings.first_seed} to {settings.first_seed + settings.seeds - 1}, the same in every arm")
     return lines
 

@@ -113,7 +113,7 @@ def export(
 
 
 def demo(output: Output, *, photographs: bool = False, as_json: AsJson = False) -> int:
-    """Write the labelled clouds of random bridges that the package contains, one folder each, with a card.
+    """Write the labeled clouds of random bridges that the package contains, one folder each, with a card.
 
     They are small, sampled on the mesh and thinned; the card states their limits.
 

@@ -17,7 +17,7 @@ JSON_VERSION = 2
 _DRAWN = "drawn by all renderers; the renderer of Falsework draws it without shadows"
 _LAMPS = ("SphereLight", "RectLight", "DiskLight")
 _UNDRAWN = "drawn by other renderers only; the renderer of Falsework draws SphereLights, RectLights and DiskLights"
-_SAID = {"moved": "moved", "reshaped": "reshaped", "recoloured": "recoloured", "hidden": "hidden", "removed": "removed"}
+_SAID = {"moved": "moved", "reshaped": "reshaped", "recoloured": "recolored", "hidden": "hidden", "removed": "removed"}
 
 
 def import_edits(
@@ -31,7 +31,7 @@ def import_edits(
 ) -> int:
     """Compare an export of Blender or another DCC program with its scene; write the changes as edits/user.usda.
 
-    Moved, hidden and changed meshes, recoloured materials, new meshes, solids, instances, cameras and lights, and the
+    Moved, hidden and changed meshes, recolored materials, new meshes, solids, instances, cameras and lights, and the
     sun are imported. Each change that is not imported is listed. A camera can be flown by a survey of kind "stage".
 
     Args:
@@ -89,7 +89,7 @@ def report_lines(found: dict[str, Any]) -> list[str]:
     Args:
         found: Answer of `harvest`.
     """
-    lines = [f"{kind:<11} {', '.join(found[kind])}" for kind in _SAID if found[kind]]
+    lines = [f"{said:<11} {', '.join(found[kind])}" for kind, said in _SAID.items() if found[kind]]
     if found["added"]:
         lines.append(f"{'added':<11} {', '.join(f'{name} ({label})' for name, label in found['added'].items())}")
     for name, poses in found["cameras"].items():

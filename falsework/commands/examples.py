@@ -60,7 +60,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "train": ("falsework train set -o model --model randlanet --epochs 30", "falsework train --demo -o model"),
     "evaluate": ("falsework evaluate model set",),
     "compare": ("falsework compare out -o compared --preset task-local-1 --plan",),
-    "predict": ("falsework predict scan.laz -o labelled.laz --unit m",),
+    "predict": ("falsework predict scan.laz -o labeled.laz --unit m",),
     "completion": ("falsework completion bash",),
 }
 

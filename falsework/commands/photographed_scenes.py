@@ -110,7 +110,7 @@ def scene_lines(scenes: list[SceneFacts]) -> list[str]:
         "- `capture/global`: photographs with EXIF and GPS, as a drone records them. In `truth` exact poses and",
         "  intrinsics, and class, instance and depth [m] of every pixel.",
         "- `cloud/global+sparse`, `cloud/global+dense`: structure from motion and dense matching, from one model.",
-        "  Each point has colour, normal, class, instance and `uncertainty`, the measured error of its depth [m];",
+        "  Each point has color, normal, class, instance and `uncertainty`, the measured error of its depth [m];",
         "  `observations` has its pixels in the photographs.",
         "- `cameras.json` and `cloud.json` say what the files hold. The world is metric, z up.",
         "",

@@ -47,7 +47,7 @@ def predict(
             Default: the small model of the package, which uses positions only; its card (its path is printed) states
             its limits.
         unit: Unit of the coordinates; overrides the unit that the scan states.
-        scale: Metres per unit, for a cloud without a scale.
+        scale: Meters per unit, for a cloud without a scale.
         up: Axis of the scan that points up.
         table: Class table of the result (docs/classes.md); default: the model's own; falsework for a model of
             components.
@@ -76,7 +76,7 @@ def predict(
     for doubt in made.doubts:
         sys.stderr.write(f"warning: {doubt}\n")
     own = [] if model else [f"with the model of the package; its limits: {shipped_folder() / 'README.md'}"]
-    return tell({"labelled": str(output), **asdict(made)}, [*_counts(made), f"labelled {output}", *own], as_json)
+    return tell({"labelled": str(output), **asdict(made)}, [*_counts(made), f"labeled {output}", *own], as_json)
 
 
 def _check_paths(scan: Path, output: Path, model: str) -> None:

@@ -48,7 +48,7 @@ def render(
         width: Image width [px]; without a height the aspect ratio is kept.
         height: Image height [px].
         exposure: `light` (metered on the incident light: dark things stay dark), `surfaces` (metered on the picture:
-            the middle tone becomes grey), a number of stops relative to gain 1, or `auto`: surfaces for our own
+            the middle tone becomes gray), a number of stops relative to gain 1, or `auto`: surfaces for our own
             flights, else light.
         purpose: A purpose to draw beside `default`: render, proxy or guide; default: render.
         variant: /PRIM/PATH:SET=NAME; may be given more than once.

@@ -77,17 +77,17 @@ class RunConsole:
             self._table.expect(scenes, steps, workers)
             self._many, self._here = len(scenes) > 1, workers == 0
 
-    def tell(self, told: StepEvent) -> None:
+    def tell(self, event: StepEvent) -> None:
         """Add an event.
 
         Args:
-            told: The event.
+            event: The event.
         """
         with self._lock:
-            self._table.tell(told)
-            if told.state == "begun" and told.stage:
-                self._now = told
-            if self._plain is not None and self._many and not told.stage:
+            self._table.tell(event)
+            if event.state == "begun" and event.stage:
+                self._now = event
+            if self._plain is not None and self._many and not event.stage:
                 self._say_now_and_then()
 
     def stage(self, name: str, total: int) -> None:

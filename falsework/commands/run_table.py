@@ -52,26 +52,26 @@ class RunTable:
         self._scenes, self._steps = {name: _Scene() for name in scenes}, dict(steps)
         self._workers, self._begin = max(workers, 1), self.clock()
 
-    def tell(self, told: StepEvent) -> None:
+    def tell(self, event: StepEvent) -> None:
         """Add an event.
 
         Args:
-            told: The event.
+            event: The event.
         """
-        scene = self._scenes.get(told.scene)
+        scene = self._scenes.get(event.scene)
         if scene is None:
             return
         self._told += 1
         scene.seen = self._told
-        if not told.stage:
-            scene.state = told.state
+        if not event.stage:
+            scene.state = event.state
             scene.details.clear()
-        elif told.state == "done":
-            scene.done.setdefault(told.stage, set()).add(told.link)
-            scene.details.pop(told.stage, None)
+        elif event.state == "done":
+            scene.done.setdefault(event.stage, set()).add(event.link)
+            scene.details.pop(event.stage, None)
         else:
-            scene.details[told.stage] = told.detail or "…"
-            self._worked.add(told.scene)
+            scene.details[event.stage] = event.detail or "…"
+            self._worked.add(event.scene)
 
     @property
     def ended(self) -> int:

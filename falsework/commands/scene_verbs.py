@@ -112,7 +112,7 @@ def diff(first: File, second: File, *, allow_root: Roots = (), as_json: AsJson =
     lines += [f"reshaped    {path}" for path in found["reshaped"]]
     lines += [f"look        {line}" for line in _looks(found["look"])]
     for path, (before, after) in found["relabelled"].items():
-        lines.append(f"relabelled  {path}  {' '.join(filter(None, before))} -> {' '.join(filter(None, after))}")
+        lines.append(f"relabeled   {path}  {' '.join(filter(None, before))} -> {' '.join(filter(None, after))}")
     lines += [f"{word:<11} {line}" for word in ("light", "added", "removed") for line in _together(found[word])]
     folders = Counter((name.rpartition("/")[0] or ".", what) for name, what in found["layers"].items())
     lines += [f"files       {folder}: {count} {what}" for (folder, what), count in sorted(folders.items())]
@@ -142,7 +142,7 @@ def set_(
             the roles, or a background), or for the light a date and time, 2024-12-21T10:00; taxonomy=kim2023 selects
             another class table.
         variant: Do not change the scene, but write variant_NAME.usda beside it.
-        re_origin: X Y Z of the point of your own background at the scene's origin, where the bridge begins, in metres
+        re_origin: X Y Z of the point of your own background at the scene's origin, where the bridge begins, in meters
             with z up; for a background in map coordinates.
         allow_root: Further folders from which your own file may load layers and textures.
         as_json: Print one JSON object instead of lines.

@@ -66,7 +66,7 @@ def train(
         channels: Inputs of the network per point, separated by commas; default: those of --init, else x,y,z, and with
             --recipe modern the height above the estimated ground, if the data set has it.
         init: A model to start from; its last layer is initialized at random if the classes differ.
-        freeze_encoder: Train only the decoder and the head, as for a few labelled scans.
+        freeze_encoder: Train only the decoder and the head, as for a few labeled scans.
         set: A further setting, such as `learning_rate=0.001`, or of the network, such as `network.unit=2.0`; may be
             given more than once.
         as_json: Print one JSON object instead of lines.

@@ -205,7 +205,7 @@ def report_scene(scene: Path, page: Path) -> None:
         raise MissingError("has no capture and no cloud", where=scene, hint="Name a folder such as OUT/scenes/0000")
     surveys = {path.name: (path, clouds_of(path.name, clouds)) for path in captures}
     shown = {folder for _, several in surveys.values() for folder in several.values()}
-    others = {name: folder for name, folder in clouds.items() if folder not in shown}  # their photographs were let go
+    others = {name: folder for name, folder in clouds.items() if folder not in shown}  # their photographs were removed
     from falsework.report.page import way_to
     from falsework.report.report import write_report
 

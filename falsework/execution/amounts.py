@@ -1,4 +1,4 @@
-"""How much more work than the demo's a scenario's results are, told by its settings before anything is made."""
+"""Estimates of the work of a scenario relative to the demo, from its settings alone."""
 
 from statistics import fmean
 

@@ -39,11 +39,11 @@ class Board(Protocol):
         """
         ...
 
-    def tell(self, told: StepEvent) -> None:
+    def tell(self, event: StepEvent) -> None:
         """Add an event; called from any thread.
 
         Args:
-            told: The event.
+            event: The event.
         """
         ...
 
@@ -54,21 +54,21 @@ class SilentBoard:
     def expect(self, scenes: Sequence[str], steps: Mapping[str, int], workers: int) -> None:
         """Ignore the work to do."""
 
-    def tell(self, told: StepEvent) -> None:
+    def tell(self, event: StepEvent) -> None:
         """Ignore an event."""
 
 
 NO_BOARD: Board = SilentBoard()
 
 
-def detailed(told: StepEvent, phase: str, done: int, total: int) -> StepEvent:
+def detailed(step: StepEvent, phase: str, done: int, total: int) -> StepEvent:
     """Make the event of a step's progress.
 
     Args:
-        told: The step.
+        step: The step.
         phase: Name of the phase.
         done: Units finished so far.
         total: Number of units; 0 if unknown.
     """
     share = f" {100 * min(done, total) // total} %" if total else ""
-    return StepEvent(told.scene, told.stage, told.link, "begun", f"{phase}{share}")
+    return StepEvent(step.scene, step.stage, step.link, "begun", f"{phase}{share}")

@@ -80,13 +80,13 @@ class _Teller(SilentBoard):
     def note(self, message: str) -> None:
         self.lines.append(message)
 
-    def tell(self, told: StepEvent) -> None:
+    def tell(self, event: StepEvent) -> None:
         from distributed import get_worker
 
-        self._now, self._spoke = told if told.state == "begun" else None, time.monotonic()
+        self._now, self._spoke = event if event.state == "begun" else None, time.monotonic()
         if self.topic:
             with suppress(Exception):  # an error in the display must not stop the work
-                get_worker().log_event(self.topic, {"told": astuple(told)})  # Dask adds the worker's name
+                get_worker().log_event(self.topic, {"told": astuple(event)})  # Dask adds the worker's name
 
 
 def do_job(job: SceneJob) -> tuple[Outcome, list[str]]:

@@ -101,7 +101,7 @@ def _failures(root: Path, scenes: list[Path], seed: int, count: int) -> list[Fai
 
 
 def _scene_of(root: Path, inputs: dict[str, str], owners: dict[str, str]) -> str:
-    """Name the scene of a result by its inputs; the record of an input that was let go names its own inputs."""
+    """Name the scene of a result by its inputs; the record of an input that was removed names its own inputs."""
     for key in inputs.values():
         if key in owners:
             return owners[key]

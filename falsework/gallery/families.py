@@ -1,4 +1,4 @@
-"""Contact sheets of random bridges of each family: photographs, and pictures in the colours of the classes."""
+"""Contact sheets of random bridges of each family: photographs, and pictures in the colors of the classes."""
 
 import tempfile
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ class Views:
 
     Attributes:
         caption: Family, and the seed of a scenario.
-        pictures: Overview, overview in the colours of the classes, close-up, each shape (H, W, 3), uint8.
+        pictures: Overview, overview in the colors of the classes, close-up, each shape (H, W, 3), uint8.
     """
 
     caption: str

@@ -1,4 +1,4 @@
-"""A contact sheet of looks: one girder bridge in each look, from eye height to half a metre from its concrete."""
+"""A contact sheet of looks: one girder bridge in each look, from eye height to half a meter from its concrete."""
 
 import tempfile
 from pathlib import Path
@@ -52,7 +52,7 @@ def write_looks(folder: Path, seed: int, texels: int, progress: Progress) -> Non
         rows.append((f"{look} {seed}", photograph_look(look, seed, texels)))
         progress.advance(number + 1)
     write_bytes(folder / "looks.jpg", contact_sheet(rows, letters=_LETTERS, quality=_QUALITY))
-    seen = "from the side, under the deck, 5 m from a pier, half a metre from its concrete"
+    seen = "from the side, under the deck, 5 m from a pier, half a meter from its concrete"
     write_text(folder / "index.md", f"# Gallery of looks\n\nSeed {seed}; {seen}.\n\n![looks](looks.jpg)\n")
 
 
@@ -88,14 +88,14 @@ def photograph_look(look: str, seed: int, texels: int) -> tuple[U8, ...]:
 
 
 def close_to_concrete(scene: FlatScene, pose: F64) -> F64:
-    """Move a camera close to the pier that it sees, or to the surface in its centre if it sees none.
+    """Move a camera close to the pier that it sees, or to the surface in its center if it sees none.
 
     Args:
         scene: The scene.
         pose: camera_to_world [m], shape (4, 4), float64.
 
     Returns:
-        camera_to_world half a metre before a surface [m], shape (4, 4), float64.
+        camera_to_world half a meter before a surface [m], shape (4, 4), float64.
     """
     feet = {row.id for row in scene.instances if row.component in _FEET}
     corners, ids, _ = world_triangles(scene)

@@ -42,14 +42,14 @@ class Measures:
 
     Attributes:
         sky_below: Number of downward rays that hit nothing.
-        dead: Share of the patches of 24 x 24 px without structure, sky excluded [1].
+        flat_patches: Share of the patches of 24 x 24 px without structure, sky excluded [1].
         luminance: Median code outside the sky [of 255].
         things: Visible kinds of background things.
         triangles: Number of triangles that the renderer draws.
     """
 
     sky_below: int
-    dead: float
+    flat_patches: float
     luminance: float
     things: tuple[str, ...]
     triangles: int

@@ -74,7 +74,7 @@ def best_view(scene: FlatScene, camera: Pinhole, view: str) -> F64:
         camera_to_world [m], shape (4, 4), float64.
 
     Raises:
-        InputError: Nothing in the scene is labelled as a part of a bridge.
+        InputError: Nothing in the scene is labeled as a part of a bridge.
     """
     subject = subject_of(scene)
     turns, slopes = VIEWS[view]
@@ -92,7 +92,7 @@ def subject_of(scene: FlatScene) -> Subject:
         scene: Any scene with a bridge.
 
     Raises:
-        InputError: Nothing in it is labelled as a part of a bridge.
+        InputError: Nothing in it is labeled as a part of a bridge.
     """
     rows = scene.instances
     bridge = [row.id for row in rows if row.path.startswith(f"{tokens.BRIDGE}/")]

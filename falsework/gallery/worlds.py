@@ -151,14 +151,15 @@ def world_table(rows: list[WorldShots]) -> list[str]:
         rows: Its pictures, seed by seed.
     """
     lines = [
-        "| seed, look, light | view | kinds of things | rays down to sky | dead patches [%] | median | triangles |",
+        "| seed, look, light | view | kinds of things | rays below the horizon without a hit | flat patches [%] "
+        "| median | triangles |",
         "|---|---|---|---|---|---|---|",
     ]
     for shots in rows:
         for view, found in zip(VIEWS, shots.measures, strict=True):
             lines.append(
                 f"| {shots.caption} | {view} | {len(found.things)}: {', '.join(found.things)} | {found.sky_below} | "
-                f"{100 * found.dead:.1f} | {found.luminance:.0f} | {found.triangles:,} of {shots.total:,} |"
+                f"{100 * found.flat_patches:.1f} | {found.luminance:.0f} | {found.triangles:,} of {shots.total:,} |"
             )
     views = np.array([[found.triangles for found in shots.measures] for shots in rows])
     people = views[:, : VIEWS.index("air")]

@@ -54,7 +54,7 @@ class Surfaces:
 
     Attributes:
         corners: Corner positions [m], shape (T, 3, 3), float64.
-        colors: sRGB colour of each triangle, shape (T, 3), uint8.
+        colors: sRGB color of each triangle, shape (T, 3), uint8.
     """
 
     corners: F64
@@ -67,13 +67,13 @@ def cloud_view(
     """Make the data of a cloud and its cameras for the page.
 
     Args:
-        cloud: A cloud; if all colours are black, colouring by photographs is not offered.
+        cloud: A cloud; if all colors are black, coloring by photographs is not offered.
         flight: Poses of its images, or None.
         shown: Limits of the data.
         surfaces: Surfaces to draw with it.
 
     Returns:
-        `classes`: rows with their number of points; the choices of colouring; `scale`: colours of the uncertainty;
+        `classes`: rows with their number of points; the choices of coloring; `scale`: colors of the uncertainty;
         `data`: JSON that is safe in a script element.
     """
     shown = shown or Shown()

@@ -22,7 +22,7 @@ def flight_figure(
     """Plot the camera path in plan and elevation.
 
     Args:
-        centers: True or measured camera centres [m], shape (N, 3), float64.
+        centers: True or measured camera centers [m], shape (N, 3), float64.
         statuses: `ok` or the reason code of each camera.
         bridge: Points on the bridge for orientation [m], shape (M, 3), float64; at most `BRIDGE_POINTS` are drawn.
         good_label: Label of cameras that are `ok`.

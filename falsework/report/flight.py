@@ -127,7 +127,7 @@ def small_picture(path: Path, width: int) -> NDArray[np.uint8] | None:
         width: Width wanted [px].
 
     Returns:
-        sRGB colours, shape (H, width, 3), uint8; None where it cannot be read.
+        sRGB colors, shape (H, width, 3), uint8; None where it cannot be read.
     """
     try:
         data = np.frombuffer(read_regular(path), np.uint8)

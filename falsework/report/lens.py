@@ -1,4 +1,4 @@
-"""The lens as it was told, as it was found and as it is; and what the tie points say of it."""
+"""The lens: prior, estimated and true values, with standard deviations and residuals."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,7 @@ _FOCAL, _CENTER = "focal length [px]", "principal point [px]"
 def lens_rows(
     cloud: "Cloud", capture: "Capture | None", truth: "Truth | None", precision: "Precision | None" = None
 ) -> list[list[str]]:
-    """Set side by side what the reconstruction was told of the lens, what it found, and what is true.
+    """Tabulate the prior, estimated and true values of the lens side by side.
 
     Args:
         cloud: The cloud.
@@ -85,7 +85,7 @@ def footprint(cloud: "Cloud", cameras: Mapping[str, Any]) -> float | None:
     """Tell what one pixel covers where the points are.
 
     Args:
-        cloud: A cloud whose lengths are metres.
+        cloud: A cloud whose lengths are meters.
         cameras: Lens and poses of its reconstruction.
 
     Returns:

@@ -13,13 +13,13 @@ POINTS = 6000
 
 
 def outline_cloud(truth: Truth) -> "Cloud | None":
-    """Sample points evenly on surfaces that are neither background nor unlabelled.
+    """Sample points evenly on surfaces that are neither background nor unlabeled.
 
     Args:
         truth: Truth of a capture.
 
     Returns:
-        Points with class and instance, without colour and uncertainty; None if there is no such surface.
+        Points with class and instance, without color and uncertainty; None if there is no such surface.
     """
     from recon.cloud import COLUMNS, MESH, Cloud, without_observations
 

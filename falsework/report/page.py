@@ -102,7 +102,7 @@ def way_to(folder: Path, page: Path) -> str:
 
 
 def plain_layout(figure: "go.Figure", height: int) -> "go.Figure":
-    """Set the margins and the font of a figure; its colours follow the light or dark mode of the browser.
+    """Set the margins and the font of a figure; its colors follow the light or dark mode of the browser.
 
     Args:
         figure: A figure.

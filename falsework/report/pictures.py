@@ -1,4 +1,4 @@
-"""Pictures of the report: photographs, labels and depth as coloured images, encoded for a page."""
+"""Pictures of the report: photographs, labels and depth as colored images, encoded for a page."""
 
 import base64
 
@@ -14,14 +14,14 @@ _NEAREST = 1e-3  # [m] what is nearer is painted alike
 
 
 def paint_labels(labels: U8, classes: tuple[ClassRow, ...]) -> U8:
-    """Colour a label image.
+    """Color a label image.
 
     Args:
         labels: Class ids, shape (H, W), uint8.
         classes: Class table.
 
     Returns:
-        sRGB colours, shape (H, W, 3), uint8.
+        sRGB colors, shape (H, W, 3), uint8.
     """
     palette = np.zeros((256, 3), np.uint8)
     for row in classes:
@@ -30,13 +30,13 @@ def paint_labels(labels: U8, classes: tuple[ClassRow, ...]) -> U8:
 
 
 def paint_depth(depth: NDArray[np.float32]) -> U8:
-    """Colour a depth image on a logarithmic scale, near bright, sky black.
+    """Color a depth image on a logarithmic scale, near bright, sky black.
 
     Args:
         depth: Planar depth [m], shape (H, W), float32.
 
     Returns:
-        sRGB colours, shape (H, W, 3), uint8.
+        sRGB colors, shape (H, W, 3), uint8.
     """
     ends = depth_range(depth)
     if ends is None:
@@ -50,7 +50,7 @@ def paint_depth(depth: NDArray[np.float32]) -> U8:
 
 
 def depth_range(depth: NDArray[np.float32]) -> tuple[float, float] | None:
-    """Tell which depths the ends of the colour scale stand for.
+    """Tell which depths the ends of the color scale stand for.
 
     Args:
         depth: Planar depth [m], shape (H, W), float32.
@@ -70,7 +70,7 @@ def data_uri(pixels: U8, width: int, *, smooth: bool = True, quality: int = 85) 
     """Encode a picture as a data URI.
 
     Args:
-        pixels: sRGB colours, shape (H, W, 3), uint8.
+        pixels: sRGB colors, shape (H, W, 3), uint8.
         width: Width to which it is reduced [px].
         smooth: JPEG, reduced by averaging; else PNG, reduced to the nearest pixel, for labels.
         quality: Of the JPEG.

@@ -168,7 +168,7 @@ def _lines(lines: F64) -> go.Figure:
 
 
 def _finished(figure: go.Figure, places: F64, height: F64, words: list[str], told: tuple[str, str, str]) -> go.Figure:
-    """Add the cameras, colored by what is told of their heights, and the axes."""
+    """Add the cameras, colored by the height errors that are known, and the axes."""
     unit, about, title = told
     most = float(np.abs(height).max())
     scale, small = (1000.0, "mm") if unit == "m" and most < 1.0 else (1.0, unit)

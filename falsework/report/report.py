@@ -54,7 +54,7 @@ def write_report(
         title: Heading.
         stage: Scene folder or USD file; the manifest beside it gives the lead line.
         surveys: Survey id to its capture folder, and the folder of each cloud by its suffix, empty for a single one.
-        others: Name of each further cloud to its folder: samples, and clouds whose photographs were let go.
+        others: Name of each further cloud to its folder: samples, and clouds whose photographs were removed.
         place: Relative path from the page to the folder of the scene; empty for the page's own folder.
     """
     from recon.cloud import RECONSTRUCTED, read_cloud
@@ -179,7 +179,7 @@ def _spread(count: int, wanted: int) -> list[int]:
 
 
 def _alone(name: str, cloud: "Cloud", folder: Path, shown: Shown, place: str) -> dict[str, Any]:
-    """Show a reconstructed cloud whose photographs were let go."""
+    """Show a reconstructed cloud whose photographs were removed."""
     more = {"files": _files(place, CLOUD, name, folder, FILES[CLOUD]), "settings": _settings(f"cloud {name}", folder)}
     return {**cloud_parts(name, cloud, folder, shown), **more}
 

@@ -226,7 +226,7 @@ def overlap_map(cloud: "Cloud") -> tuple[NDArray[np.int64], F64, F64]:
         cloud: A reconstructed cloud; the outermost 5 % of its points are left out.
 
     Returns:
-        Number of images of each cell, shape (rows, columns), int64; centres of the columns [m], shape (columns,), and
+        Number of images of each cell, shape (rows, columns), int64; centers of the columns [m], shape (columns,), and
         of the rows [m], shape (rows,), float64.
     """
     place = cloud.columns["coord"][:, :2]

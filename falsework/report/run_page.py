@@ -10,7 +10,7 @@ from falsework.report.page import SERIES, number, settings_rows, write_page
 
 MOST_ROWS = 400  # scenes in a table; of more, incomplete ones come first
 MOST_BARS = 80  # scenes in the plot of times
-LET_GO = "let go"  # made, used and removed, because `keep` does not name its stage
+LET_GO = "removed"  # made, used and removed, because `keep` does not name its stage
 
 
 @dataclass(frozen=True)

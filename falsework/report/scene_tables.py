@@ -47,7 +47,9 @@ def headline_tiles(images: int, cloud: "Cloud | None") -> list[dict[str, str]]:
     tiles.append({"label": "points", "value": f"{len(cloud):,}"})
     errors = np.array([camera["center_error"] for camera in good], dtype=np.float64)
     if np.isfinite(errors).any() and cloud.alignment.get("target", "truth") == "truth":
-        tiles.append({"label": "median camera-centre error", "value": f"{np.nanmedian(errors) * 1000:.0f} mm"})
+        tiles.append(
+            {"label": "median error of the camera positions", "value": f"{np.nanmedian(errors) * 1000:.0f} mm"}
+        )
     elif np.isfinite(errors).any():  # distances of cameras to their GPS fixes are errors of the receiver
         tiles.append(
             {"label": "median distance of a camera from its GPS fix", "value": f"{np.nanmedian(errors):.2f} m"}

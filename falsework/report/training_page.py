@@ -42,7 +42,7 @@ def write_training_page(path: Path, models: Mapping[str, Path], evaluations: Map
 
 
 def _lead(models: int, scores: int) -> str:
-    """Say what the page is of; models without scores are told how to get some."""
+    """State the content of the page, and for a model without scores the command that makes them."""
     counted = ((models, "model", "models"), (scores, "table of scores", "tables of scores"))
     of = ", ".join(f"{count} {several if count > 1 else one}" for count, one, several in counted if count)
     return of if scores else f"{of}; for scores: falsework evaluate MODEL DATASET -o scores.json, and name it, too"
@@ -124,7 +124,7 @@ def _log(path: Path) -> list[dict[str, float | None]]:
 
 
 def _curves(models: list[dict[str, Any]]) -> list[tuple[str, go.Figure]]:
-    """Plot loss and validation over the epochs, one colour for each model."""
+    """Plot loss and validation over the epochs, one color for each model."""
     drawn = []
     for title, keys in (
         ("Loss of training", ("loss",)),
@@ -202,7 +202,7 @@ def _scores(name: str, record: Mapping[str, Any], models: Sequence[Mapping[str, 
             (title, _instances(panoptic[key], names))
             for key, title in (
                 ("parts", "connected parts of the true classes"),
-                ("modelled", "components as they were modelled"),
+                ("modelled", "components as they were modeled"),
             )
             if panoptic.get(key)
         ],

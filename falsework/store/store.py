@@ -1,4 +1,4 @@
-"""The artefact store: a folder per result, named by the hash of everything it depends on; present means complete."""
+"""The artifact store: a folder per result, named by the hash of everything it depends on; present means complete."""
 
 import os
 import secrets

@@ -27,7 +27,7 @@ class Sighting:
     Attributes:
         image: Name of the image.
         row: Its row in the list of cameras of the cloud.
-        pixel: Pixel of the point [px]; the centre of the top-left pixel is (0.5, 0.5).
+        pixel: Pixel of the point [px]; the center of the top-left pixel is (0.5, 0.5).
     """
 
     image: str
@@ -99,14 +99,14 @@ def shown_rows(cloud: "Cloud", limit: float, classes: Collection[int]) -> NDArra
 
 
 def point_colors(cloud: "Cloud", paint: str) -> U8:
-    """Colour all points of a cloud.
+    """Color all points of a cloud.
 
     Args:
         cloud: A cloud.
         paint: One of `PAINTS`.
 
     Returns:
-        sRGB colours, shape (N, 3), uint8.
+        sRGB colors, shape (N, 3), uint8.
     """
     columns = cloud.columns
     if paint == "RGB":

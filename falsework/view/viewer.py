@@ -133,7 +133,7 @@ class Viewer:
         self.refresh()
 
     def refresh(self) -> None:
-        """Draw the points with the current settings of slider, switches and colour."""
+        """Draw the points with the current settings of slider, switches and color."""
         with self._lock:
             if self.shown is None:
                 return
@@ -225,7 +225,7 @@ class Viewer:
             self.points = gui.add_checkbox("points", True)
             names = tuple(self.subject.clouds) or ("none",)
             self.clouds = gui.add_dropdown("cloud", names, initial_value=cloud or names[0])
-            self.paint = gui.add_dropdown("colour", PAINTS)
+            self.paint = gui.add_dropdown("color", PAINTS)
             marks = ((-3, "1 mm"), (-2, "1 cm"), (-1, "10 cm"), (0, "1 m"), (1, "any"))
             self.slider = gui.add_slider("at most", SLIDER_LOW, SLIDER_HIGH, 0.02, SLIDER_HIGH, marks=marks)
             self.count = gui.add_markdown("")
@@ -269,7 +269,7 @@ class Viewer:
         mesh.visual = ColorVisuals(mesh, vertex_colors=np.repeat(colors, 3, axis=0))
         shown = bool(self.surfaces.value)
         self._stage_handle = self.server.scene.add_mesh_trimesh("/stage", mesh, visible=shown, cast_shadow=False)
-        self.state.content = f"{count:,} triangles, in the mean colours of their materials"
+        self.state.content = f"{count:,} triangles, in the mean colors of their materials"
 
     def _show_cameras(self, flight: Flight, capture: Capture) -> None:
         for frustum in self._frusta:
@@ -363,7 +363,7 @@ def sighting_crops(capture: Capture, facts: PointFacts) -> list[U8]:
         facts: The point.
 
     Returns:
-        sRGB colours, shape (CROP, CROP, 3), uint8, each.
+        sRGB colors, shape (CROP, CROP, 3), uint8, each.
     """
     names = {image.name: row for row, image in enumerate(capture.images)}
     crops = []

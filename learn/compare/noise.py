@@ -71,7 +71,7 @@ def sensor_places(folder: Path) -> F64:
         folder: A cloud: scanned from stations or along a path, or reconstructed from photographs.
 
     Returns:
-        Stations, positions along the path, or camera centres [m], shape (S, 3), float64.
+        Stations, positions along the path, or camera centers [m], shape (S, 3), float64.
 
     Raises:
         InputError: It was sampled without a sensor, or its record of the sensor is invalid.

@@ -80,8 +80,8 @@ class PieceCounts:
     """Points of one cloud in each window.
 
     Attributes:
-        all: Labelled points, shape (W,).
-        quiet: Those that are not noisy, shape (W,).
+        all: Number of labeled points in each window, shape (W,).
+        quiet: Number of points that are not noisy in each window, shape (W,).
     """
 
     all: tuple[int, ...]

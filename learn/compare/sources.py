@@ -26,7 +26,7 @@ class WindowPlace:
         cloud: Name of the cloud in it.
         number: Row in its list of windows.
         bridge: Hash of the bridge.
-        points: Labelled points in the window.
+        points: Labeled points in the window.
     """
 
     folder: Path

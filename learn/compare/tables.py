@@ -83,7 +83,7 @@ def _caution(record: Row) -> list[str]:
         return ["Bridges are the sampling unit: intervals hold for bridges like these."]
     return [
         f"**Weak figures: {found}.** A difference of three points needs some eight seeds and a dozen "
-        "test bridges; here the intervals tell how little is known, not which arm is better."
+        "test bridges; the intervals show the uncertainty; they do not show which arm is better."
     ]
 
 
@@ -92,8 +92,8 @@ def _about_intervals(record: Row) -> list[str]:
     return [
         "First minus second arm, in points of mean IoU. "
         f"*Interval*: {level}, seeds and bridges drawn anew, crossed ({record['draws']} draws), with Student's t for "
-        f"the fewer of the two. *Over seeds*: {level}, paired t on these very bridges: it knows nothing of other "
-        "bridges. *Wins*: seeds in which the first is better."
+        f"the fewer of the two. *Over seeds*: {level}, paired t over the seeds on these bridges; it does not cover "
+        "other bridges. *Wins*: seeds in which the first is better."
     ]
 
 

@@ -163,7 +163,7 @@ def _with_own_classes(settings: DatasetSettings, sources: Sequence[Source]) -> D
                 where=source.path,
                 field="--table",
                 value=OWN,
-                hint="Give labelled scans with --class-map",
+                hint="Give labeled scans with --class-map",
             )
         for code, row in sorted(source.class_map.codes.items()):
             if row.name != "unlabelled":

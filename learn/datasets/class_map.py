@@ -40,7 +40,7 @@ class ClassMapFile(Settings):
 
     title: str = Field(default="", description="Title of the map")
     source: str = Field(default="", description="Source of the class numbers")
-    licence: str = Field(default="", description="Licence of the data")
+    licence: str = Field(default="", description="License of the data")
     column: str = Field(
         default=SEGMENT,
         min_length=1,

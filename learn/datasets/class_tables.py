@@ -26,7 +26,7 @@ class ClassTable:
     Attributes:
         name: Name of the table.
         names: Class names in the order of the table.
-        colors: sRGB colour of each, for people.
+        colors: sRGB color of each, for people.
     """
 
     name: str

@@ -68,7 +68,7 @@ def draw_clutter(
         rng: Source of randomness.
 
     Returns:
-        Positions relative to the centre of the square and the general level of its ground [m], shape (N, 3), float32,
+        Positions relative to the center of the square and the general level of its ground [m], shape (N, 3), float32,
         and labels, shape (N,), uint8.
     """
     density = float(np.exp(rng.uniform(np.log(4.0), np.log(25.0))))

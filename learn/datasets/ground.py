@@ -19,7 +19,7 @@ class Ground:
     """Low heights on a grid.
 
     Attributes:
-        places: Centres of the cells that hold enough points [m], shape (C, 2), float64.
+        places: Centers of the cells that hold enough points [m], shape (C, 2), float64.
         heights: A low height in each [m], shape (C,), float64.
         fallback: Height where no cell is near [m].
     """

@@ -18,7 +18,7 @@ _HOLE = (0.03, 0.15)  # radius of a hole over the width of the piece [1]
 
 
 def other_sensor(patch: Patch, settings: SensorSettings, rng: np.random.Generator) -> tuple[Patch, F64]:
-    """Remove points and colour from a piece, and tilt its vertical, at random.
+    """Remove points and color from a piece, and tilt its vertical, at random.
 
     Args:
         patch: A piece, at least one point.

@@ -15,7 +15,7 @@ class TileSettings(Settings):
     """Metric tiles: squares of one size, scaled by one constant."""
 
     size: float = Field(default=10.0, gt=0.0, le=1000.0, description="Side of a tile [m]")
-    stride: float = Field(default=5.0, gt=0.0, le=1000.0, description="Distance between neighbouring tiles [m]")
+    stride: float = Field(default=5.0, gt=0.0, le=1000.0, description="Distance between neighboring tiles [m]")
     scale: float = Field(default=10.0, gt=0.0, le=1000.0, description="Length that is scaled to 1 for the network [m]")
     voxel: float = Field(
         default=0.05, ge=0.001, le=10.0, description="Side of the cubes in each of which one point is kept [m]"

@@ -1,6 +1,6 @@
 """Metric tiles of a cloud, cut by the same code for training and for prediction, from points only.
 
-A tile is a square of fixed size. Its positions are relative to its centre and to the ground, which is estimated from
+A tile is a square of fixed size. Its positions are relative to its center and to the ground, which is estimated from
 the points; labels, the axis of the bridge and the stage are not needed.
 """
 
@@ -27,7 +27,7 @@ class Tile:
     Attributes:
         place: Index of the square along x and y.
         rows: Its points in the voxel cloud, ascending, shape (N,), int64.
-        origin: Centre of the square, at the height of the ground [m], shape (3,), float64.
+        origin: Center of the square, at the height of the ground [m], shape (3,), float64.
     """
 
     place: tuple[int, int]

@@ -70,7 +70,7 @@ class VariedSplit:
     """Samples of some bridges of a data set, equally many from every cloud; a `learn.sample.SampleSource`.
 
     A sample is a piece of its cloud: a random one, or one that holds a class drawn from those of the cloud, so that
-    rare classes occur. Only positions are augmented, so it does not suit models with colours or normals.
+    rare classes occur. Only positions are augmented, so it does not suit models with colors or normals.
 
     Attributes:
         split: The split for training.
@@ -97,7 +97,7 @@ class VariedSplit:
 
     @cached_property
     def _surroundings(self) -> I64:
-        """List the labels of classes that are not part of a bridge, and of unlabelled points."""
+        """List the labels of classes that are not part of a bridge, and of unlabeled points."""
         return np.array([*np.flatnonzero(is_background(self.classes)), UNLABELED])
 
     @cached_property

@@ -1,4 +1,4 @@
-"""The paper's windows along a bridge; their boxes are computed from the labels, so only labelled clouds have them."""
+"""The paper's windows along a bridge; their boxes are computed from the labels, so only labeled clouds have them."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class Window:
     Attributes:
         number: Number of the window along the bridge.
         rows: Its points, ascending, shape (N,), int64.
-        origin: Centre of its box, at the lower end [m], shape (3,), float64.
+        origin: Center of its box, at the lower end [m], shape (3,), float64.
     """
 
     number: int
@@ -44,7 +44,7 @@ class WindowBox:
         along: Its start and end along the axis [m].
         beside: Its start and end across the axis, positive to the left [m].
         height: Its lower and upper end [m].
-        origin: Its centre, at the lower end [m], shape (3,), float64.
+        origin: Its center, at the lower end [m], shape (3,), float64.
     """
 
     number: int
@@ -74,7 +74,7 @@ def cut_windows(cloud: LabeledCloud, settings: WindowSettings, where: object) ->
     """Cut a cloud into boxes along the bridge.
 
     Args:
-        cloud: Labelled points.
+        cloud: Labeled points.
         settings: Sizes.
         where: Source, for the error.
 
@@ -82,7 +82,7 @@ def cut_windows(cloud: LabeledCloud, settings: WindowSettings, where: object) ->
         The windows that hold deck and points.
 
     Raises:
-        InputError: No point of the deck is labelled.
+        InputError: No point of the deck is labeled.
     """
     for box, rows in _lay(cloud, settings, where):
         yield Window(box.number, rows, box.origin)
@@ -92,12 +92,12 @@ def lay_windows(cloud: LabeledCloud, settings: WindowSettings, where: object) ->
     """Compute the boxes of `cut_windows`, for other clouds of the same bridge.
 
     Args:
-        cloud: Labelled points.
+        cloud: Labeled points.
         settings: Sizes.
         where: Source, for the error.
 
     Raises:
-        InputError: No point of the deck is labelled.
+        InputError: No point of the deck is labeled.
     """
     return [box for box, _ in _lay(cloud, settings, where)]
 
@@ -113,7 +113,7 @@ def _lay(cloud: LabeledCloud, settings: WindowSettings, where: object) -> Iterat
     deck = np.flatnonzero(cloud.deck)
     if len(deck) < _FEWEST_DECK:
         raise InputError(
-            "has no labelled deck for windows along the bridge",
+            "has no labeled deck for windows along the bridge",
             where=where,
             value=len(deck),
             allowed=f"at least {_FEWEST_DECK} points of the deck",

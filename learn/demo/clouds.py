@@ -62,7 +62,7 @@ def thin_cloud(folder: Path, name: str) -> DemoCloud:
 
 
 def pack_clouds(clouds: Sequence[DemoCloud], path: Path) -> None:
-    """Write clouds into one file, as differences of neighbours along each axis, which compress well.
+    """Write clouds into one file, as differences of neighbors along each axis, which compress well.
 
     Args:
         clouds: The clouds.

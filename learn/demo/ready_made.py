@@ -62,13 +62,13 @@ def card_lines(clouds: Sequence[DemoCloud]) -> list[str]:
     total = sum(len(cloud.coord) for cloud in clouds)
     held = [name for name in TEST if name in {cloud.name for cloud in clouds}]
     return [
-        "# Labelled clouds of random bridges",
+        "# Labeled clouds of random bridges",
         "",
         f"{len(clouds)} bridges, {total:,} points, written by `falsework dataset demo`. Apache-2.0, as the software.",
         "",
         "- Every bridge is random, and another one. The name says its family and seed.",
         f"- Points are sampled on the mesh, one a cube of {VOXEL} m, and rounded to {STEP} m.",
-        "- Each has its class (`segment`) and component. Their colours, normals and instances were not kept: all zero.",
+        "- Each has its class (`segment`) and component. Their colors, normals and instances were not kept: all zero.",
         "- Points were not seen by a camera or a laser: hidden faces are sampled, too, and nothing is noisy. A network",
         "  that learns from them knows shapes, not sensors. For clouds as sensors see them, run a scenario.",
         *([f"- Kept for the test wherever Falsework gives scores: {', '.join(held)}."] if held else []),

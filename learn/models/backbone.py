@@ -31,7 +31,7 @@ class Backbone(Protocol):
             coord: Positions [m or 1], shape (N, 3), float32.
 
         Returns:
-            Named arrays of row numbers: `kept{l}`, shape (points of level l,), others shape (rows, neighbours), int32.
+            Named arrays of row numbers: `kept{l}`, shape (points of level l,), others shape (rows, neighbors), int32.
         """
         ...
 
@@ -45,7 +45,7 @@ class Backbone(Protocol):
         Args:
             features: Inputs [1], shape (B, N, C), float32.
             geometry: Of the B clouds `coord` [m or 1], shape (B, N, 3), float32, and the pyramids, shape (B, rows) or
-                (B, rows, neighbours), int64.
+                (B, rows, neighbors), int64.
 
         Returns:
             Logits [1], shape (B, N, classes), float32.
@@ -65,7 +65,7 @@ def geometry_of(
         moved: The same points after augmentation [m or 1], shape (N, 3), float32; None: not augmented.
 
     Returns:
-        `coord` [m or 1], shape (N, 3), float32, and the pyramid, shape (rows,) or (rows, neighbours), int64.
+        `coord` [m or 1], shape (N, 3), float32, and the pyramid, shape (rows,) or (rows, neighbors), int64.
     """
     arrays = cached_pyramid(cache, coord, backbone.pyramid_parameters(), backbone.pyramid)
     geometry = {name: torch.from_numpy(rows.astype(np.int64)) for name, rows in arrays.items()}
@@ -78,10 +78,10 @@ def batched(geometries: list[dict[str, Tensor]]) -> dict[str, Tensor]:
 
     Args:
         geometries: One per cloud, from `geometry_of`: `coord` [m or 1], shape (N, 3), float32, and pyramids, shape
-            (rows,) or (rows, neighbours), int64.
+            (rows,) or (rows, neighbors), int64.
 
     Returns:
         One geometry with a batch axis: `coord` [m or 1], shape (B, N, 3), float32, and pyramids, shape (B, rows) or (B,
-        rows, neighbours), int64.
+        rows, neighbors), int64.
     """
     return {name: torch.stack([geometry[name] for geometry in geometries]) for name in geometries[0]}

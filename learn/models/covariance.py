@@ -1,4 +1,4 @@
-"""Covariance features of neighbourhoods at several scales, for a forest."""
+"""Covariance features of neighborhoods at several scales, for a forest."""
 
 from collections.abc import Sequence
 
@@ -13,11 +13,11 @@ NAMES = ("linearity", "planarity", "scatter", "curvature", "verticality", "sprea
 
 
 def covariance_features(coord: F32, scales: Sequence[int]) -> F32:
-    """Describe each point by the covariances of its nearest neighbours.
+    """Describe each point by the covariances of its nearest neighbors.
 
     Args:
         coord: Positions, z up [m or 1], shape (N, 3), float32.
-        scales: Numbers of neighbours; limited to the number of points.
+        scales: Numbers of neighbors; limited to the number of points.
 
     Returns:
         Features [m or 1], shape (N, 9 x scales + 1), float32: for each scale `NAMES`, then the height above the lowest

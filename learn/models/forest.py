@@ -40,7 +40,7 @@ def grow_forest(
 
     present = np.unique(labels)
     if len(present) < 2:
-        raise InputError("all labelled points have one class; training needs at least two", field="labels")
+        raise InputError("all labeled points have one class; training needs at least two", field="labels")
     forest = RandomForestClassifier(
         trees, max_depth=depth, class_weight="balanced", random_state=seed, n_jobs=1, min_samples_leaf=2
     )

@@ -1,4 +1,4 @@
-"""Gathering of neighbours' features: rows within each cloud of a batch, channels last."""
+"""Gathering of neighbors' features: rows within each cloud of a batch, channels last."""
 
 import torch
 from torch import Tensor, nn
@@ -65,7 +65,7 @@ def of_neighbors(layer: nn.Module, features: Tensor, offset: Tensor, index: Tens
 
 
 class Shared(nn.Module):
-    """One layer of a shared MLP: linear, batch normalisation, activation, the same for every point."""
+    """One layer of a shared MLP: linear, batch normalization, activation, the same for every point."""
 
     def __init__(
         self,
@@ -94,9 +94,9 @@ class Shared(nn.Module):
         return self.behind(functional.linear(values, self.linear.weight))
 
     def behind(self, values: Tensor) -> Tensor:
-        """Apply bias, normalisation and activation to the output of the linear part without its bias.
+        """Apply bias, normalization and activation to the output of the linear part without its bias.
 
-        In training the bias is left out, because normalisation subtracts it with the mean of the batch. It only changes
+        In training the bias is left out, because normalization subtracts it with the mean of the batch. It only changes
         the running mean, and its gradient is zero. Adding it to every row and summing its gradient takes a tenth of a
         step.
 

@@ -17,7 +17,7 @@ from learn.neighborhoods.pyramids import Indices, farthest_pyramid
 F32 = NDArray[np.float32]
 
 Ball = tuple[float, int, tuple[int, ...]]
-"""Radius [m or 1], neighbours, and the widths of the shared MLP."""
+"""Radius [m or 1], neighbors, and the widths of the shared MLP."""
 
 SSG: tuple[tuple[Ball, ...], ...] = (
     ((0.1, 32, (32, 32, 64)),),
@@ -83,7 +83,7 @@ class PointNet2(nn.Module):
 
         Returns:
             As `learn.neighborhoods.pyramids.farthest_pyramid`: `kept{l}`, shape (points of level l,), `ball{l}_{j}` and
-            `up{l}`, shape (rows, neighbours), int32.
+            `up{l}`, shape (rows, neighbors), int32.
         """
         return farthest_pyramid(coord, self.settings.counts, self.balls)
 
@@ -97,7 +97,7 @@ class PointNet2(nn.Module):
         Args:
             features: Inputs [1], shape (B, N, C), float32.
             geometry: Of the B clouds `coord` [m or 1], shape (B, N, 3), float32, and the pyramids, shape (B, rows) or
-                (B, rows, neighbours), int64.
+                (B, rows, neighbors), int64.
 
         Returns:
             Logits [1], shape (B, N, classes).

@@ -82,7 +82,7 @@ class PointNext(nn.Module):
 
         Returns:
             As `learn.neighborhoods.pyramids.farthest_pyramid`: `kept{l}`, shape (points of level l,), `ball{l}_{j}` and
-            `up{l}`, shape (rows, neighbours), int32; with `own{l}` of `add_own_balls` where residual blocks need them.
+            `up{l}`, shape (rows, neighbors), int32; with `own{l}` of `add_own_balls` where residual blocks need them.
         """
         counts = [len(coord) // STRIDE ** (level + 1) for level in range(LEVELS)]
         near = self.settings.neighbours
@@ -106,7 +106,7 @@ class PointNext(nn.Module):
         Args:
             features: Inputs [1], shape (B, N, C), float32.
             geometry: Of the B clouds `coord` [m or 1], shape (B, N, 3), float32, and the pyramids, shape (B, rows) or
-                (B, rows, neighbours), int64.
+                (B, rows, neighbors), int64.
 
         Returns:
             Logits [1], shape (B, N, classes).

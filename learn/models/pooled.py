@@ -1,4 +1,4 @@
-"""The last layer over a neighbourhood and its maximum: in training only the maximum is normalised."""
+"""The last layer over a neighborhood and its maximum: in training only the maximum is normalized."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -44,7 +44,7 @@ def pooled(layers: Iterable[nn.Module], begun: Tensor) -> Tensor:
 
 
 class _PooledNorm(torch.autograd.Function):
-    """Batch normalisation over all rows, and the maximum over the second axis."""
+    """Batch normalization over all rows, and the maximum over the second axis."""
 
     @staticmethod  # many: torch passes the arguments by position
     def forward(

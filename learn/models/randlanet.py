@@ -31,7 +31,7 @@ class RandlaNetSettings(Settings):
     ratios: tuple[int, ...] = (4, 4, 4, 4, 2)
     """Factor by which the cloud is thinned after each layer [1]."""
     neighbours: int = Field(default=16, ge=2, le=64)
-    """Number of nearest neighbours of a point."""
+    """Number of nearest neighbors of a point."""
     dropout: float = Field(default=0.5, ge=0.0, lt=1.0)
     """Dropout of the head: share of its features that a training step leaves out [1]."""
     sampling_seed: int = Field(default=0, ge=0)
@@ -51,7 +51,7 @@ class RandlaNetSettings(Settings):
 class RandlaNet(nn.Module):
     """RandLA-Net with neighborhoods from the loader.
 
-    Positions enter the spatial encoding without change: centre each cloud.
+    Positions enter the spatial encoding without change: center each cloud.
 
     Source: Hu et al., RandLA-Net, 2020, https://doi.org/10.48550/arXiv.1911.11236, and the authors' settings.
     """
@@ -80,13 +80,13 @@ class RandlaNet(nn.Module):
         )
 
     def pyramid(self, coord: F32) -> Indices:
-        """Choose the points of every level and search their neighbours.
+        """Choose the points of every level and search their neighbors.
 
         Args:
             coord: Positions [m or 1], shape (N, 3), float32.
 
         Returns:
-            As `learn.neighborhoods.pyramids.random_pyramid`: `near{l}` and `up{l}`, shape (rows, neighbours),
+            As `learn.neighborhoods.pyramids.random_pyramid`: `near{l}` and `up{l}`, shape (rows, neighbors),
             `kept{l}`, shape (points of level l + 1,), int32.
         """
         return random_pyramid(coord, self.settings.ratios, self.settings.neighbours, self.settings.sampling_seed)
@@ -107,7 +107,7 @@ class RandlaNet(nn.Module):
         Args:
             features: Inputs [1], shape (B, N, C), float32.
             geometry: Of the B clouds `coord` [m or 1], shape (B, N, 3), float32, and the pyramids, shape (B, rows) or
-                (B, rows, neighbours), int64.
+                (B, rows, neighbors), int64.
 
         Returns:
             Logits [1], shape (B, N, classes).
@@ -146,12 +146,12 @@ class DilatedResidual(nn.Module):
         self.activation = nn.LeakyReLU(SLOPE)
 
     def forward(self, features: Tensor, coord: Tensor, near: Tensor) -> Tensor:
-        """Aggregate each point's neighbourhood.
+        """Aggregate each point's neighborhood.
 
         Args:
             features: Shape (B, N, inputs).
             coord: Positions [m or 1], shape (B, N, 3).
-            near: Neighbours, shape (B, N, K), int64.
+            near: Neighbors, shape (B, N, K), int64.
 
         Returns:
             Features, shape (B, N, 2 x width).
@@ -165,7 +165,7 @@ class DilatedResidual(nn.Module):
 
 
 class AttentivePooling(nn.Module):
-    """A sum over neighbours, each feature weighted by a softmax over them."""
+    """A sum over neighbors, each feature weighted by a softmax over them."""
 
     def __init__(self, width: int, outputs: int) -> None:
         super().__init__()
@@ -173,7 +173,7 @@ class AttentivePooling(nn.Module):
         self.mlp = _shared(width, outputs)
 
     def forward(self, values: Tensor) -> Tensor:
-        """Pool over the neighbours.
+        """Pool over the neighbors.
 
         Args:
             values: Shape (B, N, K, width).
@@ -185,14 +185,14 @@ class AttentivePooling(nn.Module):
 
 
 def relative_place(coord: Tensor, near: Tensor) -> Tensor:
-    """Compute the spatial encoding of each neighbour.
+    """Compute the spatial encoding of each neighbor.
 
     Args:
         coord: Positions [m or 1], shape (B, N, 3).
-        near: Neighbours, shape (B, N, K), int64.
+        near: Neighbors, shape (B, N, K), int64.
 
     Returns:
-        Distance, centre minus neighbour, centre, neighbour [m or 1], shape (B, N, K, 10).
+        Distance, center minus neighbor, center, neighbor [m or 1], shape (B, N, K, 10).
     """
     neighbor = gather(coord, near)
     center = coord[:, :, None].expand_as(neighbor)

@@ -44,7 +44,7 @@ def cached_pyramid(folder: Path | None, coord: F32, parameters: object, build: C
         build: Function that builds it.
 
     Returns:
-        The pyramid: named arrays of row numbers, shape (rows,) or (rows, neighbours), int32; a damaged or foreign file
+        The pyramid: named arrays of row numbers, shape (rows,) or (rows, neighbors), int32; a damaged or foreign file
         is rebuilt.
     """
     if folder is None:

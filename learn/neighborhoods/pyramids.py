@@ -1,4 +1,4 @@
-"""Pyramids of points: the points of each level and their neighbours, as arrays of row numbers.
+"""Pyramids of points: the points of each level and their neighbors, as arrays of row numbers.
 
 Row numbers do not change under rotation, mirroring and uniform scaling (if the radii are scaled too), so one pyramid
 serves every such augmentation of a cloud.
@@ -21,16 +21,16 @@ INTERPOLATED = 3  # coarse points that the features of a finer point are interpo
 
 
 def farthest_pyramid(coord: F32, counts: Sequence[int], balls: Sequence[Sequence[tuple[float, int]]]) -> Indices:
-    """Build the pyramid of PointNet++: farthest points, balls about them, and neighbours for upsampling.
+    """Build the pyramid of PointNet++: farthest points, balls about them, and neighbors for upsampling.
 
     Args:
         coord: Positions [m or 1], shape (N, 3), float32.
         counts: Points of each coarser level.
-        balls: For each of them, (radius [m or 1], neighbours) of each ball about its points.
+        balls: For each of them, (radius [m or 1], neighbors) of each ball about its points.
 
     Returns:
         For level l: `kept{l}`, shape (counts[l],), rows of the level above; `ball{l}_{j}`, shape (counts[l],
-        neighbours), rows of the level above; `up{l}`, shape (points above, 3), rows of level l, nearest first; int32.
+        neighbors), rows of the level above; `up{l}`, shape (points above, 3), rows of level l, nearest first; int32.
     """
     arrays: dict[str, NDArray[np.int32]] = {}
     above = coord
@@ -50,13 +50,13 @@ def add_own_balls(arrays: Indices, coord: F32, levels: int, balls: Sequence[tupl
 
     Args:
         arrays: A pyramid of `farthest_pyramid`: `kept{l}`, shape (points of level l,), `ball{l}_{j}` and `up{l}`, shape
-            (rows, neighbours), int32.
+            (rows, neighbors), int32.
         coord: Positions that it was built from [m or 1], shape (N, 3), float32.
         levels: Number of levels.
-        balls: (radius [m or 1], neighbours) at each level.
+        balls: (radius [m or 1], neighbors) at each level.
 
     Returns:
-        The pyramid and `own{l}`, shape (points of level l, neighbours), rows of level l, int32.
+        The pyramid and `own{l}`, shape (points of level l, neighbors), rows of level l, int32.
     """
     more = dict(arrays)
     for level in range(levels):
@@ -66,7 +66,7 @@ def add_own_balls(arrays: Indices, coord: F32, levels: int, balls: Sequence[tupl
 
 
 def random_pyramid(coord: F32, ratios: Sequence[int], neighbors: int, seed: int) -> Indices:
-    """Build the pyramid of RandLA-Net: random points, k nearest neighbours, and the nearest kept point.
+    """Build the pyramid of RandLA-Net: random points, k nearest neighbors, and the nearest kept point.
 
     Args:
         coord: Positions [m or 1], shape (N, 3), float32.

@@ -11,7 +11,7 @@ I64 = NDArray[np.int64]
 
 
 def ball_query(coord: F32, centers: F32, radius: float, count: int) -> I64:
-    """Find the points within a ball about each centre.
+    """Find the points within a ball about each center.
 
     Nearest first; if a ball holds more than `count` points, the nearest are kept. (The published code keeps those with
     the lowest indices, which depend on the order of the file.) If it holds fewer, the row is filled up with its first
@@ -19,7 +19,7 @@ def ball_query(coord: F32, centers: F32, radius: float, count: int) -> I64:
 
     Args:
         coord: Positions [m or 1], shape (N, 3), float32.
-        centers: Centres [m or 1], shape (M, 3), float32.
+        centers: Centers [m or 1], shape (M, 3), float32.
         radius: Of the balls, points on the surface included [m or 1].
         count: Entries of a row.
 
@@ -37,22 +37,22 @@ def ball_query(coord: F32, centers: F32, radius: float, count: int) -> I64:
 
 
 def nearest(coord: F32, centers: F32, count: int) -> I64:
-    """Find the k nearest points of each centre, nearest first.
+    """Find the k nearest points of each center, nearest first.
 
     Args:
         coord: Positions [m or 1], shape (N, 3), float32.
-        centers: Centres [m or 1], shape (M, 3), float32.
-        count: Neighbours k; a centre that is one of the points is its own first neighbour.
+        centers: Centers [m or 1], shape (M, 3), float32.
+        count: Neighbors k; a center that is one of the points is its own first neighbor.
 
     Returns:
         Rows of `coord`, shape (M, count), int64.
 
     Raises:
-        InputError: Fewer points than neighbours.
+        InputError: Fewer points than neighbors.
     """
     if len(coord) < count:
         raise InputError(
-            "fewer points than neighbours",
+            "fewer points than neighbors",
             field="points",
             value=len(coord),
             allowed=f"{count} or more",

@@ -1,4 +1,4 @@
-"""Conversion of a scan's coordinates to metres with z up."""
+"""Conversion of a scan's coordinates to meters with z up."""
 
 from dataclasses import dataclass
 
@@ -25,7 +25,7 @@ _SAME = 1e-3  # [1] tolerance: the US survey foot and the international foot cou
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Conversion of a scan's coordinates to metres with z up.
+    """Conversion of a scan's coordinates to meters with z up.
 
     Attributes:
         meters: Length of one unit [m].
@@ -78,7 +78,7 @@ def choose_frame(said: float | None, settings: PredictSettings, where: object) -
         raise InputError(
             "its coordinates are longitudes and latitudes",
             where=where,
-            hint="Project them into a coordinate system in metres or feet first",
+            hint="Project them into a coordinate system in meters or feet first",
         )
     if meters is None:
         raise InputError(

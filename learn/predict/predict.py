@@ -191,7 +191,7 @@ def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int,
 
     Args:
         stream: The scan.
-        frame: Conversion of its coordinates to metres.
+        frame: Conversion of its coordinates to meters.
         model: Determines the columns and the size of the cubes.
         chunk: Points at a time.
         where: Scan, for the error.

@@ -13,7 +13,7 @@ UNITS: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-
 
 
 class PredictSettings(Settings):
-    """How a scan is labelled."""
+    """How a scan is labeled."""
 
     unit: Unit | None = Field(default=None, description="Unit of the coordinates; left out: as the scan states")
     scale: float | None = Field(

@@ -27,7 +27,7 @@ class Tally:
 
     Attributes:
         matrices: Confusion up to each threshold, then of all points, shape (T + 1, C, C), int64.
-        confidence: Highest class probabilities of the labelled points [1], one array per cloud, shape (P,), float32.
+        confidence: Highest class probabilities of the labeled points [1], one array per cloud, shape (P,), float32.
         right: Whether the class of each is right, one array per cloud, shape (P,), bool.
         modeled: Predicted instances compared with the true ones.
         parts: Predicted instances compared with the connected parts of the true classes.

@@ -103,7 +103,7 @@ def _confusion(record: Mapping[str, Any]) -> list[str]:
 
 def _panoptic(record: Mapping[str, Any]) -> list[str]:
     lines: list[str] = []
-    titles = {"parts": "connected parts of the true classes", "modelled": "components as they were modelled"}
+    titles = {"parts": "connected parts of the true classes", "modelled": "components as they were modeled"}
     for key, title in titles.items():
         if record["panoptic"][key] is None:
             continue

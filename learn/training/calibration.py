@@ -7,7 +7,7 @@ from scipy.optimize import minimize_scalar
 from torch import Tensor
 
 MOST_POINTS = 200_000
-"""Labelled points that are enough to fit a temperature."""
+"""Labeled points that are enough to fit a temperature."""
 
 
 def fit_temperature(scores: Tensor, labels: Tensor, probabilities: Callable[[Tensor, float], Tensor]) -> float:

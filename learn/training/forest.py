@@ -22,7 +22,7 @@ class ForestSettings(Settings):
     """A random forest."""
 
     scales: tuple[int, ...] = Field(default=(10, 30, 100), min_length=1, max_length=6)
-    """Numbers of nearest neighbours whose covariances describe a point."""
+    """Numbers of nearest neighbors whose covariances describe a point."""
     trees: int = Field(default=60, ge=1, le=1000)
     """Number of trees."""
     depth: int = Field(default=16, ge=1, le=40)
@@ -97,7 +97,7 @@ def _bridges(source: SampleSource) -> list[str]:
 
 
 def _temperature(arrays: Arrays, held: SampleSource | None, scales: Sequence[int]) -> float:
-    """Fit the temperature on the labelled points of held-out bridges; 1 without any."""
+    """Fit the temperature on the labeled points of held-out bridges; 1 without any."""
     if held is None:
         return 1.0
     shares, labels, count = [], [], 0

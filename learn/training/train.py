@@ -168,7 +168,7 @@ def _set_task(data: TrainingData, settings: TrainSettings, init: Path | None) ->
     counts = count_labels(source, rows, settings.seed)
     if int(counts.any(axis=0).sum()) < 2:
         raise InputError(
-            "all labelled points have one class; training needs at least two",
+            "all labeled points have one class; training needs at least two",
             field="classes",
             value=", ".join(classes),
             hint="Add clouds that show other classes",
@@ -346,7 +346,7 @@ def _best_weights(folder: Path) -> dict[str, Tensor]:
 
 
 def _temperature(network: Any, task: _Task) -> float:
-    """Fit the temperature on the labelled points of the validation."""
+    """Fit the temperature on the labeled points of the validation."""
     samples, logits, labels, count = Loaded(task.validation, network.eval(), task.channels, 0), [], [], 0
     for row in task.held:
         item = collate([samples[0, row]])

@@ -51,8 +51,8 @@ class ScannerSettings(ScopeSettings):
     max_range: float = Field(default=120.0, gt=0.0, le=2000.0)
     """Farther surfaces give no point, whatever they reflect [m]."""
     range_at_10_percent: float = Field(default=80.0, gt=0.0, le=5000.0)
-    """Largest range to a surface that reflects 10 % and is hit at a right angle [m]. The echo is proportional to the
-    reflectance and the cosine of the incidence angle, and falls with the square of the distance."""
+    """Largest range at which a surface of 10 % reflectance is detected at normal incidence [m]. The echo is
+    proportional to the reflectance and the cosine of the incidence angle, and falls with the square of the distance."""
     max_incidence: float = Field(default=87.0, gt=0.0, le=90.0)
     """Angle between ray and normal beyond which there is no point [deg]."""
     range_noise: float = Field(default=0.002, ge=0.0, le=1.0)
@@ -163,8 +163,8 @@ class AirborneSettings(ScannerSettings):
     max_range: float = Field(default=2000.0, gt=0.0, le=5000.0)
     """Farther surfaces give no point, whatever they reflect [m]."""
     range_at_10_percent: float = Field(default=1500.0, gt=0.0, le=5000.0)
-    """Largest range to a surface that reflects 10 % and is hit at a right angle [m]. The echo is proportional to the
-    reflectance and the cosine of the incidence angle, and falls with the square of the distance."""
+    """Largest range at which a surface of 10 % reflectance is detected at normal incidence [m]. The echo is
+    proportional to the reflectance and the cosine of the incidence angle, and falls with the square of the distance."""
     range_noise: float = Field(default=0.02, ge=0.0, le=1.0)
     """Standard deviation of the range [m]."""
     beam_divergence: float = Field(default=0.0005, ge=0.0, le=0.02)

@@ -219,7 +219,7 @@ def test_windows_lie_in_walls() -> None:
         assert (hit == 1).all()
         turned = np.array([[c, s], [-s, c]])
         before = openings(tower, tower.spot[:2] + np.array([[0.0, -200.0], [1.0, -200.0]]) @ turned)
-        assert 0 < len(before.yaw) < len(found.yaw)  # whoever stands before the front sees no window of the back
+        assert 0 < len(before.yaw) < len(found.yaw)  # from before the front no window of the back is visible
         assert np.abs(np.cos(before.yaw - tower.heading) + 1.0).min() > 0.5
 
 

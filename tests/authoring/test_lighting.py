@@ -59,7 +59,7 @@ def test_hours_without_an_offset_are_universal_time() -> None:
     assert sun_position(datetime(2024, 6, 21, 14), 46, 0) == sun_position(datetime(2024, 6, 21, 14, tzinfo=UTC), 46, 0)
 
 
-def test_dome_stands_upright_for_whoever_follows_openexr(tmp_path: Path) -> None:
+def test_dome_is_upright_for_readers_of_openexr(tmp_path: Path) -> None:
     """OpenEXR's direction of a texel, through the prim's transform, is the direction that was baked there."""
     lighting = bake_light(LightSettings(sky_height=64), tmp_path, np.random.default_rng(1))
     stage = Usd.Stage.CreateInMemory()

@@ -17,7 +17,7 @@ from tests.conftest import RecordProof
 from usd_schemas import tokens
 
 PROGRAM = os.environ.get("FALSEWORK_USD_VALIDATE", "") or shutil.which("nvidia_usd_validate") or ""
-# UsdRender's prims stand beside the world, so that whoever references the world does not get its render settings; and
+# UsdRender's prims stand beside the world, so that a reference to the world does not bring its render settings; and
 # two covers of the ground may meet in a point, where the validator wants a hole or a doubled vertex, and warns of both.
 ACCEPTED = (
     ("DefaultPrimChecker", tokens.RENDER),

@@ -145,7 +145,7 @@ def test_the_tutorial_runs(chain: Chain, tmp_path: Path, monkeypatch: pytest.Mon
     assert (tmp_path / "captures/global/images/000000.jpg").is_file()
     assert len(names["cloud"]) > 1000
     assert names["cloud"].source == "sfm-dense"
-    assert (tmp_path / "labelled.laz").is_file()
+    assert (tmp_path / "labeled.laz").is_file()
 
 
 def test_the_front_pages_block_runs(chain: Chain, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -41,7 +41,7 @@ def test_eyes_are_where_people_stand(crossing: str) -> None:
 
 
 def test_measures_of_a_drawn_picture() -> None:
-    """Sky under the horizon, dead patches, the median and the kinds of things are what was drawn."""
+    """Sky under the horizon, flat patches, the median and the kinds of things are what was drawn."""
     pose = look_at(np.array([0.0, 0.0, 2.0]), np.array([10.0, 0.0, 2.0]))
     depth = np.full((72, 96), np.inf, np.float32)
     depth[36:] = 9.0
@@ -53,7 +53,7 @@ def test_measures_of_a_drawn_picture() -> None:
     found = measure_picture(picture, kinds, 0.0)
     assert found.sky_below == 0
     assert found.things == ("ground", "tree", "vehicle")
-    assert found.dead == 0.0
+    assert found.flat_patches == 0.0
     assert found.luminance == pytest.approx(100.0, abs=1.5)
     depth[70:, 3:8] = np.inf
     assert measure_picture(picture, kinds, 0.0).sky_below == 10
@@ -67,14 +67,14 @@ def test_measures_of_a_drawn_picture() -> None:
 @pytest.mark.proof_only
 @pytest.mark.parametrize("world", ["city", "countryside", "hillside", "lakeside"])
 def test_worlds_look_right_from_everywhere(world: str, proof_count: Count, record_proof: RecordProof) -> None:
-    """Seeds in a row, looks and lights in turn: no hole in the land, no dead patch, light under the deck, company."""
+    """Seeds in a row, looks and lights in turn: no hole in the land, no flat patch, light under the deck, company."""
     count = proof_count(1, 6)
     shots = [photograph_world(world, seed) for seed in range(count)]
     found = [measure for shot in shots for measure in shot.measures]
     low = [measure for shot in shots for measure in shot.measures[LOW]]
     holes = sum(measure.sky_below for measure in found)
     assert holes == 0
-    assert np.quantile([measure.dead for measure in found], 0.95) < 0.02
+    assert np.quantile([measure.flat_patches for measure in found], 0.95) < 0.02
     assert np.mean([len(measure.things) >= 4 for measure in low]) >= 0.9
     under = [shot.measures[1].luminance for shot in shots]
     assert 40.0 <= min(under) <= max(under) <= 180.0
@@ -90,7 +90,7 @@ def test_worlds_look_right_from_everywhere(world: str, proof_count: Count, recor
             "under_deck_median_min": round(min(under)),
             "under_deck_median_max": round(max(under)),
             "frames_with_four_kinds": round(float(np.mean([len(m.things) >= 4 for m in low])), 3),
-            "dead_patches_p95": round(float(np.quantile([m.dead for m in found], 0.95)), 4),
+            "dead_patches_p95": round(float(np.quantile([m.flat_patches for m in found], 0.95)), 4),
             "triangles_in_all_max": most,
             "triangles_drawn_p95": round(drawn),
             "over_the_budget": max(round(drawn) - MOST_DRAWN, 0),

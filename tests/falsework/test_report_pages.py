@@ -391,4 +391,4 @@ def test_a_run_tells_which_scene_was_rejected(
     text = " ".join(elements_of(out / "run/report.html").text)
     assert "no_texture" in text
     assert "nothing to match" in text
-    assert ("Let go: made, used and then removed" in text) == (keep is not None)
+    assert ("Removed: made, used and then removed" in text) == (keep is not None)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.page import state_of_page, words_of, write_page
+from docs.proof_state import page_states
 from tests.house.house import ROOT
 
 
@@ -39,6 +40,16 @@ def test_a_page_is_stale_when_its_code_does_something_else(project: Path) -> Non
     assert state_of_page(page, project) == "gone"
     page.write_text("# Speed\n")
     assert state_of_page(page, project) == "unknown"
+
+
+def test_pages_of_experiments_are_listed_beside_those_of_benchmarks(project: Path) -> None:
+    """Both folders are looked at, and every page of them has a state."""
+    benchmark = project / "benchmarks" / "speed.py"
+    for name in ("benchmarks", "experiments"):
+        (project / "docs" / name).mkdir(parents=True)
+    write_page(project / "docs" / "experiments" / "sensors.md", "# Sensors\n", str(benchmark), project)
+    (project / "docs" / "benchmarks" / "speed.md").write_text("# Speed\n")
+    assert page_states(project) == {"benchmarks/speed.md": "unknown", "experiments/sensors.md": "fresh"}
 
 
 def test_every_page_is_written_with_its_code() -> None:

@@ -59,7 +59,7 @@ def crowded_functions(source: str) -> list[str]:
 
 
 def test_long_lists_of_arguments_are_records() -> None:
-    """Nobody passes seven things by their place."""
+    """At most six arguments are positional."""
     assert_clean(crowded_functions, python_files(*ROOMS))
 
 

@@ -311,7 +311,7 @@ def test_bad_input_is_one_line(clouds: list[Path], metric: Path, tmp_path: Path)
     count = 3000
     ground = {"component": np.full(count, 3, np.uint16), "segment": np.full(count, class_id("background"), np.uint8)}
     bare = write_toy(tmp_path / "bare", 5, count, **ground)
-    with pytest.raises(InputError, match=r"no labelled deck for windows along the bridge.*Use --mode metric") as caught:
+    with pytest.raises(InputError, match=r"no labeled deck for windows along the bridge.*Use --mode metric") as caught:
         build(tmp_path / "e", [bare], mode="paper")
     assert "bare" in str(caught.value)
     with pytest.raises(InputError, match=r"a table of keys, not a value.*tile\.size=10"):

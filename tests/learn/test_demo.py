@@ -125,7 +125,7 @@ def test_the_command(
     assert sorted(path.name for path in (tmp_path / "model").iterdir())[-2:] == ["model.json", "model.safetensors"]
 
 
-def test_the_clouds_are_written_for_whoever_wants_data(
+def test_the_clouds_are_written_as_a_data_set(
     toys: list[DemoCloud], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """One folder a bridge with its points and labels, a card with the true counts, and `dataset local` reads them."""

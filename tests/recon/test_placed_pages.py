@@ -85,7 +85,7 @@ def test_residuals_of_control_stand_in_verdict_and_page(
     assert text.count("scale bar C0 to C1 off by -0.0") == (form is as_tables)
     for name in ("scale", "tilt", "heading", "place"):
         assert f"error of {name}, 95 % below" in text
-    assert "camera-centre error" not in text
+    assert "error of the camera positions" not in text
 
 
 def test_a_frame_made_of_gps_says_how_far_it_is_off(
@@ -113,7 +113,7 @@ def test_a_frame_made_of_gps_says_how_far_it_is_off(
     assert "GPS fixes that agree 9 of 10" in text
     assert "median distance of a camera from its GPS fix" in text
     assert "from its GPS fix mm" in text
-    assert "camera-centre error" not in text
+    assert "error of the camera positions" not in text
 
 
 def test_without_a_frame_lengths_have_no_unit(

@@ -25,7 +25,7 @@ def test_the_page_counts_points() -> None:
     assert {name: int(mask.sum()) for name, mask in rules(judged).items()} == {
         "all": 10,
         "by views": 7,
-        "by evidence": 8,
+        "by precision": 8,
     }
     line = next(line for line in scene_part("x", judged, {0: "background", 1: "deck"}).splitlines() if "| deck" in line)
     assert [cell.strip() for cell in line.split("|")[1:-1]] == [
@@ -46,11 +46,11 @@ def test_the_page_counts_points() -> None:
 
 
 def test_the_rule_is_that_of_the_clouds(plane_capture: Path, plane_cloud: Path) -> None:
-    """What stays by evidence is what the cloud of the same model holds."""
+    """What stays by precision is what the cloud of the same model holds."""
     capture = read_capture(plane_capture)
     truth = read_truth(capture)
     assert truth is not None
     judged = judge(read_model(plane_cloud / "model/sparse"), capture, truth)
     cloud: Cloud = read_cloud(plane_cloud)
-    assert int(rules(judged)["by evidence"].sum()) == len(cloud)
+    assert int(rules(judged)["by precision"].sum()) == len(cloud)
     assert cloud.statistics["classes"]["abutment"]["kept"] == (cloud.columns["segment"] == 1).sum()

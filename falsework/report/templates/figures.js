@@ -1,4 +1,4 @@
-// Draws each figure of the page in the colours of light or dark, anew when the reader changes between them; narrow pages break long labels.
+// Draws each figure of the page in the colors of light or dark, anew when the reader changes between them; narrow pages break long labels.
 "use strict";
 (() => {
   const dark = window.matchMedia("(prefers-color-scheme: dark)");

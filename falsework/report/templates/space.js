@@ -52,7 +52,7 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const unit = (a) => { const long = Math.hypot(...a) || 1; return a.map((value) => value / long); };
 
-// The eye goes round a target; z is up. Angles in radians, lengths in metres.
+// The eye goes round a target; z is up. Angles in radians, lengths in meters.
 class Eye {
   constructor(box, along) {
     this.box = box;
@@ -144,7 +144,7 @@ class Pen {
     return made;
   }
 
-  // A target without smoothed edges, whose colours are numbers.
+  // A target without smoothed edges, whose colors are numbers.
   numbered(width, height) {
     const { gl } = this;
     if (!this.target) this.target = { frame: gl.createFramebuffer(), color: gl.createRenderbuffer(), depth: gl.createRenderbuffer() };
@@ -406,7 +406,7 @@ class Space {
     canvas.addEventListener("pointerup", left);
     canvas.addEventListener("pointercancel", left);
     canvas.addEventListener("wheel", (event) => {
-      if (document.activeElement !== canvas) return;  // whoever scrolls past does not want to zoom
+      if (document.activeElement !== canvas) return;  // zooms only after a click: scrolling the page still works
       event.preventDefault();
       eye.zoom(Math.exp(0.0012 * event.deltaY));
       this.draw();
