@@ -1,4 +1,4 @@
-"""The conductor: from settings and a seed to a folder of layers that composes into one stage."""
+"""The conductor: creates from settings and a seed a folder of layers that compose into one stage."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -71,7 +71,7 @@ def author_scene(
 
     Args:
         settings: Settings of the scenario.
-        seed: Seed of the scene; each layer draws from a stream of its own.
+        seed: Seed of the scene; each layer has a separate random stream.
         folder: Existing empty folder; afterwards it holds `scene.usda` and can be moved as a whole.
         progress: Listener.
         given: The user's own files.
@@ -135,7 +135,7 @@ def _write_bridge(
     export(payload_layer(), folder / "payload.usda")
     asked = dict.fromkeys((settings.look.name, *settings.variants.look))
     others = (name for name in LOOKS if name not in asked)
-    names = [*asked, *islice(others, max(2 - len(asked), 0))]  # two in any case, so that a swap needs no authoring
+    names = [*asked, *islice(others, max(2 - len(asked), 0))]  # at least two: another look is then at hand
     files = {name: write_look(recipe, name, bridge, folder, given=surfaces) for name in names}
     spans = tuple(np.diff(layout.supports).tolist())
     facts = {**asdict(drawn), "alignment": asdict(layout.alignment)}

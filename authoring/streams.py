@@ -1,6 +1,6 @@
-"""One random stream per layer, so that a change in one section of the scenario changes nothing that another draws.
+"""One random stream per layer, so that a change in one section of the scenario changes no random values of others.
 
-And the choice among weighted options: what a setting's description says of their shares is made from the same table.
+Also the choice among weighted options: the shares in a setting's description are made from the same table.
 """
 
 import hashlib
@@ -27,7 +27,7 @@ def stream(seed: int, name: str) -> np.random.Generator:
 
 
 def weighted_choice(weights: Mapping[Option, float], share: float) -> Option:
-    """Find the option that lies at a share of all weights.
+    """Find the option at a cumulative share of all weights.
 
     Args:
         weights: How often each option is drawn, any scale [1]; their order counts.

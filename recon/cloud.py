@@ -1,4 +1,4 @@
-"""The cloud on disk: a folder of .npy columns, its observations, and `cloud.json`, which says what they mean."""
+"""The cloud on disk: a folder of .npy columns, its observations, and `cloud.json`, which describes them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from usd_schemas.components import NOISY_POINT, ClassRow
 
 FORMAT = "falsework.cloud"
 FORMAT_VERSION = 3
-# Version 1 held sparse reconstructions only, without optional columns; version 2 did not say which bridge it shows.
+# Version 1 held sparse reconstructions only, without optional columns; version 2 did not state which bridge it shows.
 _READABLE = (1, 2, FORMAT_VERSION)
 OBSERVATIONS = "observations"
 SFM_SPARSE, SFM_DENSE = "sfm-sparse", "sfm-dense"
@@ -106,8 +106,8 @@ class Cloud:
     Attributes:
         columns: One array per name of `COLUMNS`, and some of `OPTIONAL_COLUMNS`, shape (N,) or (N, width).
         observations: One array per name of `OBSERVATION_COLUMNS`, shape (M,) or (M, width); `start` (N + 1,).
-        components: Component kinds that the column `component` counts through; the first is empty, for none.
-        classes: Class table in force.
+        components: Component kinds that the numbers in the column `component` refer to; the first is empty, for none.
+        classes: Class table of the cloud.
         alignment: JSON facts of the alignment: target, method, scale, rotation, translation, singular values, limits.
         cameras: One JSON row per image of the capture: name, status, center_error [m], rotation_error [deg].
         statistics: JSON figures of the whole cloud.

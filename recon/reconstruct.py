@@ -1,4 +1,4 @@
-"""The conductor: from a capture to an annotated cloud, step by step as in the paper's figure."""
+"""The conductor: the steps from a capture to an annotated cloud, in the order of the paper's figure."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What a user may choose about the reconstruction."""
+"""Settings of the reconstruction."""
 
 from collections.abc import Mapping
 from typing import Any, Literal

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from groundwork.errors import ChildError, OutOfSpaceError
 
-_NOTHING_LEFT = 8e6  # [bytes] COLMAP has many messages for a full disk; less free space than this replaces them all
+_NOTHING_LEFT = 8e6  # [bytes] with less free space than this, any of COLMAP's errors is reported as a full disk
 _DISK_SIGNS = (
     "no space left",
     "No space left",
@@ -19,7 +19,7 @@ _DISK_SIGNS = (
 
 @contextmanager
 def plain_shortage(folder: Path, section: str, more: str = "") -> Iterator[None]:
-    """Replace a child's error by one line that says what to change: its own last message may name a line of C++.
+    """Replace a child's error by one line that says what to change: its own message may only name a line of C++.
 
     Args:
         folder: Folder that the child writes to; its parent exists.

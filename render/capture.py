@@ -1,4 +1,4 @@
-"""The capture on disk: photographs and a drone's records of them, and separately, in `truth/`, the ground truth."""
+"""The capture on disk: photographs with what a drone records, and separately, in `truth/`, the ground truth."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -126,7 +126,7 @@ def _read_capture(folder: Path) -> Capture:
     if min(stored.size) < 1 or max(stored.size) > LONGEST_SIDE:
         raise InputError("an image needs a width and a height", where=path, field="size", value=list(stored.size))
     for image in stored.images:
-        if image.name in ("", ".", "..") or "/" in image.name or len(image.name) > 200:  # truth has files of this name
+        if image.name in ("", ".", "..") or "/" in image.name or len(image.name) > 200:  # truth files have this name
             raise InputError("not a valid name of an image", where=path, field="images.name", value=image.name)
         _check_file(folder, path, image.file)
     return Capture(
@@ -185,7 +185,7 @@ class Truth:
         names: Name of each image.
         poses: camera_to_world [m], shape (N, 4, 4), float64, camera axes right, down, forward.
         instances: Meaning of each instance id.
-        classes: Class table in force.
+        classes: Class table of the capture.
         distortion: Distortion of the lens.
         readout: Read-out of a rolling shutter; None for a global shutter.
     """
@@ -232,7 +232,7 @@ class Truth:
             return _in_world(self.poses[index], local)
         world = np.empty((len(depth), 3))
         band = self._bands(pixels)
-        for number in np.unique(band):  # a pose for each pixel would take ten times as long
+        for number in np.unique(band):  # one pose per pixel would take ten times as long
             mine = band == number
             world[mine] = _in_world(self.readout.poses[index, number], (local[0][mine], local[1][mine], depth[mine]))
         return world

@@ -71,8 +71,8 @@ class Assignment:
         folder: Capture folder.
         settings: How to draw it.
         seed: Seed of sensor and calibration prior.
-        driver: What draws it.
-        choices: What the user chose of the stage.
+        driver: The OpenGL driver that draws it.
+        choices: Choices for reading the stage.
     """
 
     surveyed: SurveyedScene
@@ -131,13 +131,13 @@ def render_stage(
         folder: An existing folder: empty, or left by an interrupted run.
         settings: How to draw it.
         seed: Seed of sensor and calibration prior.
-        progress: Told about warnings, the light volume and every frame.
+        progress: Listener for warnings, the light volume and every frame.
         survey: Name of the RenderProduct; empty for the first.
         share: Number of this worker, and how many there are; only one that works alone finishes the capture.
-        choices: Choices for reading the stage; the subdivision is that of the settings.
+        choices: Choices for reading the stage; its subdivision is replaced by that of the settings.
 
     Returns:
-        Facts for people: number of frames, driver, exposure, warnings.
+        Facts to print: number of frames, driver, exposure, warnings.
     """
     choices = replace(choices, subdivision=settings.subdivision)
     # The only reference, so that the meshes are freed after the upload.
@@ -155,14 +155,14 @@ def render_scene(
 
     Args:
         scene: What to draw.
-        folder: An existing folder: empty, or left by an interrupted run, which is taken over where it fits.
+        folder: An existing folder: empty, or left by an interrupted run, whose matching frames are kept.
         settings: How to draw it.
         seed: Seed of sensor and calibration prior.
-        progress: Told about warnings, the light volume and every frame.
+        progress: Listener for warnings, the light volume and every frame.
         share: Number of this worker, and how many there are; only one that works alone finishes the capture.
 
     Returns:
-        Facts for people: number of frames, driver, exposure, warnings.
+        Facts to print: number of frames, driver, exposure, warnings.
     """
     return _render(survey_scene(scene, settings.triangle_budget), _Order(folder, settings, seed, share), progress)
 
@@ -223,7 +223,7 @@ def _draw_missing(
     assignment: Assignment, body: CameraBody, journal: Journal, rows: list[int], progress: Progress
 ) -> None:
     """Render the missing frames."""
-    with hold_lock(journal.gain_lock):  # one worker meters, the others wait and take it over
+    with hold_lock(journal.gain_lock):  # one worker meters, the others wait and use its result
         gain = journal.gain()
         if gain is None:
             gain = _meter_survey(body.prepared, assignment)
@@ -236,7 +236,7 @@ def _draw_missing(
 
 
 def _finish(assignment: Assignment, journal: Journal) -> None:
-    """Write the files beside the images; the record is last and marks the capture as complete."""
+    """Write the files beside the images; the record is written last, and marks the capture as complete."""
     scene, track, settings, folder = assignment.scene, assignment.track, assignment.settings, assignment.folder
     camera, name = assignment.camera, scene.products[0].name
     write_cameras(capture_record(folder, name, track, camera, assignment.prior, settings))
@@ -277,9 +277,9 @@ def _meter_survey(prepared: Prepared, assignment: Assignment) -> float:
 def _photograph(
     assignment: Assignment, body: CameraBody, sensor: Sensor, journal: Journal, rows: list[int], progress: Progress
 ) -> None:
-    """Draw on this thread, develop and encode on others; no more frames are in work than there are threads.
+    """Draw on this thread, develop and encode on others; no more frames are in progress than there are threads.
 
-    Frames that see the same ground are consecutive, so that its shadows are drawn once.
+    Frames of the same shadow square are consecutive, so that its shadows are drawn once.
     """
     encoders, total = assignment.settings.encoders, len(assignment.track.poses)
     squares = body.prepared.shadow_squares(assignment.track.poses, body.widest)
@@ -323,8 +323,8 @@ def _encode_truth(scene: FlatScene, name: str, view: View) -> dict[str, bytes]:
     )
     for first in range(0, len(view.draw), _LOOKED_UP):
         rows = slice(first, first + _LOOKED_UP)
-        draw = view.draw[rows].astype(np.intp)  # as both tables are looked up: four times as large as the labels
-        np.take(labels, draw, out=frame.semantic[rows], mode="clip")  # the quickest mode: a draw is always in range
+        draw = view.draw[rows].astype(np.intp)  # index type of both tables: four times as large as the labels
+        np.take(labels, draw, out=frame.semantic[rows], mode="clip")  # the fastest mode: a draw is always in range
         np.take(ids, draw, out=frame.instance[rows], mode="clip")
     widest = max((row.id for row in scene.instances), default=0) if scene.moments else int(ids.max())
     return encode_frame_truth(name, frame, wide_ids=widest >= image_files.WIDE_ID)

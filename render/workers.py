@@ -9,7 +9,7 @@ from groundwork.errors import ChildError
 from groundwork.progress import Progress
 
 _MODULE = "render.frames"
-# One heap for all threads: what the driver has freed then serves those that encode, and the other way round.
+# One heap for all threads, so that memory freed by the driver is reused by the threads that encode, and vice versa.
 _ONE_HEAP = {"MALLOC_ARENA_MAX": "1"}
 
 
@@ -21,13 +21,13 @@ def render_survey(
     If a worker dies, only its unfinished frames are lost: the process that finishes the capture draws the missing ones.
 
     Args:
-        request: What `render.frames` serves; its `settings` name the number of `workers`.
+        request: Request of `render.frames`; its `settings` state the number of `workers`.
         time_limit: Wall time after which a process is stopped [s].
         memory_limit: Resident memory above which a process is stopped [GB].
         progress: Listener.
 
     Returns:
-        What `render.frames` answers.
+        Answer of `render.frames`.
 
     Raises:
         InputError: The request or the stage is wrong.
@@ -45,7 +45,7 @@ def render_survey(
                     time_limit=time_limit,
                     memory_limit=memory_limit,
                     progress=together.listener(number),
-                    # A driver on the CPU else takes every core for each of them.
+                    # Otherwise a driver on the CPU uses every core for each of them.
                     environment={**_ONE_HEAP, "LP_NUM_THREADS": "0"},
                 )
                 for number in range(count)
@@ -93,7 +93,7 @@ class _Together:
 
 
 class _Listener:
-    """One worker's end of it."""
+    """Listener of one worker."""
 
     def __init__(self, together: _Together, number: int) -> None:
         self._together, self._number = together, number

@@ -128,11 +128,11 @@ def read_visibility(prim: Usd.Prim) -> float | None:
 
 
 def label_opinions(component: str, instance_id: int) -> list[Opinion]:
-    """List the labels of a prim, and their copies as user properties, for DCC programs; the schemas are `LABEL_APIS`.
+    """List the labels of a prim, and their copies as user properties for other programs; the schemas are `LABEL_APIS`.
 
     Args:
         component: Component kind.
-        instance_id: Instance id; 0 writes no mirror of it.
+        instance_id: Instance id; 0 writes no copy of it.
     """
     name = class_of(component)
     found = [
@@ -147,12 +147,12 @@ def label_opinions(component: str, instance_id: int) -> list[Opinion]:
 
 
 def apply_labels(prim: Usd.Prim, component: str, instance_id: int) -> None:
-    """Label a prim: LabelsAPI in the taxonomies `component` and `class`, and copies as user properties for DCCs.
+    """Label a prim: LabelsAPI in the taxonomies `component` and `class`, and copies as user properties.
 
     Args:
         prim: A leaf prim, or an override of one in another layer.
         component: Component kind.
-        instance_id: Instance id; 0 writes no mirror of it.
+        instance_id: Instance id; 0 writes no copy of it.
     """
     opinions = label_opinions(component, instance_id)  # first, so that an unknown kind leaves the prim unchanged
     for taxonomy in (tokens.COMPONENT_TAXONOMY, tokens.CLASS_TAXONOMY):

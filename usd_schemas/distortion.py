@@ -26,8 +26,8 @@ class Distortion:
     Attributes:
         k1: Radial coefficient of the square of the distance from the axis [1].
         k2: Radial coefficient of its fourth power [1].
-        p1: Tangential coefficient, upright [1].
-        p2: Tangential coefficient, sideways [1].
+        p1: Tangential coefficient along the columns (y) [1].
+        p2: Tangential coefficient along the rows (x) [1].
     """
 
     k1: float = 0.0
@@ -70,7 +70,7 @@ class Distortion:
             Normalised coordinates [1], the same shape (..., 2), float64.
 
         Raises:
-            InputError: A point is beyond the fold of the polynomial, where the distortion has no inverse.
+            InputError: A point is where the polynomial is no longer monotonic, so that the distortion has no inverse.
         """
         if self.is_identity:
             return np.array(xy, np.float64)
@@ -85,7 +85,7 @@ class Distortion:
                 found[..., 0] -= (yy * error[..., 0] - xy_ * error[..., 1]) / area
                 found[..., 1] -= (xx * error[..., 1] - xy_ * error[..., 0]) / area
             xx, xy_, yy = self.slopes(found)
-            # The Jacobian is symmetric; while both of its eigenvalues are positive the polynomial has not folded.
+            # The Jacobian is symmetric; the polynomial is monotonic as long as both of its eigenvalues are positive.
             good = (xx + yy > 0.0) & (xx * yy - xy_ * xy_ > 0.0)
             good &= np.all(np.abs(self.distort(found) - xy) <= 1e3 * CLOSE, axis=-1)
         if not good.all():

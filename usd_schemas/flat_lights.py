@@ -37,16 +37,16 @@ class Dome:
 
 @dataclass(frozen=True)
 class SphereLight:
-    """A SphereLight; with `sides` a panel: a RectLight, or a DiskLight as the square of its area.
+    """A SphereLight; or, with `sides`, a panel: a RectLight, or a DiskLight as a square of the same area.
 
     Attributes:
         position: Centre in the world [m].
-        radius: Radius [m]; 0 for a point; of a panel that of a disc of its area.
+        radius: Radius [m]; 0 for a point; for a panel, that of a disc of the same area.
         intensity: Linear radiant intensity [m2]: radiance of its surface times pi times radius squared. At distance d
-            from the centre a facing surface receives intensity / d^2, in the same unit as `Sun.radiance`; from a panel
-            a far surface straight before it.
-        sides: From the centre of a panel to the middles of two of its edges [m], world axes: it shines along the cross
-            product of the second and the first. None for a ball.
+            from the centre a facing surface receives intensity / d^2, in the same unit as `Sun.radiance`; for a panel
+            this holds for a surface far away, straight in front of it.
+        sides: From the centre of a panel to the middles of two of its edges [m], world axes; it shines along the cross
+            product of the second and the first. None for a sphere.
     """
 
     position: Triple

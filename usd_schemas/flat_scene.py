@@ -16,7 +16,7 @@ I32 = NDArray[np.int32]
 U32 = NDArray[np.uint32]
 U8 = NDArray[np.uint8]
 
-ALIKE = 2  # of `part_double_sided`
+ALIKE = 2  # a value of `part_double_sided`
 MOST_OCTAVES = 3  # of fine detail; each further one would cost the renderer a texture look-up per pixel
 
 
@@ -34,8 +34,8 @@ class Geometry:
             they run clockwise in the world where a draw's transform mirrors.
         part_first: First triangle of each part, shape (P,), int32.
         part_count: Number of triangles of each part, shape (P,), int32.
-        part_double_sided: 1 where back faces are visible; `ALIKE` where they take the same light as front faces do, as
-            leaves let it through, which no stage says; shape (P,), uint8.
+        part_double_sided: 1 where back faces are visible; `ALIKE` where both sides are lit alike, as for leaves,
+            through which light passes (the stage does not state this); shape (P,), uint8.
     """
 
     positions: F32
@@ -57,7 +57,7 @@ class Draws:
         part: Row in `Geometry.part_*`, shape (D,), int32.
         transform: Mesh-local stage units to world [m], Z up, for column vectors, shape (D, 4, 4), float64.
         material: Row in `FlatScene.materials`, shape (D,), int32.
-        instance: Instance id, 0 only for what has none, shape (D,), uint32.
+        instance: Instance id, 0 where there is none, shape (D,), uint32.
         label: Class id, shape (D,), uint8.
     """
 
@@ -144,7 +144,7 @@ class Material:
         specular: Linear specular colour at normal incidence; None if it follows from `metallic` [1].
         specular_texture: Its texture, of which the mean is used.
         opacity: Opacity of a blended surface [1]; it has no texture of its own.
-        blends: Whether it is blended, by `opacity` or by the alpha of `base_texture`; in the truth it is solid where
+        blends: Whether it is blended, by `opacity` or by the alpha of `base_texture`; in the truth it is opaque where
             that is 0.5 or more, and absent elsewhere.
     """
 
@@ -168,7 +168,7 @@ class Material:
 
     @property
     def is_mostly_transparent(self) -> bool:
-        """Whether it is absent in the truth: its opacity is below a half."""
+        """Whether it is absent in the truth: its opacity is below 0.5."""
         return self.blends and self.opacity < 0.5 and not self.opacity_threshold
 
     def textures(self) -> list[Texture]:
@@ -254,7 +254,7 @@ class InstanceRow:
         id: Instance id, greater than 0.
         path: Path of its prim.
         component: Component kind; empty when unknown.
-        class_name: Class name in the table in force.
+        class_name: Class name in the stage's table.
         parameters: JSON facts of the component, e.g. its dimensions.
         base_class: Class name in the base table, independent of the table in use; empty if unknown.
         moves: Whether its position, shape or existence changes between the moments of the scene.
@@ -282,7 +282,7 @@ class FlatScene:
         cameras: Cameras with at least one pose.
         products: The products to render.
         instances: Instance ids in ascending order.
-        classes: Class table in force.
+        classes: Class table of the stage.
         warnings: One line for each thing that could not be read as authored.
         origin: Hash of the composed stage content that was read.
         visibility: Distance at which haze leaves 2 % of the contrast [m]; None if the stage does not state it.

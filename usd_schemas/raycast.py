@@ -14,7 +14,7 @@ NOTHING = -1  # triangle row of a ray that hits nothing
 
 
 class RayScene:
-    """Triangles ready for ray casting.
+    """Triangles with a search structure for ray casting.
 
     The engine uses single precision. Positions are therefore made relative to the middle of the scene in double
     precision first, so that a scene far from the origin keeps its precision.
@@ -47,9 +47,9 @@ class RayScene:
             directions: Directions, of any length [m], shape (N, 3), float64.
 
         Returns:
-            Distance in lengths of the direction [1], shape (N,), float64, +inf where nothing is hit; triangle row,
-            shape (N,), int64, `NOTHING` there; its id, shape (N,), uint32, 0 there. For a direction whose component
-            along the camera's axis is 1, the distance is the planar depth [m].
+            Distance in lengths of the direction vector [1], shape (N,), float64, +inf where nothing is hit; triangle
+            row, shape (N,), int64, `NOTHING` there; its id, shape (N,), uint32, 0 there. For a direction whose
+            component along the camera's axis is 1, the distance is the planar depth [m].
         """
         rays = np.concatenate([np.asarray(origins, np.float64) - self._origin, directions], axis=1)
         hits = self._scene.cast_rays(self._tensor(np.ascontiguousarray(rays, np.float32)))

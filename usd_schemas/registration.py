@@ -10,8 +10,8 @@ from pxr import Plug
 def register_schemas() -> str:
     """Register the folder that holds `plugInfo.json`; further calls do nothing.
 
-    USD builds its schema registry once, at the first use of a stage, so that `falsework` and every module that applies
-    or reads a schema calls this on import.
+    USD builds its schema registry once, at the first use of a stage, so `falsework` and every module that applies or
+    reads a schema call this on import.
 
     Returns:
         The folder, for `PXR_PLUGINPATH_NAME` of other USD hosts.

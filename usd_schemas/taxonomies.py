@@ -20,10 +20,10 @@ class Taxonomy:
 
     Attributes:
         name: Name of the table; empty for an unnamed one of a stage.
-        rows: Classes in the order of their ids, `noisy_point` and `unlabelled` among them.
+        rows: Classes in the order of their ids, including `noisy_point` and `unlabelled`.
         classes: Label to class name; a label is a component kind or a class of the base table. Empty if a stage has
             classes but no such map.
-        title: Name for people.
+        title: Name shown to users.
         source: Where the classes come from.
         reconstructed: Whether we chose the classes, because the original list could not be read.
     """

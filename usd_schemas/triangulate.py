@@ -35,7 +35,7 @@ def triangulate(points: F64, face_counts: I64, corners: I64) -> tuple[I64, I64]:
 
 
 def face_normals(points: F64, face_counts: I64, corners: I64) -> F64:
-    """Find the area vector of every face by Newell's method: normal to it, as long as twice its area.
+    """Compute the area vector of every face by Newell's method: normal to it, with twice its area as length.
 
     Args:
         points: Positions [any unit], shape (V, 3), float64.
@@ -134,7 +134,7 @@ def clip_ears(polygon: F64) -> I64:
         # Every simple polygon has an ear; a self-intersecting one may have none, then any corner is cut.
         triangles.append([ring[place - 1], ring[place], ring[(place + 1) % len(ring)]])
         del ring[place]
-        # Skipping the next corner spreads the cuts; otherwise a fan of slivers would result.
+        # Skipping the next corner distributes the cuts; otherwise a fan of slivers would result.
         place = (place + 1) % len(ring)
     triangles.append(ring)
     return np.array(triangles, np.int64)

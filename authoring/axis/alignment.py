@@ -1,4 +1,4 @@
-"""The axis of a bridge: where a station lies in space, and which way left and up are there."""
+"""The axis of a bridge: position of a station in space, and the directions left and up there."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,10 +14,10 @@ from authoring.axis.track_section import TrackSection
 
 F64 = NDArray[np.float64]
 
-NEAR, FAR = 24.0, 60.0  # [m] from the axis: `left` lies along the supports up to NEAR, square to the chord beyond FAR
+NEAR, FAR = 24.0, 60.0  # [m] from the axis: `left` is along the supports up to NEAR, normal to the chord beyond FAR
 SAG = 0.005  # [m] between a curve and its chords where a sweep follows the axis
-RAMP_STEP = 0.0015  # [1] of crossfall from ring to ring: a 25 m wide deck's twisted faces stay within a centimetre
-_WIDE = 12.0  # [m] from the axis where the sag is kept
+RAMP_STEP = 0.0015  # [1] of crossfall from ring to ring: twisted faces of a 25 m wide deck deviate by less than 1 cm
+_WIDE = 12.0  # [m] distance from the axis up to which the sag is kept
 _ROUNDS, _HALVINGS = 60, 30
 _RESIDUAL = 1e-10  # [m]
 
@@ -29,7 +29,7 @@ class VerticalCurve:
     Attributes:
         begin: Station where it begins [m].
         end: Station where it ends [m].
-        radius: Of curvature [m]; positive for a crest, negative for a sag.
+        radius: Radius of curvature [m]; positive for a crest, negative for a sag.
     """
 
     begin: float
@@ -42,14 +42,15 @@ class Alignment:
     """Bridge coordinates: station along the axis, left of it, above the finished surface on it.
 
     Stations count from the first abutment's bearing line. A line of constant station is straight and lies along the
-    supports up to `NEAR` from the axis; farther out its direction turns to the chord's normal, so that nothing folds.
+    supports up to `NEAR` from the axis; farther out its direction turns to the chord's normal, so that the mapping does
+    not fold.
 
     Attributes:
         level: Height of the finished deck surface on the axis at station 0 [m].
         grade: Rise per metre of station [1].
         heading: Direction of the axis, or of its chord, in plan, counter-clockwise from +x [rad].
         plan: Elements of the axis between the abutments, straight on beyond them; empty for a straight axis.
-        skew: How far the supports are turned clockwise out of the square to the axis [rad].
+        skew: Angle of the supports, clockwise from the perpendicular to the axis [rad].
         crest: Parabola in the profile, or None.
         falls: Station [m] and rise to the left [1] where the crossfall changes its rate; empty for none.
         origin: World position of station 0 [m].
@@ -66,7 +67,7 @@ class Alignment:
 
     @property
     def square(self) -> bool:
-        """Whether the axis is straight in plan and the supports stand square to it."""
+        """Whether the axis is straight in plan and the supports are perpendicular to it."""
         return not self.plan and self.skew == 0.0
 
     @property
@@ -76,12 +77,12 @@ class Alignment:
 
     @property
     def fall(self) -> float:
-        """Rise to the left [1] of a road whose crossfall is one everywhere."""
+        """Rise to the left [1] of a road with one crossfall everywhere."""
         return self.falls[0][1] if self.falls else 0.0
 
     @cached_property
     def curve(self) -> PlanCurve | None:
-        """The axis in plan where it is not straight."""
+        """The axis in plan if it is not straight."""
         return PlanCurve(self.plan, self.heading) if self.plan else None
 
     def point(self, station: F64, left: F64, above: F64) -> F64:
@@ -91,7 +92,7 @@ class Alignment:
             station: Distance along the axis in plan [m], shape (N,), float64, or any that broadcasts with the others.
             left: Distance to the left of the axis [m], shape (N,), float64.
             above: Height above the finished deck surface on the axis [m], shape (N,), float64; where the road is
-                superelevated everything rises with the crossfall and webs stay plumb.
+                superelevated, everything rises with the crossfall, and webs stay vertical.
 
         Returns:
             World positions [m], shape (N, 3), float64.
@@ -177,7 +178,7 @@ class Alignment:
         return self.curve.headings(np.asarray(station, np.float64))
 
     def slopes(self, station: F64, left: F64) -> tuple[F64, F64]:
-        """Find how world positions in plan move with bridge coordinates.
+        """Compute the derivatives of world positions in plan by bridge coordinates.
 
         Args:
             station: Distance along the axis [m], shape (N,), float64.
@@ -201,7 +202,7 @@ class Alignment:
     def steps(self, low: float, high: float) -> F64:
         """List the rings that a sweep along the axis needs between two stations, so that chords stay within `SAG`.
 
-        Every sweep gets its rings from the same list, so that neighbours stay together.
+        Every sweep takes its rings from the same list, so that neighboring parts meet.
 
         Args:
             low: Station where it begins [m].
@@ -220,7 +221,7 @@ class Alignment:
         Args:
             station: Station of the place [m].
             left: Distance of the place to the left of the axis [m].
-            turn: Turn of the frame against the axis there, counter-clockwise [rad]; `-skew` follows the supports.
+            turn: Rotation of the frame from the axis there, counter-clockwise [rad]; `-skew` follows the supports.
             tilted: Keep the grade and the crossfall of the place; else the frame is level.
         """
         height, grade, fall, ahead = self._standing(station)
@@ -250,7 +251,7 @@ class Alignment:
 
     @cached_property
     def _standing(self) -> Callable[[float], tuple[float, float, float, float]]:
-        """Height, grade, crossfall and heading on the axis at a station; remembers those of the last supports."""
+        """Height, grade, crossfall and heading on the axis at a station; the last results are cached."""
         return lru_cache(maxsize=64)(self._upright_at)
 
     def _upright_at(self, station: float) -> tuple[float, float, float, float]:
@@ -265,7 +266,7 @@ class Alignment:
         """Stations that sweeps need, rising [m], shape (K,), float64."""
         knots = [] if self.curve is None else self.curve.knots.tolist()
         knots += [] if self.crest is None else [self.crest.begin, self.crest.end]
-        turns = [station for station, _ in self.falls] if len(self.falls) > 1 else []  # a single one holds everywhere
+        turns = [station for station, _ in self.falls] if len(self.falls) > 1 else []  # a single one applies everywhere
         knots = np.unique(np.round([*knots, *turns], 6))
         rings = [knots]
         for low, high in pairwise(knots):
@@ -295,9 +296,9 @@ class Alignment:
         return x + x0, y + y0
 
     def _located(self, points: F64, station: F64, left: F64) -> tuple[F64, F64]:
-        """Solve for bridge coordinates by Newton's method; each step is halved until it leads nearer.
+        """Solve for bridge coordinates by Newton's method; each step is halved until it reduces the error.
 
-        The map has no fold, so that the way to the solution never ends in front of it.
+        The map has no fold, so that the iteration cannot end before the solution.
         """
         shape, goal = station.shape, points.reshape(-1, 2)
         place = np.stack([station.ravel(), left.ravel()], axis=1)
@@ -332,7 +333,7 @@ class Alignment:
 
 
 def skew_blend(left: F64) -> F64:
-    """Find how far lines of constant station follow the supports: 1 near the axis, 0 beyond `FAR`.
+    """Find the degree to which lines of constant station follow the supports: 1 near the axis, 0 beyond `FAR`.
 
     Args:
         left: Distance to the left of the axis [m], shape (N,), float64.
@@ -374,7 +375,7 @@ class Layout:
         track: Cross-section of a railway, None for a road.
         road: Part of a road's cross-section that the approaches continue; None for a railway, or where they have their
             own.
-        feet: Where arches stand on a valley's sides: station and height of the land there [m].
+        feet: Springings of arches on a valley's sides: station and height of the land there [m].
     """
 
     alignment: Alignment

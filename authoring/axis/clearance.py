@@ -1,4 +1,4 @@
-"""Room between the ground and a bridge's road."""
+"""Clearance between the ground and a bridge's road."""
 
 import numpy as np
 

@@ -53,7 +53,7 @@ class PlanCurve:
 
     @cached_property
     def _turns(self) -> F64:
-        """Headings at the knots, counted from the first [rad], shape (E + 1,), float64."""
+        """Headings at the knots, relative to the first [rad], shape (E + 1,), float64."""
         return np.concatenate([[0.0], np.cumsum([0.5 * (e.begin + e.end) * e.length for e in self.elements])])
 
     @cached_property
@@ -69,7 +69,7 @@ class PlanCurve:
 
     @cached_property
     def _turn(self) -> F64:
-        """Turns rows of positions from a first heading of 0 to the axis's own, shape (2, 2), float64."""
+        """Rotates rows of positions from a first heading of 0 to the axis's own, shape (2, 2), float64."""
         cosine, sine = np.cos(self.first_heading), np.sin(self.first_heading)
         return np.array([[cosine, sine], [-sine, cosine]])
 
@@ -119,8 +119,8 @@ class PlanCurve:
     def frames(self, station: F64) -> tuple[F64, F64]:
         """Find positions on the axis and its direction there.
 
-        Rings of many members share their stations: what was asked for before is known, and in a long list each
-        different station is integrated once.
+        Rings of many members share their stations: earlier results are cached, and in a long list each different
+        station is integrated once.
 
         Args:
             station: Distance along the axis [m], shape (N,), float64.
@@ -176,7 +176,7 @@ def sine_elements(amplitude: float, scale: float, length: float) -> tuple[Elemen
         length: Length along the wave [m].
 
     Returns:
-        Elements whose curvature meets the wave's at their ends.
+        Elements with the wave's curvature at their ends.
     """
     x = np.linspace(0.0, length, max(2, int(np.ceil(length / 0.02))))
     slope = amplitude / scale * np.cos(x / scale)

@@ -1,4 +1,4 @@
-"""What a road bridge hands on to its approaches: its lines, and where its parapets end."""
+"""Data of a road bridge that its approaches need: its lines, and where its parapets end."""
 
 from dataclasses import dataclass
 

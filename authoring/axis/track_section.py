@@ -11,10 +11,10 @@ from authoring.shapes.component import F64
 from authoring.shapes.sections import mirrored, rectangle
 
 GAUGE = 1.435  # [m] between the rails' inner faces, 14 mm below their top
-CLEARANCE = 2.20  # [m] from a track's axis to what rises over its rails: half of the clear width of German main lines
+CLEARANCE = 2.20  # [m] from a track's axis to anything above rail level: half of the clear width of German main lines
 APPROACH_TRACK = 6.0  # [m] behind an abutment's back face: there the bridge's track ends and the site's begins
 CLOSEST_PITCH, WIDEST_PITCH = 0.60, 0.65  # [m] between sleepers
-SEATED = 0.003  # [m] rail foot into the sleeper
+SEATED = 0.003  # [m] depth of the rail foot in the sleeper
 BALLAST_BELOW = 0.045  # [m] ballast below the sleepers' top
 
 
@@ -33,7 +33,7 @@ class TrackSection:
         sleeper_length: Across the track [m].
         sleeper_width: Along the track [m].
         sleeper_height: [m].
-        pitch: Distance between sleepers, but for what makes their number whole [m].
+        pitch: Distance between sleepers, before it is adjusted to a whole number of sleepers [m].
         bed_depth: Ballast under the sleepers, or thickness of the track slab [m].
         shoulder: Ballast or track slab beyond the sleepers' ends [m].
         embedded: Sleepers in the track slab [m].
@@ -70,7 +70,7 @@ class TrackSection:
 
     @property
     def formation(self) -> float:
-        """What ballast or track slab lies on [m]."""
+        """Level of the formation, below ballast or track slab [m]."""
         if self.bed == "ballast":
             return round(self.sleeper_top - self.sleeper_height - self.bed_depth, 3)
         return round(self.bed_top - self.bed_depth, 3)
@@ -123,6 +123,6 @@ class TrackSection:
         """
         length = high - low
         count = max(round(length / self.pitch), 1)
-        if not self.plain:  # a whole number that keeps the pitch in its range, where the stretch is long enough
+        if not self.plain:  # a whole number that keeps the pitch in its range, if the stretch is long enough
             count = min(max(count, int(np.ceil(length / WIDEST_PITCH - 1e-9))), max(int(length / CLOSEST_PITCH), 1))
         return low + (np.arange(count) + 0.5) * length / count

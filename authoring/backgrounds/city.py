@@ -1,4 +1,4 @@
-"""The background `city`: a grid of streets, towers and mid-rises, quays along the river, and all that fills streets."""
+"""The background `city`: a grid of streets, towers and mid-rises, quays along the river, and street furniture."""
 
 from dataclasses import dataclass, replace
 
@@ -30,7 +30,7 @@ from groundwork.settings import Settings
 F64 = NDArray[np.float64]
 Piece = tuple[str, str, str, str, Mesh]
 
-CALM = 34.0  # distance from the site within which the site's relief fades to level [m]
+CALM = 34.0  # distance from the site over which the site's relief fades out [m]
 _ASPHALT = Cover("paved", "Asphalt", "road", "asphalt")
 _GLAZED = ("window", "glass_facade")
 
@@ -58,7 +58,7 @@ class CitySettings(Settings):
 
 @dataclass(frozen=True)
 class CalmRelief(Relief):
-    """The site's relief, dying out beyond it: a town's ground is level.
+    """The site's relief, which fades out beyond it: a town's ground is level.
 
     Attributes:
         inner: Lowest and highest station, lowest and highest left of the site [m].
@@ -82,7 +82,7 @@ class Town:
         uses: Use of each block.
         towers: Buildings.
         vacant: Lots without one.
-        forests: Where forests stand on the hills beyond.
+        forests: Forests on the hills beyond.
     """
 
     terrain: Terrain
@@ -122,7 +122,7 @@ def build_city(settings: CitySettings, site: Site, rng: np.random.Generator) -> 
     """Build the city round a site.
 
     Args:
-        settings: What it looks like.
+        settings: Appearance of the city.
         site: The site; its strip stays empty.
         rng: Random stream `background`.
 
@@ -164,7 +164,7 @@ def _hills(land: Land, inner: Cell, settings: CitySettings, rng: np.random.Gener
 
 
 def _paved(town: Town) -> F64:
-    """Measure how far nodes of the terrain lie within the town's asphalt [m], shape (S, L), float64."""
+    """Compute the distance of terrain nodes to the edge of the asphalt, positive inside [m], shape (S, L), float64."""
     terrain, plan = town.terrain, town.plan
     station, left = terrain.nodes()
     world = terrain.land.layout.alignment.point(station.ravel(), left.ravel(), np.zeros(station.size))[:, :2]
@@ -174,7 +174,7 @@ def _paved(town: Town) -> F64:
 
 
 def _blocks(town: Town) -> tuple[list[Piece], list[Block], list[Block]]:
-    """Pave the blocks; gives their pieces, and lawns and parking lots in grid coordinates."""
+    """Pave the blocks; returns their pieces, and lawns and parking lots in grid coordinates."""
     plan, pieces, lawns, lots = town.plan, [], [], []
     for number, paint in enumerate(street_paint(plan)):
         pieces.append((f"StreetMarking_{number}", "road", "road_marking", "Streets", paint))
@@ -201,7 +201,7 @@ def _blocks(town: Town) -> tuple[list[Piece], list[Block], list[Block]]:
 
 
 def _buildings(town: Town) -> list[Piece]:
-    """Build every near building as pieces of its own, and far ones block by block."""
+    """Build every near building as separate pieces, and far ones block by block."""
     gathered: dict[tuple[str, str], list[F64]] = {}
     for number, tower in enumerate(town.towers):
         name = f"Block_{tower.block:03d}" if tower.away > MIDDLE else f"Tower_{number:03d}"
@@ -216,7 +216,7 @@ def _buildings(town: Town) -> list[Piece]:
 
 
 def _numbered(runs: list[Scatter], first_id: int) -> list[Scatter]:
-    """Give runs their ids: one each, or one for every repeat where they have as many."""
+    """Assign ids to runs: one each, or one for every repeat if they have as many ids."""
     numbered = []
     for run in runs:
         count = len(run.instance_ids)

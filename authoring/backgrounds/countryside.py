@@ -1,4 +1,4 @@
-"""The background `countryside`: rolling fields, hedges, woods and a hamlet; river and roads go on."""
+"""The background `countryside`: rolling fields, hedges, woods and a hamlet; river and roads continue."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from authoring.site.site import Site
 from groundwork.settings import Settings
 
 F64 = NDArray[np.float64]
-FIELDS = (1500.0, 1400.0)  # how far fields go along the axis and to its sides [m]
+FIELDS = (1500.0, 1400.0)  # extent of fields along the axis and to its sides [m]
 FORESTS = 330.0  # distance of the nearest forest from the site [m]
 
 
@@ -41,7 +41,7 @@ def build_countryside(
     """Build the countryside round a site.
 
     Args:
-        settings: What it looks like.
+        settings: Appearance of the countryside.
         site: The site; its strip stays empty.
         rng: Random stream `background`.
 

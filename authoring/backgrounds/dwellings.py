@@ -1,4 +1,4 @@
-"""Designs of villas, town houses and blocks about their own origin, in detail and plain, to be repeated many times."""
+"""Designs of villas, town houses and blocks about their own origin, detailed and simplified, for many repetitions."""
 
 from dataclasses import dataclass, replace
 
@@ -47,7 +47,7 @@ class Style:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """One building in two grades of detail, the front towards -y, its floor at height 0.
+    """One building in two levels of detail, the front towards -y, its floor at height 0.
 
     Attributes:
         half: Half its length and depth [m].
@@ -91,10 +91,10 @@ def dwelling_runs(
     Args:
         terrain: The terrain.
         prefix: Put before the names of the runs.
-        designs: The designs that the plots name.
-        plots: Where they stand.
-        close: Distance from the site within which they stand in detail [m].
-        first_id: Instance id of the first wall; every wall, roof and set of windows has an id of its own.
+        designs: The designs that the plots refer to.
+        plots: Plots of the buildings.
+        close: Distance from the site within which they are detailed [m].
+        first_id: Instance id of the first wall; every wall, roof and set of windows has a separate id.
 
     Returns:
         Runs of walls, roofs and windows, near and far.
@@ -125,8 +125,8 @@ def repeated(mesh: Mesh, places: F64, turns: F64) -> Mesh:
     """Repeat a mesh within one mesh.
 
     Args:
-        mesh: What to repeat, about its origin.
-        places: Where [m], shape (N, 3), float64.
+        mesh: Mesh to repeat, about its origin.
+        places: Positions [m], shape (N, 3), float64.
         turns: Turn of each about the vertical [rad], shape (N,), float64.
 
     Returns:
@@ -250,7 +250,7 @@ def _window(shutters: bool, rng: np.random.Generator) -> tuple[Mesh, tuple[Mesh,
         *(box(HOME, (s * (wide + 0.05), -0.02, 0.0), (0.06, 0.08, tall + 0.02), "yxX") for s in (-1.0, 1.0)),
         box(HOME, (0.0, -0.02, tall + 0.06), (wide + 0.11, 0.08, 0.06), "yzZxX"),
         box(HOME, (0.0, -0.05, -tall - 0.05), (wide + 0.18, 0.13, 0.05), "yzZxX"),
-    ]  # what lies inside the wall is not visible
+    ]  # faces inside the wall are not visible
     leaves = [
         box(HOME, (s * (1.5 * wide + 0.12), -0.03, 0.0), (0.48 * wide, 0.035, tall), "yzZxX") for s in (-1.0, 1.0)
     ]
@@ -278,7 +278,7 @@ def _balcony(half: tuple[float, float], rng: np.random.Generator) -> tuple[Mesh,
 
 
 def _base(half: tuple[float, float], wall: str) -> list[Mesh]:
-    """Model a plinth that stands proud of the wall."""
+    """Model a plinth that projects from the wall."""
     low = -DEEP - 0.5
     plinth = box(HOME, (0.0, 0.0, (low + 0.3) / 2), (half[0] + 0.06, half[1] + 0.06, (0.3 - low) / 2))
     return [plinth] if wall != "brick" else [box(HOME, (0.0, 0.0, low / 2), (half[0] + 0.04, half[1] + 0.04, -low / 2))]

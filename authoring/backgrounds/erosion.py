@@ -1,4 +1,4 @@
-"""Gullies that rain cuts into slopes: they run downhill, meet, and branch; sums and products only, at any place."""
+"""Gullies that rain cuts into slopes: they run downhill, meet, and branch; computed with sums and products only."""
 
 from dataclasses import dataclass
 
@@ -10,21 +10,21 @@ from authoring.site.shape import Hills
 
 F64 = NDArray[np.float64]
 
-BRANCHES = ((430.0, 62.0), (190.0, 30.0), (84.0, 11.0))  # from gully to gully, and their depth where it is steep [m]
-FLAT, STEEP = 0.06, 0.55  # slopes between which gullies deepen from nothing to their whole depth [1]
-FOLLOW = 0.75  # how far smaller gullies follow the slopes of the larger ones, and so lead into them [1]
+BRANCHES = ((430.0, 62.0), (190.0, 30.0), (84.0, 11.0))  # spacing of gullies, and their depth on steep slopes [m]
+FLAT, STEEP = 0.06, 0.55  # slopes between which gullies deepen from zero to their full depth [1]
+FOLLOW = 0.75  # degree to which smaller gullies follow the slopes of the larger ones, so that they join them [1]
 SPAN = 9.0  # half the distance over which the slope of the land is measured [m]
 _REACH = 1.3  # radius within which a wave counts, in spacings [1]
-_JITTER = 0.3  # most by which the middle of a wave lies off the middle of its cell [1]
+_JITTER = 0.3  # largest offset of a wave's center from that of its cell [1]
 
 
 @dataclass(frozen=True)
 class Gullies:
-    """Waves whose crests run down the slope, one round each node of a jittered lattice, blended into each other.
+    """Waves whose crests run down the slope, one round each node of a jittered lattice, blended together.
 
     Attributes:
         spacing: From gully to gully [m].
-        depth: From a crest to a gully's floor where it is steep [m].
+        depth: From a crest to a gully's floor on steep slopes [m].
         nodes: Offsets of the waves' middles in parts of a cell [1], shape (LATTICE, LATTICE, 2), float64.
     """
 
@@ -82,7 +82,7 @@ def eroded(hills: Hills, gullies: tuple[Gullies, ...], spared: Hills) -> Hills:
     Args:
         hills: Heights of the land [m].
         gullies: From the widest to the narrowest.
-        spared: Share of their depth that they have at a place, 0 where the land is unchanged [1].
+        spared: Share of their depth at a position, 0 where the land is unchanged [1].
 
     Returns:
         Heights of the eroded land [m]: nowhere above the hills.

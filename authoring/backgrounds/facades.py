@@ -13,7 +13,7 @@ F64 = NDArray[np.float64]
 Faces = dict[str, list[F64]]
 
 NEAR, MIDDLE = 80.0, 240.0  # distances to the site up to which facades have windows, and piers and bands [m]
-AROUND = 60.0  # how far beside the site a camera may be [m]
+AROUND = 60.0  # largest distance of cameras beside the site [m]
 PARAPET = 1.05  # height of parapets over the roof [m]
 SHOP_SILL, SHOP_HEAD = 0.55, 3.55  # of the shops' glazing [m]
 _FOOT = -1.6  # walls go down to here [m]
@@ -76,7 +76,7 @@ def floors(tier: Tier, style: Style) -> F64:
 
 
 def tower_faces(tower: Tower) -> Faces:
-    """Build a building's surfaces in the world, as finely as its distance to the site deserves.
+    """Build a building's surfaces in the world, in a detail that depends on its distance to the site.
 
     Args:
         tower: The building.
@@ -102,7 +102,7 @@ def openings(tower: Tower, strip: F64) -> Openings:
         strip: Corners of the site in plan [m], shape (4, 2), float64.
 
     Returns:
-        Its windows, those of the shops among them.
+        Its windows, including those of the shops.
     """
     style, rows = tower.style, [np.zeros((0, 7))]
     for tier in tower.tiers:
@@ -126,14 +126,14 @@ def openings(tower: Tower, strip: F64) -> Openings:
 
 
 def _faces(tower: Tower, start: F64, along: F64, strip: F64) -> bool:
-    """Check whether some place on the site, or slightly beside it, lies in front of a wall."""
+    """Check whether any part of the site, or its close surroundings, lies in front of a wall."""
     corner = placed(np.array([[[*start, 0.0]]]), tower.spot, tower.heading)[0, 0, :2]
     turn = np.arctan2(along[1], along[0]) + tower.heading
     return float(((strip - corner) @ np.array([np.sin(turn), -np.cos(turn)])).max()) > -AROUND
 
 
 def _relief(faces: Faces, tower: Tower, tier: Tier) -> None:
-    """Set piers and bands before a glazed core."""
+    """Place piers and bands in front of a glazed core."""
     style, rim = tower.style, np.array(tier.rim)
     ground = tier.levels[0] == 0.0
     foot, top = (_FOOT if ground else tier.levels[0] - 0.4), tier.levels[1]
@@ -197,7 +197,7 @@ def _wider(rim: F64, by: float) -> F64:
 
 
 def _showing(outward: F64) -> str:
-    """Name the sides of a pier that show: its front and its flanks."""
+    """Name the sides of a pier that are visible: its front and its sides."""
     if outward[0] == 0.0:
         return "xX" + ("Y" if outward[1] > 0 else "y")
     return "yY" + ("X" if outward[0] > 0 else "x")

@@ -1,4 +1,4 @@
-"""Roads, railways and rivers beyond the site: they continue to the land's border, or end where they are hidden."""
+"""Roads, railways and rivers beyond the site: to the land's border, or to where they are hidden."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,7 @@ def without(mesh: Mesh, lost: NDArray[np.bool_]) -> Mesh:
 
     Args:
         mesh: The mesh.
-        lost: Which of its points go, shape (N,), bool.
+        lost: Which of its points are removed, shape (N,), bool.
     """
     face = np.repeat(np.arange(len(mesh.face_counts)), mesh.face_counts)
     gone = np.bincount(face, lost[mesh.corners], len(mesh.face_counts)) > 0

@@ -1,4 +1,4 @@
-"""Forests on far hills: a closed canopy that the land carries, so that their edges stand over the fields."""
+"""Forests on far hills: a closed canopy as part of the terrain, with edges that rise above the fields."""
 
 from dataclasses import dataclass
 
@@ -13,21 +13,21 @@ from authoring.site.shape import Hills, Land
 F64 = NDArray[np.float64]
 
 WOOD = Cover("woodland", "Woodland", "vegetation", "woodland")
-CANOPY = 10.0  # height of the canopy over the ground that the terrain's mesh follows [m]
+CANOPY = 10.0  # height of the canopy above the ground, in the terrain's mesh [m]
 EDGE = 26.0  # width on which the canopy rises at its border [m]
 ASIDE = 24.0  # distance of forests from rivers and roads [m]
-_SCALE = 70.0  # from the relief of the stands to about a distance from their border [m]
+_SCALE = 70.0  # factor from the relief of the stands to an approximate distance from their border [m]
 
 
 @dataclass(frozen=True, eq=False)
 class Forests:
-    """Where forests stand.
+    """Distribution of forests.
 
     Attributes:
         land: The land.
         inner: Lowest and highest station, lowest and highest left of the site [m].
         stands: Relief of their density [1].
-        first: Distance from the site before which there is none [m].
+        first: Distance from the site below which there is none [m].
     """
 
     land: Land
@@ -36,7 +36,7 @@ class Forests:
     first: float
 
     def field(self, station: F64, left: F64) -> F64:
-        """Measure about how far places lie within a forest.
+        """Compute the approximate distance of positions from the border of a forest, inside.
 
         Args:
             station: Distance along the axis [m], shape (...), float64.
@@ -56,10 +56,10 @@ class Forests:
         return inside
 
     def over(self, hills: Hills) -> Hills:
-        """Cover hills with the canopy.
+        """Add the canopy to hills.
 
         Args:
-            hills: Height of the land at large [m].
+            hills: Large-scale height of the land [m].
 
         Returns:
             The same with the canopy where a forest stands [m].
@@ -71,17 +71,17 @@ class Forests:
         return canopy
 
     def cover(self, terrain: Terrain) -> tuple[Cover, F64]:
-        """Give the cover of the forests with its signed field at a terrain's nodes [m], shape (S, L)."""
+        """Return the cover of the forests with its signed field at a terrain's nodes [m], shape (S, L)."""
         return WOOD, np.clip(self.field(*terrain.nodes()), -30.0, 30.0)
 
 
 def draw_forests(land: Land, inner: Cell, first: float, rng: np.random.Generator) -> Forests:
-    """Draw where forests stand.
+    """Draw the distribution of forests.
 
     Args:
         land: The land.
         inner: Lowest and highest station, lowest and highest left of the site [m].
-        first: Distance from the site before which there is none [m].
+        first: Distance from the site below which there is none [m].
         rng: Random stream.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Where buildings stand: along the roads, off the fields' middles, on fairly level ground."""
+"""Choice of places for buildings: along the roads, away from the fields' centers, on fairly level ground."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ def draw_hamlet(terrain: Terrain, count: int, rng: np.random.Generator) -> tuple
         rng: Random stream.
 
     Returns:
-        Buildings that stand clear of each other, of roads, river and site.
+        Buildings that keep a distance from each other, of roads, river and site.
     """
     houses: list[House] = []
     places = _candidates(terrain, 40 * count, rng)
@@ -67,7 +67,7 @@ def hamlet_components(
     axis = terrain.land.layout.alignment
     components = []
     for number, house in enumerate(houses):
-        frame = axis.frame_at(house.station, house.left)  # walls stay square where the axis bends
+        frame = axis.frame_at(house.station, house.left)  # right angles of walls are kept where the axis is curved
         for name, kind, role, mesh in house_pieces(house, rng):
             normals = turn(frame, mesh.points[mesh.corners], mesh.normals.astype(np.float64)).astype(np.float32)
             placed = Mesh(to_world(frame, mesh.points), mesh.face_counts, mesh.corners, normals, mesh.st)

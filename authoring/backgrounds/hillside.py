@@ -150,7 +150,7 @@ def _repeats(
     rng: np.random.Generator,
     first_id: int,
 ) -> list[Scatter]:
-    """Repeat buildings, what stands in the harbour, vehicles and plants."""
+    """Repeat buildings, objects in the harbor, vehicles and plants."""
     terrain, sea, reaches = place.terrain, place.basin, place.reaches
     runs: list[Scatter] = []
 
@@ -169,12 +169,12 @@ def _repeats(
 
 
 def _terraces(terrain: Terrain, sea: Basin, rng: np.random.Generator) -> tuple[tuple[Lane, ...], tuple[Lane, ...]]:
-    """Step the slope: a lane, above it a terrace for houses, and so on."""
+    """Divide the slope into alternating lanes and terraces for houses."""
     ups = np.arange(FOOT + 30.0, BUILT - 40.0, PITCH)
     lanes: list[Lane] = []
     terraces: list[Lane] = []
     for up in ups:
-        state = int(rng.integers(0, 2**32))  # lane and terrace wind alike
+        state = int(rng.integers(0, 2**32))  # lane and terrace have the same curves
         reach = float(rng.uniform(430.0, 640.0))
         lanes += draw_lanes(terrain, -sea.side, (float(up),), reach, 2.3, np.random.default_rng(state))
         above = (float(up) + 2.9 + TERRACE + 0.6,)
@@ -234,7 +234,7 @@ def _houses(
 
 
 def _town_covers(terrain: Terrain, sea: Basin, patches: Relief) -> tuple[tuple[Cover, F64], ...]:
-    """Pave the harbour, and strew gravel between the houses: signed fields at the nodes [m], shape (S, L)."""
+    """Pave the harbor, and put gravel between the houses: signed fields at the nodes [m], shape (S, L)."""
     station, left = terrain.nodes()
     out, middle = sea.side * left, (terrain.inner[0] + terrain.inner[1]) / 2
     beside = QUAY + 30.0 - np.abs(station - middle)
@@ -247,7 +247,7 @@ def _town_covers(terrain: Terrain, sea: Basin, patches: Relief) -> tuple[tuple[C
 
 
 def _harbour(place: Waterside, plots: Plots, count: int, rng: np.random.Generator, first_id: int) -> list[Scatter]:
-    """Set cranes on the quay, and stacks of containers behind it."""
+    """Place cranes on the quay, and stacks of containers behind it."""
     terrain, sea, reaches = place.terrain, place.basin, place.reaches
     axis = terrain.land.layout.alignment
     front = np.pi if sea.side > 0 else 0.0

@@ -15,7 +15,7 @@ F64 = NDArray[np.float64]
 
 FOOT = 96.0  # distance from the axis at which the slope begins [m]
 SHORES = (275.0, 340.0)  # distance of the quay from the axis [m]
-QUAY = 420.0  # reach of the quay before and behind the bridge's middle [m]
+QUAY = 420.0  # length of the quay on each side of the bridge's middle [m]
 BUILT = 560.0  # distance from the axis up to which the slope is even enough to build on [m]
 
 
@@ -46,7 +46,7 @@ def draw_sea(land: Land, inner: Cell, rng: np.random.Generator) -> Basin:
 
 
 def hillside_hills(land: Land, inner: Cell, sea: Basin, shape: tuple[float, float], rng: np.random.Generator) -> Hills:
-    """Draw the land at large between the sea and the mountains.
+    """Draw the large-scale relief between the sea and the mountains.
 
     Args:
         land: The land.
@@ -56,7 +56,7 @@ def hillside_hills(land: Land, inner: Cell, sea: Basin, shape: tuple[float, floa
         rng: Random stream.
 
     Returns:
-        Height of the land at large at any place [m].
+        Large-scale height of the land at any position [m].
     """
     broad, crest = draw_relief(((520.0, 1.0), (240.0, 0.4)), rng), draw_crests(rng)
     gullies = draw_gullies(rng)

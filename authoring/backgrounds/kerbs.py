@@ -1,4 +1,4 @@
-"""Places along a town's kerbs and roads, with directions, and runs of models set up there."""
+"""Places along a town's kerbs and roads, with directions, and runs of models placed there."""
 
 from dataclasses import dataclass
 
@@ -51,19 +51,19 @@ def joined(parts: list[Spots]) -> Spots:
 def scatter(
     name: str, kind: str, group: str, models: Models, which: F64 | int, spots: Spots, *, single: bool = True
 ) -> list[Scatter]:
-    """Put models at places as one run; none where there is no place.
+    """Place models as one run; none if there is no place.
 
     Args:
         name: Ending of the prim name.
         kind: Component kind.
-        group: Name of the Xform that it stands under.
-        models: Models to choose from.
+        group: Name of its parent Xform.
+        models: The models.
         which: Number of the model of each place [1], shape (N,), float64, or one for all.
         spots: Places.
-        single: One instance id for the run, not one for each repeat.
+        single: Whether the run has one instance id, instead of one for each repeat.
 
     Returns:
-        The run, to be numbered by its caller, or nothing.
+        The run, to be numbered by its caller, or an empty list.
     """
     count = len(spots.places)
     if count == 0:
@@ -74,7 +74,7 @@ def scatter(
 
 
 def kerbside(plan: TownPlan, inside: float, step: float, corner: float, within: float) -> Spots:
-    """Walk along the kerbs of all blocks.
+    """List places along the curbs of all blocks.
 
     Args:
         plan: The town.
@@ -84,7 +84,7 @@ def kerbside(plan: TownPlan, inside: float, step: float, corner: float, within: 
         within: Largest distance to the site [m].
 
     Returns:
-        Places on the ground, their x pointing to the street.
+        Places on the ground, with local x towards the street.
     """
     rows, turns = [np.zeros((0, 2))], [np.zeros(0)]
     for block in plan.blocks:
@@ -103,7 +103,7 @@ def kerbside(plan: TownPlan, inside: float, step: float, corner: float, within: 
 
 
 def beside_approaches(plan: TownPlan, terrain: Terrain, gap: float, step: float) -> list[Spots]:
-    """Walk along both sides of the approach roads where they run level with the town.
+    """List places along both sides of the approach roads where they are level with the town.
 
     Args:
         plan: The town.
@@ -112,7 +112,7 @@ def beside_approaches(plan: TownPlan, terrain: Terrain, gap: float, step: float)
         step: Distance between places [m].
 
     Returns:
-        Places on the pavement, their x pointing to the road.
+        Places on the pavement, with local x towards the road.
     """
     land, found = terrain.land, []
     for approach, border in zip(land.approaches, terrain.inner[:2], strict=True):

@@ -143,7 +143,7 @@ def _settlement(
 
 
 def _boats(place: Waterside, count: int, rng: np.random.Generator, first_id: int) -> list[Scatter]:
-    """Place boats at the jetties, at buoys, and a few under sail."""
+    """Place boats at the jetties, at buoys, and a few sailing."""
     terrain, lake = place.terrain, place.basin
     jetties = quay_places(terrain, lake, place.reaches, -11.0, 55.0)
     rows = [

@@ -14,7 +14,7 @@ F64 = NDArray[np.float64]
 
 FOOT = 112.0  # distance from the axis at which the inland slopes begin [m]
 SHORES = (205.0, 270.0)  # distance of the near shore from the axis [m]
-QUAY = 300.0  # reach of the quay before and behind the bridge's middle [m]
+QUAY = 300.0  # length of the quay on each side of the bridge's middle [m]
 
 
 def draw_lake(land: Land, inner: Cell, width: float, rng: np.random.Generator) -> Basin:
@@ -49,7 +49,7 @@ def draw_lake(land: Land, inner: Cell, width: float, rng: np.random.Generator) -
 
 
 def lakeside_hills(land: Land, inner: Cell, lake: Basin, height: float, rng: np.random.Generator) -> Hills:
-    """Draw the land at large round a lake.
+    """Draw the large-scale relief around a lake.
 
     Args:
         land: The land.
@@ -59,7 +59,7 @@ def lakeside_hills(land: Land, inner: Cell, lake: Basin, height: float, rng: np.
         rng: Random stream.
 
     Returns:
-        Height of the land at large at any place [m].
+        Large-scale height of the land at any position [m].
     """
     broad, ridge = draw_relief(((900.0, 1.0), (380.0, 0.4)), rng), draw_crests(rng)
     rough = draw_relief(((170.0, 7.0), (62.0, 2.0)), rng)
@@ -99,7 +99,7 @@ def lakeside_hills(land: Land, inner: Cell, lake: Basin, height: float, rng: np.
 
 
 def draw_crests(rng: np.random.Generator) -> Hills:
-    """Draw mountain crests between 0 and 1: the folds of two reliefs.
+    """Draw mountain crests between 0 and 1: the zero lines of two reliefs.
 
     Args:
         rng: Random stream.

@@ -1,4 +1,4 @@
-"""Lanes along a slope, one above the other, each on a terrace held by a retaining wall on its lower side."""
+"""Lanes along a slope, one above the other, each on a terrace with a retaining wall on its lower side."""
 
 from dataclasses import dataclass
 
@@ -15,9 +15,9 @@ F64 = NDArray[np.float64]
 GroundPiece = tuple[str, str, str, str, Mesh]
 
 STEP = 8.0  # distance between cross-sections [m]
-_CALM = 5  # cross-sections on either side over which a lane's height is levelled
+_CALM = 5  # cross-sections on either side over which a lane's height is smoothed
 _WALL = 0.35  # thickness of a retaining wall [m]
-_PARAPET = 0.45  # its height over the lane [m]
+_PARAPET = 0.45  # height of that wall above the lane [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +55,10 @@ def draw_lanes(
         terrain: The terrain.
         uphill: 1 where the slope rises to the left of the axis, -1 to the right [1].
         ups: Distance of each lane from the axis [m].
-        reach: How far they go before and behind the site's middle [m].
+        reach: Their extent on each side of the site's middle [m].
         half: Half their width [m].
         rng: Random stream.
-        gap: Distance that they keep from the crossing's edge [m].
+        gap: Distance to the crossing's edge [m].
 
     Returns:
         The lanes, from the foot of the slope upwards.
@@ -76,7 +76,7 @@ def draw_lanes(
 
 
 def street_gap(terrain: Terrain) -> float:
-    """Choose the distance that level streets keep from the crossing's edge: they join a road [m]."""
+    """Choose the distance of level streets to the crossing's edge, where they join a road [m]."""
     return {"road": 0.4, "rail": 9.0}.get(terrain.land.crossing.kind, 24.0)
 
 
@@ -86,7 +86,7 @@ def _row(start: float, stop: float) -> tuple[F64, F64]:
 
 
 def _lane(terrain: Terrain, uphill: float, up: float, at: F64, half: float, wind: F64) -> Lane:
-    if uphill < 0:  # so that the line's own left is uphill either way
+    if uphill < 0:  # so that the line's left is always uphill
         at, wind = at[::-1], wind[::-1]
     left = uphill * (up + wind)
     slope = np.gradient(left, at)
@@ -111,7 +111,7 @@ def lane_pieces(
     Args:
         terrain: The terrain.
         lanes: The lanes.
-        surface: Name, component kind and material recipe of what lies on them.
+        surface: Name, component kind and material recipe of their surface.
         wall_role: Material recipe of the walls, None on level land.
 
     Returns:
@@ -153,7 +153,7 @@ def lane_room(lanes: tuple[Lane, ...], station: F64, left: F64) -> F64:
         left: Distance to the left of the axis [m], shape (N,), float64.
 
     Returns:
-        Distances less a margin of 0.6, at most 60, negative on a lane [m], shape (N,), float64.
+        Distances minus a margin of 0.6, at most 60, negative on a lane [m], shape (N,), float64.
     """
     free = np.full(len(station), 60.0)
     for lane in lanes:

@@ -1,4 +1,4 @@
-"""Fields on the even land of valleys: what lies between a site, the houses and the woods on the slopes."""
+"""Fields on the flat land of valleys, between a site, the houses and the woods on the slopes."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,8 @@ from authoring.site.covers import Cover
 
 F64 = NDArray[np.float64]
 
-REACH = (1500.0, 700.0)  # how far fields go along the axis and to its sides [m]
-STEEPEST = 0.24  # slope that is ploughed [1]
+REACH = (1500.0, 700.0)  # extent of fields along the axis and to its sides [m]
+STEEPEST = 0.24  # largest slope of fields [1]
 SHORE = 26.0  # distance of fields from the shore [m]
 
 

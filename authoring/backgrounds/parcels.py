@@ -10,8 +10,8 @@ from authoring.backgrounds.terrain import Terrain
 from authoring.site.covers import Cover
 
 F64 = NDArray[np.float64]
-NEAR = 500.0  # distance from which fields are larger, and need no finer mesh [m]
-BALK = 1.0  # half the uncultivated strip between two fields [m]
+NEAR = 500.0  # distance from the site beyond which fields are larger, and need no finer mesh [m]
+BALK = 1.0  # half the width of the uncultivated strip between two fields [m]
 CROPS = (
     Cover("ploughed", "Ploughed", "ground", "furrows"),
     Cover("crop", "Crop", "ground", "crop"),
@@ -37,7 +37,7 @@ class Parcel:
     crop: str
 
     def inside(self, station: F64, left: F64) -> F64:
-        """Measure how far places lie within its borders.
+        """Compute the distance of positions to its border, inside.
 
         Args:
             station: Distance along the axis [m], shape (...), float64.
@@ -52,7 +52,7 @@ class Parcel:
         return np.minimum(self.half[0] - across, self.half[1] - along)
 
     def outline(self, step: float) -> F64:
-        """Walk round its border.
+        """List places along its border.
 
         Args:
             step: Distance between places [m].
@@ -72,15 +72,15 @@ class Parcel:
 def draw_parcels(
     terrain: Terrain, rng: np.random.Generator, reach: tuple[float, float] = (620.0, 560.0)
 ) -> tuple[Parcel, ...]:
-    """Divide the land round a site into fields, in two blocks with headings of their own.
+    """Divide the land round a site into fields, in two blocks with different headings.
 
     Args:
         terrain: The terrain.
         rng: Random stream.
-        reach: How far the blocks go along the axis and to its sides [m].
+        reach: Extent of the blocks along the axis and to its sides [m].
 
     Returns:
-        Fields that do not overlap; roads, river and site cut into them.
+        Fields that do not overlap; roads, river and site are cut out of them.
     """
     parcels: list[Parcel] = []
     middle = (terrain.inner[0] + terrain.inner[1]) / 2
@@ -104,7 +104,7 @@ def draw_parcels(
 
 
 def uncropped(parcels: tuple[Parcel, ...], taken: F64) -> tuple[Parcel, ...]:
-    """Leave fields as pasture where buildings stand on them.
+    """Turn fields with buildings on them into pasture.
 
     Args:
         parcels: The fields.
@@ -121,7 +121,7 @@ def uncropped(parcels: tuple[Parcel, ...], taken: F64) -> tuple[Parcel, ...]:
 
 
 def crop_fields(terrain: Terrain, parcels: tuple[Parcel, ...]) -> tuple[tuple[Cover, F64], ...]:
-    """Evaluate where crops grow, for cutting the terrain.
+    """Evaluate the extents of crops, for cutting the terrain.
 
     Args:
         terrain: The terrain.
@@ -143,12 +143,12 @@ def crop_fields(terrain: Terrain, parcels: tuple[Parcel, ...]) -> tuple[tuple[Co
 
 
 def clear_of(axis: Alignment, places: F64, taken: F64, gap: float) -> NDArray[np.bool_]:
-    """Find which places keep clear of existing objects; distances are measured in the world, where the axis may bend.
+    """Find which places keep a distance from existing objects; distances are measured in world coordinates.
 
     Args:
         axis: Axis of the bridge.
         places: Stations and lefts [m], shape (N, 2), float64.
-        taken: Station, left and radius of what stands already [m], shape (K, 3), float64.
+        taken: Station, left and radius of existing objects [m], shape (K, 3), float64.
         gap: Distance to keep beyond the radius [m].
 
     Returns:
@@ -162,7 +162,7 @@ def clear_of(axis: Alignment, places: F64, taken: F64, gap: float) -> NDArray[np
 
 
 def open_land(terrain: Terrain, station: F64, left: F64) -> F64:
-    """Measure the distance to site, river and roads, less a margin.
+    """Measure the distance to site, river and roads, minus a margin.
 
     Args:
         terrain: The terrain.
@@ -170,7 +170,7 @@ def open_land(terrain: Terrain, station: F64, left: F64) -> F64:
         left: Distance to the left of the axis [m], the same shape (...), float64.
 
     Returns:
-        Distances, negative in their way [m], the same shape (...), float64.
+        Distances, negative on them [m], the same shape (...), float64.
     """
     land = terrain.land
     free = np.minimum(np.minimum(terrain.beyond(station, left), terrain.clear(station, left)) - 9.0, 60.0)

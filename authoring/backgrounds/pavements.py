@@ -15,23 +15,23 @@ I64 = NDArray[np.int64]
 KERB = 0.14  # height of a pavement over the street [m]
 PAINT = 0.025  # height of road paint over it [m]
 _STEP = 4.5  # spacing of a pavement's grid where it is cut or not level [m]
-_BURIED = 0.5  # that kerbs go into the ground [m]
+_BURIED = 0.5  # depth of curbs in the ground [m]
 _LEVEL = 0.03  # difference in height up to which a block counts as level [m]
-_SQUARE = 130.0  # side of the squares by which paint is gathered [m]
+_SQUARE = 130.0  # side of the squares whose paint is one mesh [m]
 _MARKED = 420.0  # distance from the site within which streets are painted [m]
 
 
 def plate(plan: TownPlan, block: Block, rise: float = KERB, margin: float = 0.0) -> Mesh | None:
-    """Build a pavement over a block as far as the land is free: its upper side, and a kerb all around.
+    """Build a pavement over a block on its free land: the upper side, and a curb all around.
 
     Args:
         plan: The town.
         block: The block.
         rise: Height of the plate over the ground [m].
-        margin: Distance that it keeps from what stays free [m].
+        margin: Distance to land that must stay empty [m].
 
     Returns:
-        The plate, or None where nothing is free.
+        The plate, or None if no land is free.
     """
     spots = block.spots(_STEP)
     columns = len(np.unique(spots[:, 0]))
@@ -111,7 +111,7 @@ def _oriented(street: Street, places: F64, half: F64) -> F64:
 
 
 def _skirted(points: F64, faces: I64) -> Mesh:
-    """Close a sheet by a kerb along its border."""
+    """Add a curb along the border of a surface."""
     used, corners = np.unique(faces, return_inverse=True)
     points, faces = points[used], corners.reshape(-1, 3)
     count = len(faces)

@@ -1,4 +1,4 @@
-"""Where buildings stand on sloping land: rectangles that keep clear of each other and of what is not to be built on."""
+"""Plots of buildings on sloping land: rectangles that do not overlap, on land that may be built on."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ I32 = NDArray[np.int32]
 B = NDArray[np.bool_]
 
 DEEP = 4.2  # a building's plinth reaches this far below its floor, and a little more [m]
-SILL = 0.35  # the ground may lie this far above the floor at the upper corners [m]
+SILL = 0.35  # largest height of the ground above the floor, at the upper corners [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,12 +39,12 @@ class Plots:
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Places where buildings are wanted.
+    """Candidate places of buildings.
 
     Attributes:
         wanted: Station [m], left [m], heading from the axis [rad] and design [1] of each, shape (K, 4), float64.
         halves: Half the length and depth of each design [m], shape (D, 2), float64.
-        room: Distance of each to what must stay free [m], shape (K,), float64.
+        room: Distance of each to land that must stay empty [m], shape (K,), float64.
         level: Height of the terrace under each [m], shape (K,), float64; None: all stand on the ground.
     """
 
@@ -63,18 +63,18 @@ def place_plots(
     standing: Plots | None = None,
     deepest: float = DEEP,
 ) -> Plots:
-    """Choose places for buildings, the first wanted first.
+    """Choose places for buildings, in the order of the candidates.
 
     Args:
         terrain: The terrain.
-        candidates: Where they are wanted.
-        count: Most buildings.
+        candidates: Candidate places.
+        count: Largest number of buildings.
         gap: Between two buildings [m].
-        standing: Buildings that stand already; they are not part of the result.
-        deepest: Largest fall of the ground below a floor [m].
+        standing: Existing buildings; they are not part of the result.
+        deepest: Largest depth of the ground below a floor [m].
 
     Returns:
-        Buildings that stand clear of each other on ground that their plinths can follow.
+        Buildings that do not overlap, on ground within the depth of their plinths.
     """
     wanted, level = candidates.wanted, candidates.level
     which = wanted[:, 3].astype(np.int32)
@@ -100,7 +100,7 @@ def place_plots(
 
 
 def joined(plots: tuple[Plots, ...]) -> Plots:
-    """Put several lists of places into one."""
+    """Concatenate lists of places."""
     return Plots(
         np.concatenate([part.places for part in plots]),
         np.concatenate([part.heading for part in plots]),
@@ -110,13 +110,13 @@ def joined(plots: tuple[Plots, ...]) -> Plots:
 
 
 def downhill(terrain: Terrain, station: F64, left: F64, reach: float = 12.0) -> tuple[F64, F64]:
-    """Find the way down and its steepness.
+    """Find the direction of the steepest descent, and its slope.
 
     Args:
         terrain: The terrain.
         station: Distance along the axis [m], shape (N,), float64.
         left: Distance to the left of the axis [m], shape (N,), float64.
-        reach: Distance over which the slope is taken [m].
+        reach: Distance over which the slope is measured [m].
 
     Returns:
         Direction from the axis [rad] and slope [1], shapes (N,), float64.
@@ -148,7 +148,7 @@ def _rectangles(terrain: Terrain, plots: Plots) -> list[F64]:
 
 
 def _overlap(one: F64, others: F64) -> B:
-    """Find which rectangles a rectangle touches: no side of either separates them.
+    """Find which rectangles a rectangle touches: no side of either of them separates them.
 
     Source: S. Gottschalk, M. Lin, D. Manocha, OBBTree, 1996 (separating axes).
     """

@@ -1,4 +1,4 @@
-"""Flat-faced town shapes as four-cornered faces: gathered in bulk, then finished into meshes with `st` in metres."""
+"""Flat-faced town shapes as four-cornered faces: collected as arrays, then converted to meshes with `st` in metres."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -7,7 +7,7 @@ from authoring.shapes.component import Mesh
 
 F64 = NDArray[np.float64]
 
-# Corners of each side of a box, counter-clockwise from outside, as picks of low (0) or high (1) for x, y and z.
+# Corners of each side of a box, counter-clockwise from outside, as choices of low (0) or high (1) for x, y and z.
 _SIDES = {
     "x": ((0, 1, 0), (0, 0, 0), (0, 0, 1), (0, 1, 1)),
     "X": ((1, 0, 0), (1, 1, 0), (1, 1, 1), (1, 0, 1)),
@@ -26,7 +26,7 @@ def boxes(low: ArrayLike, high: ArrayLike, sides: str = ALL) -> F64:
     Args:
         low: Lowest corner of each box [m], shape (N, 3) or (3,), float64.
         high: Highest corner of each box [m], the same shape (N, 3) or (3,), float64.
-        sides: Sides wanted: small letters face down the axis, capitals up it.
+        sides: Sides wanted: small letters face along the negative axis, capitals along the positive one.
 
     Returns:
         Faces [m], shape (N * len(sides), 4, 3), float64.
@@ -63,7 +63,7 @@ def ring(inner: F64, outer: F64, levels: tuple[float, float], sides: str = "oud"
 
 
 def prism(outline: F64, low: float, high: float) -> F64:
-    """Draw an outline in x and z out along y, as a vehicle's body.
+    """Extrude an outline in x and z along y, as a vehicle's body.
 
     Args:
         outline: Convex corners x and z, counter-clockwise seen from low y [m], shape (P, 2), float64; P even.
@@ -83,7 +83,7 @@ def prism(outline: F64, low: float, high: float) -> F64:
 
 
 def placed(faces: F64, spot: tuple[float, float, float], heading: float) -> F64:
-    """Turn local faces about z and move them.
+    """Rotate local faces about z and translate them.
 
     Args:
         faces: Local faces [m], shape (F, 4, 3), float64.
@@ -99,11 +99,11 @@ def placed(faces: F64, spot: tuple[float, float, float], heading: float) -> F64:
 
 
 def quad_mesh(faces: F64, shade: float | None = None) -> Mesh:
-    """Finish faces: flat normals, and `st` in metres along and up each face.
+    """Convert faces to a mesh: flat normals, and `st` in metres along and up each face.
 
     Args:
         faces: Faces, counter-clockwise from outside [m], shape (F, 4, 3), float64.
-        shade: A place on the palette [m] that every corner takes as its `st`, or None.
+        shade: A place on the palette [m] that every corner uses as its `st`, or None.
 
     Returns:
         The mesh; corners that several faces share are one vertex.

@@ -46,7 +46,7 @@ class BackgroundSettings(Settings):
 
     @model_serializer(mode="wrap")
     def _without_summer(self, spell: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Serialize settings of summer as before there were seasons: hashes and keys of results stay the same."""
+        """Serialize settings of summer as before seasons existed: hashes and keys of results stay the same."""
         values = spell(self)
         return {key: value for key, value in values.items() if (key, value) != ("season", SUMMER)}
 
@@ -57,7 +57,7 @@ class Background:
 
     Attributes:
         settings: Its settings model.
-        build: Makes its pieces from the settings section of all backgrounds, a site and a random stream.
+        build: Builds its pieces from the settings section of all backgrounds, a site and a random stream.
     """
 
     settings: type[Settings]
@@ -94,7 +94,7 @@ BACKGROUNDS = {
 
 
 def build_background(name: str, settings: BackgroundSettings, site: Site, rng: np.random.Generator) -> Pieces:
-    """Build a background that joins a site's edge and leaves its strip empty.
+    """Build a background that meets a site's edge and leaves its strip empty.
 
     Args:
         name: A key of `BACKGROUNDS`.

@@ -17,9 +17,9 @@ F64 = NDArray[np.float64]
 
 START = 2.5  # from the site's border to a quay's end [m]
 _STEP = 6.0  # between cross-sections [m]
-_IN_WATER = 0.4  # the wall's face stands this far within the water's edge [m]
+_IN_WATER = 0.4  # distance of the wall's face from the water's edge, on the water's side [m]
 _COPING = 0.5  # width of the coping [m]
-_BROOK = 5.0  # half the width of a brook at most [m]
+_BROOK = 5.0  # largest half width of a brook [m]
 _PAVED = 0.16  # height of the promenade over the land [m]
 
 

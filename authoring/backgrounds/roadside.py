@@ -1,4 +1,4 @@
-"""What stands along roads and fields: poles of an overhead line, and hedges."""
+"""Objects along roads and fields: poles of an overhead line, and hedges."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ HEDGE_REACH = 150.0  # distance from the site within which hedges grow [m]
 
 
 def plant_poles(terrain: Terrain, first_id: int, rng: np.random.Generator) -> tuple[Scatter, ...]:
-    """Set a row of poles beside both approach roads.
+    """Place a row of poles beside both approach roads.
 
     Args:
         terrain: The terrain.
@@ -50,18 +50,18 @@ def plant_poles(terrain: Terrain, first_id: int, rng: np.random.Generator) -> tu
 def plant_hedges(
     terrain: Terrain, parcels: tuple[Parcel, ...], taken: F64, count: int, rng: np.random.Generator, first_id: int
 ) -> tuple[Scatter, ...]:
-    """Grow hedges along about half of the near fields.
+    """Plant hedges along about half of the near fields.
 
     Args:
         terrain: The terrain.
         parcels: The fields.
-        taken: Station, left and radius of what stands already [m], shape (K, 3), float64.
-        count: Most bushes.
+        taken: Station, left and radius of existing objects [m], shape (K, 3), float64.
+        count: Largest number of bushes.
         rng: Random stream.
         first_id: Instance id of the run.
 
     Returns:
-        One run, or none where no field lies near.
+        One run, or none if no field is near.
     """
     rows = []
     for parcel in parcels:

@@ -119,7 +119,7 @@ def quay_places(terrain: Terrain, basin: Basin, reaches: list[F64], back: float,
 
 
 def quay_runs(terrain: Terrain, basin: Basin, reaches: list[F64], prefix: str, first_id: int) -> list[Scatter]:
-    """Set railing and lamps on the promenade, and jetties before it.
+    """Place railing and lamps on the promenade, and jetties before it.
 
     Args:
         terrain: The terrain.
@@ -171,7 +171,7 @@ def _edge(terrain: Terrain, basin: Basin, stations: F64) -> tuple[F64, float]:
 
 
 def _strip(terrain: Terrain, basin: Basin, line: Rows, profile: list[tuple[float, float]]) -> Mesh:
-    """Skin a strip along the quay; the profile counts from its edge towards the water, and from height 0 [m]."""
+    """Mesh a strip along the quay; the profile counts from its edge towards the water, and from height 0 [m]."""
     order = slice(None) if basin.side > 0 else slice(None, None, -1)
     stations, edge = line[0][order], line[1][order]
     rows = [

@@ -1,4 +1,4 @@
-"""What worlds by the water share: places beside the roads, cars on the shore road, vessels on the water."""
+"""Common parts of backgrounds at the water: places beside roads, cars on the shore road, vessels on the water."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ from authoring.site.covers import to_world
 
 F64 = NDArray[np.float64]
 MOST = 150  # cars
-_SMALL = ("saloon", "estate", "van")  # vehicles that fit a parking bay
+_SMALL = ("saloon", "estate", "van")  # vehicles that fit in a parking bay
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +41,13 @@ class Waterside:
 
 @dataclass(frozen=True, eq=False)
 class Town:
-    """What is built on such land.
+    """The buildings and streets on such land.
 
     Attributes:
         designs: Designs of its buildings.
-        plots: Where buildings stand, and of which design.
+        plots: Places of buildings, and the design of each.
         lanes: Lanes and streets with cars at their edges.
-        terraces: Steps of the slope that carry houses.
+        terraces: Terraces with houses.
     """
 
     designs: tuple[Design, ...]
@@ -77,7 +77,7 @@ def beside_roads(terrain: Terrain, span: tuple[float, float], rng: np.random.Gen
 
 
 def land_room(terrain: Terrain, basin: Basin, wanted: F64) -> F64:
-    """Measure the distance of places to ways, site and water.
+    """Compute the distance of places to roads and rivers, site and water.
 
     Args:
         terrain: The terrain.
@@ -94,7 +94,7 @@ def land_room(terrain: Terrain, basin: Basin, wanted: F64) -> F64:
 def anchored(
     place: Waterside, wanted: F64, shapes: tuple[Vessel, ...], half: F64, count: int, first_id: int
 ) -> list[Scatter]:
-    """Put vessels on the water, none in another.
+    """Place vessels on the water, without overlaps.
 
     Args:
         place: The land and its water.
@@ -102,7 +102,7 @@ def anchored(
             float64.
         shapes: The vessels.
         half: Half the length and width of each shape [m], shape (D, 2), float64.
-        count: Most vessels.
+        count: Largest number of vessels.
         first_id: Instance id of the first.
 
     Returns:

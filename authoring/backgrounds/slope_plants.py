@@ -1,4 +1,4 @@
-"""What grows on slopes above water: woods on the mountains, gardens at the houses, trees in rows along a quay."""
+"""Plants on slopes above water: woods on the mountains, gardens at the houses, trees in rows along a quay."""
 
 from dataclasses import dataclass
 
@@ -22,21 +22,21 @@ from authoring.site.relief import Relief, draw_relief, smoothstep
 F64 = NDArray[np.float64]
 CRAG = Cover("crag", "Crag", "rock", "cliff")
 CLEARING = 17.0  # from a building's middle to the wood [m]
-CRAGGY = 1.25  # slope from which rock shows [1]
+CRAGGY = 1.25  # slope above which rock is visible [1]
 
 
 @dataclass(frozen=True, eq=False)
 class Woods:
-    """Where woods grow.
+    """Distribution of woods.
 
     Attributes:
         stands: Relief of their density.
-        line: Distances from the axis between which a slope becomes wooded all over [m].
+        line: Distances from the axis between which a slope becomes completely wooded [m].
         species: Broadleaved and garden species to draw from.
-        spread: How far solitary trees stand before and behind the site's middle, standard deviation [m].
+        spread: Distance of solitary trees from the site's middle along the axis, standard deviation [m].
         columns: Share of the gardens with a row of cypresses [1].
         bare: Width of the strip behind the shore without trees [m].
-        trees: Trees wanted, those of a promenade among them [1].
+        trees: Number of trees, including those of a promenade [1].
     """
 
     stands: Relief
@@ -51,13 +51,13 @@ class Woods:
 def mountain_covers(
     terrain: Terrain, lake: Basin, plots: Plots, woods: Woods, rng: np.random.Generator
 ) -> tuple[tuple[Cover, F64], ...]:
-    """Evaluate where woods and rock cover the mountains.
+    """Evaluate the extents of woods and rock on the mountains.
 
     Args:
         terrain: The terrain.
         lake: The lake.
-        plots: The buildings, in clearings.
-        woods: Where woods grow.
+        plots: The buildings, which have clearings.
+        woods: Distribution of woods.
         rng: Random stream.
 
     Returns:
@@ -82,12 +82,12 @@ def mountain_covers(
 def green_runs(
     place: Waterside, town: Town, woods: Woods, promenade: F64, rng: np.random.Generator, first_id: int
 ) -> list[Scatter]:
-    """Plant everything.
+    """Place all trees and shrubs.
 
     Args:
         place: The land and its water.
-        town: What is built there.
-        woods: Where woods grow, and how many trees.
+        town: The buildings and streets there.
+        woods: Distribution of woods, and number of trees.
         promenade: Station, left and height of the places on the promenade [m], shape (N, 3), float64.
         rng: Random stream.
         first_id: Instance id of the first run.
@@ -115,7 +115,7 @@ def green_runs(
 
 
 def draw_stands(rng: np.random.Generator) -> Relief:
-    """Draw where woods grow, positive where they do.
+    """Draw the distribution of woods, positive inside them.
 
     Args:
         rng: Random stream.
@@ -124,7 +124,7 @@ def draw_stands(rng: np.random.Generator) -> Relief:
 
 
 def _wooded(terrain: Terrain, lake: Basin, woods: Woods, station: F64, left: F64) -> F64:
-    """Compute how wooded places are: positive in woods [1], same shape, float64."""
+    """Compute the density of woods: positive inside them [1], same shape, float64."""
     away, out = terrain.beyond(station, left), lake.side * left
     inland = np.maximum(-out, 0.0)
     across = smoothstep(120.0, 600.0, out - lake.near(station))

@@ -36,7 +36,7 @@ class Frame:
     heading: float
 
     def turned(self, vectors: F64) -> F64:
-        """Turn local directions into bridge axes.
+        """Rotate local directions into bridge axes.
 
         Args:
             vectors: Local positions [m] or directions [1], shape (N, 3), float64.
@@ -69,10 +69,10 @@ def box(
         frame: Local frame.
         center: Its middle [m].
         half: Half its sizes [m].
-        sides: Sides wanted: small letters face down the axis, capitals up it.
+        sides: Sides wanted: small letters face along the negative axis, capitals along the positive one.
 
     Returns:
-        The mesh, closed where it has all sides.
+        The mesh, closed if it has all sides.
     """
     signs = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], np.float64)
     return solid(frame, np.asarray(center) + signs * np.asarray(half), [_SIDES[side] for side in sides])
@@ -98,7 +98,7 @@ def gabled_walls(frame: Frame, half: tuple[float, float], levels: tuple[float, f
 
 
 def roof_slab(frame: Frame, half: tuple[float, float], eaves: float, ridge: float, thickness: float) -> Mesh:
-    """Make a gabled roof of even thickness that encloses the walls' top.
+    """Make a gabled roof of constant thickness that encloses the walls' top.
 
     Args:
         frame: Local frame.
@@ -121,7 +121,7 @@ def roof_slab(frame: Frame, half: tuple[float, float], eaves: float, ridge: floa
 
 
 def solid(frame: Frame, points: F64, faces: list[list[int]]) -> Mesh:
-    """Finish a flat-faced solid: flat normals, and `st` in metres along and up each face.
+    """Convert a flat-faced solid to a mesh: flat normals, and `st` in metres along and up each face.
 
     Args:
         frame: Local frame.

@@ -1,4 +1,4 @@
-"""What stands in a town's streets: lamps, traffic lights, signs, railings."""
+"""Objects in a town's streets: lamps, traffic lights, signs, railings."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,11 @@ from authoring.site.covers import to_world
 F64 = NDArray[np.float64]
 
 _DETAILED = 35.0  # distance to the site up to which railings are modelled in detail [m]
-_FURNISHED = 260.0  # distance to the site up to which streets are furnished [m]
+_FURNISHED = 260.0  # distance to the site up to which streets have furniture [m]
 
 
 def furniture(plan: TownPlan, terrain: Terrain, rng: np.random.Generator) -> list[Scatter]:
-    """Set up lamps, traffic lights, signs and fences.
+    """Place lamps, traffic lights, signs and fences.
 
     Args:
         plan: The town.
@@ -72,10 +72,10 @@ def _panels(places: F64) -> Spots:
 
 
 def _plain(plan: TownPlan, spots: Spots) -> F64:
-    """Find which panels are so far away that a plain one is as good: 0 or 1, shape (N,), float64."""
+    """Find which panels are far enough for the simple model: 0 or 1, shape (N,), float64."""
     return (plan.land.look(plan.land.away, spots.places[:, :2], 1e4) > _DETAILED).astype(np.float64)
 
 
 def _facing(places: F64) -> Spots:
-    """Turn lamps on a promenade along it."""
+    """Align lamps with their promenade."""
     return Spots(places, np.zeros(len(places)))

@@ -1,4 +1,4 @@
-"""Street furniture, windows and roof plant as prototypes at life size."""
+"""Street furniture, windows and roof equipment as prototypes at full scale."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,8 @@ _SIGNS = (RED, BLUE, YELLOW, GREEN)
 def window_models() -> tuple[Model, ...]:
     """Model windows one metre wide and high about their middle, x to the right and y into the wall.
 
-    They are stretched into their place. Returns four for each kind of facade: sash, ribbon, curtain wall, shop;
-    the four differ in how far their blinds are down. Then as many plain ones, without a frame.
+    They are scaled to their openings. Returns four for each kind of facade: sash, ribbon, curtain wall, shop;
+    the four differ in the position of their blinds. Then as many simple ones, without a frame.
     """
     models, plain = [], []
     for frame, bars, role, blinds, cloth in (
@@ -103,7 +103,7 @@ def _fence_panel(all_round: str, upright: str) -> Model:
 
 
 def roof_plant() -> tuple[Model, ...]:
-    """Model what stands on roofs: an air handler, a stair head, a water tank on legs, a mast."""
+    """Model roof equipment: an air handler, a stair head, a water tank on legs, a mast."""
     unit = np.concatenate([boxes([-1.3, -0.9, 0.15], [1.3, 0.9, 1.55]), boxes([-0.8, -0.5, 1.55], [0.9, 0.5, 1.8])])
     head = np.concatenate([boxes([-2.2, -1.7, 0.0], [2.2, 1.7, 2.7]), boxes([-2.35, -1.85, 2.7], [2.35, 1.85, 2.85])])
     door = boxes([2.2, -0.5, 0.1], [2.23, 0.5, 2.1])
@@ -159,5 +159,5 @@ def _column(radius: float, height: float, taper: float) -> F64:
 
 
 def _upright(faces: F64) -> F64:
-    """Stand a prism up: its y becomes z, and its z becomes -y."""
+    """Rotate a prism upright: its y becomes z, and its z becomes -y."""
     return np.stack([faces[..., 0], -faces[..., 2], faces[..., 1]], axis=-1)

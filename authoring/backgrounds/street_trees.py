@@ -15,9 +15,9 @@ from authoring.site.plants import Plant
 F64 = NDArray[np.float64]
 
 DETAILED = 60.0  # distance to the site up to which trees are modelled in detail [m]
-_SUNK = 0.25  # trunks go on below the ground [m]
+_SUNK = 0.25  # depth of trunks below the ground [m]
 _WIDEST = 1.07  # largest ratio of a tree's width to its stated size [1]
-_LEAST = 0.4  # trees that would have to be smaller than this to keep off the site are left out [1]
+_LEAST = 0.4  # scale below which trees that would reach into the site are left out [1]
 
 
 def street_trees(
@@ -29,11 +29,11 @@ def street_trees(
         plan: The town.
         terrain: The terrain.
         lawns: Lawns in grid coordinates.
-        count: Most trees.
+        count: Largest number of trees.
         rng: Random stream.
 
     Returns:
-        Runs of detailed and of plain trees.
+        Runs of detailed and of simple trees.
     """
     rows = [kerbside(plan, 0.95, 12.5, 7.0, 420.0)]
     rows[0] = rows[0].only(rng.uniform(size=len(rows[0].yaw)) < 0.5)
@@ -85,17 +85,17 @@ def _room(terrain: Terrain, places: F64) -> F64:
     """Measure the distance from places to the site and its keep-out volumes [m], shape (N,), float64."""
     axis = terrain.land.layout.alignment
     station, left = axis.locate(places)
-    # Stations are measured aslant: what is round in plan reaches over more of them.
+    # Stations are oblique to the plan: a circle in plan spans more of them.
     return np.minimum(np.cos(axis.skew) * terrain.beyond(station, left), terrain.clear(station, left))
 
 
 def _reach(tree: Plant) -> float:
-    """Measure how far a tree reaches from its trunk's axis [m]."""
+    """Compute the radius of a tree about its trunk's axis [m]."""
     return max(float(np.hypot(mesh.points[:, 0], mesh.points[:, 1]).max()) for _, mesh in tree)
 
 
 def _on_lawn(plan: TownPlan, lawn: Block, rng: np.random.Generator) -> Spots:
-    """Strew trees over a lawn, one for each 190 square metres."""
+    """Scatter trees over a lawn, one for each 190 square metres."""
     area = (lawn.high[0] - lawn.low[0]) * (lawn.high[1] - lawn.low[1])
     spread = rng.uniform(0.12, 0.88, (int(area / 190.0) + 1, 2)) * np.subtract(lawn.high, lawn.low) + lawn.low
     spread = plan.to_world(spread)
@@ -124,7 +124,7 @@ def _beside_site(terrain: Terrain, rng: np.random.Generator) -> Spots:
 
 
 def _country(plan: TownPlan, terrain: Terrain, rng: np.random.Generator) -> Spots:
-    """Strew trees over the land beyond the town."""
+    """Scatter trees over the land beyond the town."""
     turn, away = rng.uniform(0.0, 2 * np.pi, 260), plan.reach + rng.uniform(10.0, 480.0, 260)
     clumps = plan.origin + away[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
     places = np.concatenate(

@@ -1,4 +1,4 @@
-"""A town's plan: a grid of streets in the world's plan, its blocks, and the land that they may take."""
+"""A town's plan: a grid of streets in the world's plan, its blocks, and the land that may be built on."""
 
 from dataclasses import dataclass
 
@@ -16,18 +16,18 @@ STRIP = 10.0  # from the site's border to the first kerb [m]
 KERB_GAP = 2.4  # from the edge of a through road to the kerb beside it [m]
 QUAY = 8.5  # from the water's edge to the first kerb [m]
 RAIL_GAP = 7.0  # from a railway's ballast to the first kerb [m]
-STEEPEST = 0.10  # slope of the ground that streets and blocks take [1]
+STEEPEST = 0.10  # largest slope of the ground under streets and blocks [1]
 AVENUES, STREETS = (17.0, 23.0), (12.0, 16.0)  # widths from kerb to kerb [m]
 LONG, SHORT = (84.0, 142.0), (58.0, 84.0)  # sides of blocks [m]
 
 
 @dataclass(frozen=True, eq=False)
 class FreeLand:
-    """Where a town may build, as a map over the world's plan.
+    """Land on which a town may be built, as a map over the world's plan.
 
     Attributes:
         corner: World position of the first cell [m], shape (2,), float64.
-        free: Distance to what stays free, negative within it [m], shape (X, Y), float64.
+        free: Distance to land that must stay empty, negative on it [m], shape (X, Y), float64.
         height: Ground [m], shape (X, Y), float64.
         away: Distance to the site [m], shape (X, Y), float64.
     """
@@ -38,7 +38,7 @@ class FreeLand:
     away: F64
 
     def look(self, layer: F64, places: F64, outside: float) -> F64:
-        """Look places up in a layer of the map.
+        """Look up places in a layer of the map.
 
         Args:
             layer: `free`, `height` or `away` [m], shape (X, Y), float64.
@@ -52,7 +52,7 @@ class FreeLand:
         return map_coordinates(layer, at, order=1, mode="constant", cval=outside)
 
     def room(self, places: F64) -> F64:
-        """Measure the distance to what stays free.
+        """Look up the distance to land that must stay empty.
 
         Args:
             places: World positions in plan [m], shape (N, 2), float64.
@@ -87,7 +87,7 @@ class Block:
     high: tuple[float, float]
 
     def spots(self, step: float, inset: float = 0.0) -> F64:
-        """Spread places over the block, its corners among them.
+        """Distribute places over the block, including its corners.
 
         Args:
             step: Largest distance of neighbouring places [m].
@@ -128,7 +128,7 @@ class TownPlan:
         streets: All streets.
         blocks: Blocks with free land.
         reach: Distance of the town's border from the origin [m].
-        land: Where the town may build.
+        land: Land that may be built on.
     """
 
     origin: F64
@@ -152,7 +152,7 @@ class TownPlan:
 
 
 def map_land(terrain: Terrain, reach: float) -> FreeLand:
-    """Map where a town may build: clear of the site, the crossing, the approach roads with their fills, and slopes.
+    """Map the land that may be built on: away from site, crossing, approach roads with their fills, and slopes.
 
     Args:
         terrain: The terrain.
@@ -180,7 +180,7 @@ def map_land(terrain: Terrain, reach: float) -> FreeLand:
 
 
 def open_ground(terrain: Terrain, station: F64, left: F64) -> F64:
-    """Measure the distance to the site and to the ways that go on beyond it, less what each keeps clear.
+    """Measure the distance to the site and to the roads and rivers beyond it, minus the strip that each keeps clear.
 
     Args:
         terrain: The terrain.
@@ -188,7 +188,7 @@ def open_ground(terrain: Terrain, station: F64, left: F64) -> F64:
         left: Distance to the left of the axis [m], shape (N,), float64.
 
     Returns:
-        Distances, negative where nothing may stand [m], shape (N,), float64.
+        Distances, negative where building is not allowed [m], shape (N,), float64.
     """
     land = terrain.land
     free = np.minimum(terrain.beyond(station, left) - STRIP, terrain.clear(station, left) - 4.0)
@@ -204,12 +204,12 @@ def open_ground(terrain: Terrain, station: F64, left: F64) -> F64:
 
 
 def draw_plan(terrain: Terrain, reach: float, turned: float, rng: np.random.Generator) -> TownPlan:
-    """Draw the streets of a town: an avenue keeps to the bridge's axis, or the whole grid is turned.
+    """Draw the streets of a town: aligned with the bridge's axis, or with the whole grid rotated.
 
     Args:
         terrain: The terrain.
         reach: Distance of the town's border from the site [m].
-        turned: Largest turn of the grid [rad]; about every second town keeps to the axis.
+        turned: Largest rotation of the grid [rad]; about half of the towns are aligned with the axis.
         rng: Random stream.
 
     Returns:

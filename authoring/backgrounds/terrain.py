@@ -1,4 +1,4 @@
-"""Terrain beyond the site: the strip's own grid lines go on outwards, so that both share every vertex of the joint."""
+"""Terrain beyond the site: grid lines of the site's strip continue outwards, so that both share every border vertex."""
 
 from dataclasses import dataclass, replace
 
@@ -16,12 +16,12 @@ from authoring.site.site import Site
 
 F64 = NDArray[np.float64]
 WIDEST_STEP = 55.0  # largest spacing of grid lines [m]
-INVERSIONS = 8  # rounds that find the grid coordinates of a place; each shrinks the error about threefold
-APRON = 16_000.0  # plain margin beyond the land that ways and fields reach: over its end even 100 m up is horizon [m]
+INVERSIONS = 8  # iterations to find the grid coordinates of a place; each reduces the error to about a third
+APRON = 16_000.0  # empty margin beyond roads and fields: seen from 100 m above, its end is at the horizon [m]
 FIRST_TILE, TILE_GROWTH = 130.0, 1.3  # size of the atlas tiles beside the site [m], and their growth outwards [1]
-FADE = 400.0  # distance over which the bends of the grid lines fade out [m]
-SLACK = (0.015, 0.0012, 2.0)  # by how much the mesh may miss the land: beside the site [m], its growth [1], most [m]
-WAY_SLACK, BESIDE = 0.03, 9.0  # the same beside roads and water, and how far that reaches [m]
+FADE = 400.0  # distance over which the curves of the grid lines fade out [m]
+SLACK = (0.015, 0.0012, 2.0)  # height error of the mesh: beside the site [m], its growth with distance [1], limit [m]
+WAY_SLACK, BESIDE = 0.03, 9.0  # the same beside roads and water, and the width of that strip [m]
 Cell = tuple[float, float, float, float]
 
 
@@ -31,11 +31,11 @@ class Terrain:
 
     Attributes:
         land: The land.
-        hills: Height of the land at large.
+        hills: Large-scale height of the land.
         field: Heights over grid coordinates; in its middle lies the site.
         inner: Lowest and highest station, lowest and highest left of the site [m].
-        kept: Whether each node is part of the mesh, shape (S, L), bool: outwards more and more lines end.
-        keep_out: Volumes that stay empty; they stand round the site where its axis bends.
+        kept: Whether each node is part of the mesh, shape (S, L), bool: more and more lines end outwards.
+        keep_out: Volumes that must stay empty; they surround the site where its axis is curved.
     """
 
     land: Land
@@ -46,7 +46,7 @@ class Terrain:
     keep_out: tuple[Box, ...] = ()
 
     def with_heights(self, heights: F64) -> "Terrain":
-        """Give the same terrain other heights at its nodes.
+        """Return the same terrain with other heights at its nodes.
 
         Args:
             heights: Heights of the nodes [m], shape (S, L), float64.
@@ -102,8 +102,8 @@ class Terrain:
         """Gather the triangles outside the site.
 
         Args:
-            extra: Further covers that yield to the site's own, with their fields at the nodes [m], shape (S, L).
-            over: Further covers that the site's own yield to, with their fields at the nodes [m], shape (S, L).
+            extra: Further covers, below the site's own in priority, with their fields at the nodes [m], shape (S, L).
+            over: Further covers, above the site's own in priority, with their fields at the nodes [m], shape (S, L).
 
         Returns:
             The triangles with their covers.
@@ -113,7 +113,7 @@ class Terrain:
         faces = self.field.triangles()
         normals = surface_normals(nodes, faces)
         shape = self.land.shape(station, left, self.hills)
-        shape.covers["patch"] = shape.covers["patch"] - 0.2 * self.beyond(station, left)  # too small for far cells
+        shape.covers["patch"] = shape.covers["patch"] - 0.2 * self.beyond(station, left)  # too small for distant cells
         own = tuple(cover for cover in COVERS if cover.name in shape.covers)
         shape.covers.update({cover.name: values for cover, values in (*over, *extra)})
         covers = (*(cover for cover, _ in over), *own[:-1], *(cover for cover, _ in extra), own[-1])
@@ -121,9 +121,9 @@ class Terrain:
         return soup_of(nodes, normals, outer, shape, covers, self.land.layout.alignment)
 
     def atlas(self, soup: Soup) -> F64:
-        """Chart the land in tiles from 0 to 1, wider and wider outwards; turned and mirrored, no two neighbours match.
+        """Map the land to tiles from 0 to 1, larger outwards; rotations and mirroring make neighboring tiles differ.
 
-        A macro texture that is neutral along its border goes on over every tile's border, and over the site's.
+        A macro texture that is neutral along its border is continuous over every tile's border, and over the site's.
 
         Args:
             soup: Triangles outside the site; none crosses a tile's border.
@@ -163,7 +163,7 @@ def grow_terrain(site: Site, hills: Hills, reach: float, widest: float = WIDEST_
 
     Args:
         site: The site.
-        hills: Height of the land at large; 0 within `FIRST_STEP` of the site.
+        hills: Large-scale height of the land; 0 within `FIRST_STEP` of the site.
         reach: Distance of the terrain's border from the site's [m].
         widest: Largest spacing of grid lines [m].
 
@@ -183,7 +183,7 @@ def grow_terrain(site: Site, hills: Hills, reach: float, widest: float = WIDEST_
 
 
 def rolling_hills(land: Land, inner: Cell, height: float, rng: np.random.Generator) -> Hills:
-    """Draw hills that spare the site, the river's valley and, in part, the roads.
+    """Draw hills outside the site and the river's valley, and lower along the roads.
 
     Args:
         land: The land.
@@ -192,7 +192,7 @@ def rolling_hills(land: Land, inner: Cell, height: float, rng: np.random.Generat
         rng: Random stream.
 
     Returns:
-        Height of the land at large at any place [m].
+        Large-scale height of the land at any position [m].
     """
     broad: Relief = draw_relief(((620.0, 1.0), (270.0, 0.33)), rng)
     small: Relief = draw_relief(((120.0, 1.6), (45.0, 0.5)), rng)
@@ -208,7 +208,7 @@ def rolling_hills(land: Land, inner: Cell, height: float, rng: np.random.Generat
             along = smoothstep(-80.0, 0.0, approach.along(station))
             valley = valley * (1.0 - 0.8 * along * (1.0 - smoothstep(25.0, 220.0, aside)))
         tall = height * (0.45 + 0.9 * broad(station, left)) * (0.35 + 0.65 * smoothstep(150.0, 800.0, away))
-        tall = tall + 1.1 * height * smoothstep(900.0, 2000.0, away)  # a far rim that hides where the land ends
+        tall = tall + 1.1 * height * smoothstep(900.0, 2000.0, away)  # distant hills that hide the end of the land
         rise = 0.5 * (tall + np.sqrt(tall * tall + 40.0)) + small(station, left)
         return smoothstep(FIRST_STEP + 4.0, 170.0, away) * valley * rise
 
@@ -246,7 +246,7 @@ def _middle(field: HeightField, inner: Cell) -> Middle:
 
 
 def _coarser(land: Land, hills: Hills, field: HeightField, inner: Cell) -> NDArray[np.bool_]:
-    """Choose the nodes of the mesh, shape (S, L), bool: beside roads and water every step of the ground stays."""
+    """Choose the nodes of the mesh, shape (S, L), bool: beside roads and water all nodes are kept."""
     station, left = _bent_nodes(land, inner, field.stations, field.lefts)
     away = distance_beyond(inner, station, left)
     slack = np.minimum(SLACK[0] + SLACK[1] * away, SLACK[2])
@@ -264,7 +264,7 @@ def _coarser(land: Land, hills: Hills, field: HeightField, inner: Cell) -> NDArr
 
 
 def _tile_borders(lines: F64, low: float, high: float) -> F64:
-    """Choose grid lines that bound atlas tiles: the site's borders, and outwards ever farther ones."""
+    """Choose grid lines that bound atlas tiles: the site's borders, and lines at increasing distances outwards."""
     sides = []
     for outward, border in ((lines[lines > high], high), (-lines[lines < low][::-1], -low)):
         chosen, size = [border], FIRST_TILE
@@ -283,7 +283,7 @@ def _bent_nodes(land: Land, inner: Cell, stations: F64, lefts: F64) -> tuple[F64
 
 
 def _bends(land: Land, inner: Cell, column: F64, row: F64) -> tuple[F64, F64]:
-    """Find how far grid lines are shifted, so that the river keeps to its columns and the roads to their rows."""
+    """Find how far grid lines are shifted, so that the river stays on its columns and the roads on their rows."""
     first, last, low, high = inner
     crossing = land.crossing
     near = 1.0 - smoothstep(0.0, FADE, np.maximum(np.maximum(first - column, column - last), 0.0))

@@ -1,4 +1,4 @@
-"""Fewer lines outwards: those of a site's fine grid end one after the other where the land beyond can do without."""
+"""Thinning of grid lines: lines of the site's fine grid end where the land beyond does not need them."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ B = NDArray[np.bool_]
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-WIDTH = 0.08  # spacing of lines over their distance from the site, at most [1]
+WIDTH = 0.08  # largest ratio of the spacing of lines to their distance from the site [1]
 AGAIN = 1.22  # growth of the distance after which lines may end again [1]
 
 
@@ -45,13 +45,13 @@ class Middle:
 
 @dataclass(frozen=True)
 class Demands:
-    """What a coarser mesh must keep to.
+    """Error limits of a coarser mesh.
 
     Attributes:
         heights: World heights [m], shape (S, L), float64.
-        slack: By how much the mesh may miss them [m], shape (S, L), float64.
+        slack: Largest height error of the mesh [m], shape (S, L), float64.
         borders: Signed fields whose zero lines bound covers [m], each of shape (S, L), float64.
-        shift: By how much such a field may be missed near its zero line [m], shape (S, L), float64.
+        shift: Largest error of such a field near its zero line [m], shape (S, L), float64.
     """
 
     heights: F64
@@ -61,16 +61,16 @@ class Demands:
 
 
 def thin_out(field: HeightField, middle: Middle, demands: Demands, wanted: tuple[I64, I64]) -> B:
-    """Choose the nodes of a coarser mesh: all along the site's border, fewer and fewer lines outwards.
+    """Choose the nodes of a coarser mesh: all nodes along the site's border, fewer lines outwards.
 
     Args:
         field: The terrain on all its lines.
         middle: The site in it.
-        demands: What to keep to.
+        demands: Error limits.
         wanted: Numbers of the station lines and of the left lines that never end, each of shape (K,), int64.
 
     Returns:
-        Whether each node is kept, shape (S, L), bool; a line that ends never comes back.
+        Whether each node is kept, shape (S, L), bool; a line that ends does not continue farther out.
     """
     kept = np.ones(field.heights.shape, bool)
     for outward, inside, out in middle.sides():
@@ -87,7 +87,7 @@ def thin_out(field: HeightField, middle: Middle, demands: Demands, wanted: tuple
 
 
 def interpolated_heights(heights: F64, field: HeightField, middle: Middle, kept: B) -> F64:
-    """Put the nodes that are left out on the straight line between those that are kept.
+    """Move the omitted nodes to the straight line between those that are kept.
 
     Args:
         heights: World heights [m], shape (S, L), float64.
@@ -158,7 +158,7 @@ def _ends(lines: F64, away: F64, wanted: B, demands: Demands) -> I64:
 
 
 def _fewer(lines: F64, kept: I64, wanted: B, widest: float, demands: Demands, row: int) -> I64:
-    """Drop every other dispensable line from a row outwards; return the numbers of those that stay."""
+    """Remove every second unneeded line from a row outwards; return the numbers of the others."""
     drop = np.zeros(len(kept), bool)
     drop[1:-1:2] = ~wanted[kept[1:-1:2]]
     wide = lines[kept[2:]] - lines[kept[:-2]] > widest

@@ -1,4 +1,4 @@
-"""What is set into facades and onto roofs: windows, name boards, awnings, air handlers, stair heads, tanks, masts."""
+"""Parts of facades and roofs: windows, name boards, awnings, air handlers, stair heads, tanks, masts."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +12,16 @@ from authoring.shapes.component import Scatter
 F64 = NDArray[np.float64]
 
 _FRAMED = 30.0  # distance to the site up to which windows have frames [m]
-WINDOWS = 14_000  # most windows
+WINDOWS = 14_000  # largest number of windows
 _BLINDS = 4  # models of each kind of window
 _SHOP = 3  # kind of window of shops
-_FASCIA = 0.07  # that the shops' fascia stands out beyond the piers [m]
-_SMALL = 9.0  # narrowest roof that carries plant [m]
-_HIGH = 90.0  # height of buildings that carry masts [m]
+_FASCIA = 0.07  # projection of the shops' fascia beyond the piers [m]
+_SMALL = 9.0  # narrowest roof with equipment [m]
+_HIGH = 90.0  # height of buildings from which on they have masts [m]
 
 
 def window_runs(towers: tuple[Tower, ...], strip: F64, rng: np.random.Generator) -> list[Scatter]:
-    """Set windows into the facades near the site, the nearest first, and signs over the shops.
+    """Place windows in the facades near the site, the nearest first, and signs over the shops.
 
     Args:
         towers: Buildings.
@@ -64,7 +64,7 @@ def window_runs(towers: tuple[Tower, ...], strip: F64, rng: np.random.Generator)
 
 
 def roof_runs(towers: tuple[Tower, ...], rng: np.random.Generator) -> list[Scatter]:
-    """Put plant on the roofs, each thing in a quarter of its own.
+    """Place equipment on the roofs, each item in a separate quarter.
 
     Args:
         towers: Buildings.

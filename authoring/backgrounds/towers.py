@@ -1,4 +1,4 @@
-"""Which buildings stand in a town: lots, heights that fall off from a core, set-back tiers and facade styles."""
+"""The buildings of a town: lots, heights that decrease from a core, set-back tiers and facade styles."""
 
 from dataclasses import dataclass
 
@@ -12,26 +12,26 @@ F64 = NDArray[np.float64]
 
 GROUND_STOREY = 4.6  # height of the ground storey with its shops [m]
 WALK = 3.6  # width of the pavement before the buildings [m]
-CLEAR = 2.0  # that buildings keep from what stays free [m]
+CLEAR = 2.0  # distance of buildings to land that must stay empty [m]
 LOWEST, TALLEST = 9.0, 180.0  # heights of buildings [m]
 INSET = 0.6  # of walls behind the border of their lot, which piers and cornices may take [m]
-CORE = 300.0  # distance from the town's core over which heights fall off [m]
+CORE = 300.0  # distance from the town's core over which heights decrease [m]
 
 
 @dataclass(frozen=True)
 class Style:
-    """A kind of facade: piers and bands that stand before a glazed wall.
+    """A kind of facade: piers and bands in front of a glazed wall.
 
     Attributes:
         name: Its name.
         bay: Distance between piers [m].
         storey: Height of a storey [m].
-        pier: Width of a pier and how far it stands out [m].
-        band: Height of the band at every floor and how far it stands out [m].
+        pier: Width of a pier and its projection [m].
+        band: Height of the band at every floor and its projection [m].
         walls: Material recipes that piers and bands may have.
         bands: Material recipes of bands that are unlike the piers; empty for the piers' own.
         glass: Material recipe of the glazed wall.
-        far: Material recipe of the whole facade seen from afar.
+        far: Material recipe of the whole facade seen from a distance.
         window: Number of the window prototype.
         heights: Least and largest height of buildings that have it [m].
     """
@@ -163,7 +163,7 @@ def draw_towers(
         rng: Random stream.
 
     Returns:
-        Buildings that stand clear of each other, of streets and of what stays free; and the vacant lots.
+        Buildings that keep a distance from each other, streets and land that must stay empty; and the vacant lots.
     """
     core = rng.uniform(-1.0, 1.0, 2) * 0.4 * plan.reach
     towers, vacant = [], []
@@ -182,7 +182,7 @@ def draw_towers(
 
 
 def _fitted(plan: TownPlan, lot: Block) -> Block | None:
-    """Find the largest part of a lot, out of a few, that lies clear of what stays free."""
+    """Find the largest part of a lot, out of a few, away from land that must stay empty."""
     (u0, v0), (u1, v1) = lot.low, lot.high
     u, v = (u0 + u1) / 2, (v0 + v1) / 2
     halves = [Block((u0, v0), (u1, v)), Block((u0, v), (u1, v1)), Block((u0, v0), (u, v1)), Block((u, v0), (u1, v1))]

@@ -24,11 +24,11 @@ def traffic(plan: TownPlan, terrain: Terrain, lots: list[Block], count: int, rng
         plan: The town.
         terrain: The terrain.
         lots: Parking lots in grid coordinates.
-        count: Most vehicles.
+        count: Largest number of vehicles.
         rng: Random stream.
 
     Returns:
-        A run of parked and one of driving vehicles, each vehicle with an id of its own.
+        A run of parked and one of driving vehicles, each vehicle with a separate id.
     """
     models = vehicle_models()
     kerbs = kerbside(plan, -1.15, 6.3, 12.0, 380.0)
@@ -51,7 +51,7 @@ def traffic(plan: TownPlan, terrain: Terrain, lots: list[Block], count: int, rng
 
 
 def _rows(plan: TownPlan, lot: Block, rng: np.random.Generator) -> Spots:
-    """Fill about two thirds of a parking lot's stands."""
+    """Fill about two thirds of a parking lot's spaces."""
     along = np.arange(lot.low[0] + 2.0, lot.high[0] - 2.0, 2.7)
     rows, turns = [np.zeros((0, 2))], [np.zeros(0)]
     for number, across in enumerate(np.arange(lot.low[1] + 3.2, lot.high[1] - 3.0, 8.4)):
@@ -103,7 +103,7 @@ def _on_ways(terrain: Terrain, rng: np.random.Generator) -> list[Spots]:
 
 
 def _heading(axis: Alignment, rows: F64, center: Callable[[F64], F64], along: int, lane: float) -> Spots:
-    """Turn vehicles along a line that winds about one coordinate."""
+    """Align vehicles with a line that curves about one coordinate."""
     ahead = rows.copy()
     ahead[:, along] += 2.0
     ahead[:, 1 - along] += center(ahead[:, along]) - center(rows[:, along])

@@ -1,4 +1,4 @@
-"""Trees of a few species at life size, near ones in detail, far ones plainer, and where they grow."""
+"""Trees of a few species at full scale, detailed near the site, simpler farther away, and their places."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ F64 = NDArray[np.float64]
 NEAR = 165.0  # distance from the site's middle up to which trees are modelled in detail [m]
 DISTANT = 150.0  # distance from the site from which trees are the simplest [m]
 SPECIES = 5
-SUNK = 0.25  # trunks go on below the ground [m]
+SUNK = 0.25  # depth of trunks below the ground [m]
 _SIZES = {"oak": (11.5, 11.0), "lime": (14.0, 8.8), "poplar": (19.0, 4.2), "spruce": (16.0, 6.4), "birch": (14.5, 5.4)}
 
 
@@ -29,10 +29,10 @@ def broadleaf(rng: np.random.Generator, form: str, height: float, width: float, 
         form: Its habit: `oak` spreads, `lime` is a high dome, `poplar` a column, `birch` airy and hanging.
         height: Height [m].
         width: Width of the crown [m].
-        count: Cards with leaves; the more, the more detail in trunk and boughs as well.
+        count: Number of cards with leaves; it also determines the detail of trunk and branches.
 
     Returns:
-        Bark, the hearts of the crown, and leaves.
+        Bark, opaque cores of the crown, and leaves.
     """
     lobes = _habit(rng, form, height, width)
     lobes = lobes if count > 30 else lobes[: max(len(lobes) // 2, 2)] * [1.0, 1.0, 1.0, 1.22, 1.22, 1.12]
@@ -71,7 +71,7 @@ def _habit(rng: np.random.Generator, form: str, height: float, width: float) -> 
 
 
 def conifer(rng: np.random.Generator, height: float, width: float, tiers: int, spokes: int) -> Plant:
-    """Model a spruce: whorls of drooping branches round a dark heart.
+    """Model a spruce: whorls of drooping branches around a dark opaque core.
 
     Args:
         rng: Random stream.
@@ -81,7 +81,7 @@ def conifer(rng: np.random.Generator, height: float, width: float, tiers: int, s
         spokes: Branches in the lowest whorl.
 
     Returns:
-        Bark, the heart, and branches.
+        Bark, the core, and branches.
     """
     heart = cone(0.97 * height, 0.13 * height, 0.26 * width, 6 if tiers > 6 else 4)
     wood = stem(0.5 * height, 0.012 * height + 0.06, 5, rng)
@@ -89,13 +89,13 @@ def conifer(rng: np.random.Generator, height: float, width: float, tiers: int, s
 
 
 def species(rng: np.random.Generator) -> tuple[tuple[Plant, ...], tuple[Plant, ...]]:
-    """Model every species, in detail, and plain as well as for the distance: oak, lime, poplar, spruce, birch.
+    """Model every species, detailed, simple, and for the distance: oak, lime, poplar, spruce, birch.
 
     Args:
         rng: Random stream.
 
     Returns:
-        Detailed trees, species by species; plain ones likewise, then those for the distance.
+        Detailed trees, species by species; simple ones likewise, then those for the distance.
     """
     grades = []
     for count, tiers, spokes in ((150, 13, 8), (54, 8, 6), (18, 5, 5)):
@@ -108,7 +108,7 @@ def species(rng: np.random.Generator) -> tuple[tuple[Plant, ...], tuple[Plant, .
 
 
 def graded(which: NDArray[np.int32], away: F64) -> NDArray[np.int32]:
-    """Replace plain trees far away by those for the distance.
+    """Replace simple trees far away by those for the distance.
 
     Args:
         which: Number of the species of each plain tree, shape (N,), int32.
@@ -135,11 +135,12 @@ def plant_trees(
     Args:
         terrain: The terrain.
         parcels: The fields, with trees along some of their borders.
-        taken: Station, left and radius of what stands already [m], shape (K, 3), float64.
-        count: Trees wanted.
+        taken: Station, left and radius of existing objects [m], shape (K, 3), float64.
+        count: Number of trees.
         rng: Random stream.
         first_id: Instance id of the first run.
-        outside: How far a place lies within a forest, whose canopy the land carries [m]: no tree stands on it.
+        outside: Distance of a place to a forest's border, positive inside [m]; the canopy is part of the terrain, so it
+            has no trees.
 
     Returns:
         Runs of detailed and of plain trees.
@@ -197,7 +198,7 @@ def _places(terrain: Terrain, parcels: tuple[Parcel, ...], count: int, rng: np.r
 
 
 def _spaced(places: F64, gap: float) -> NDArray[np.bool_]:
-    """Drop every place closer than a gap to one before it, shape (N,), bool."""
+    """Remove every place closer than a gap to an earlier one, shape (N,), bool."""
     kept = np.ones(len(places), bool)
     for row in range(1, len(places)):
         before = places[:row][kept[:row]]

@@ -1,4 +1,4 @@
-"""Vehicles at life size: cars, vans, buses and trucks in several colours, x forward, wheels on the ground."""
+"""Vehicles at full scale: cars, vans, buses and trucks in several colours, x forward, wheels on the ground."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +94,7 @@ def _car(color: int, body: F64, glass: F64, axles: tuple[float, ...], nose: floa
 
 
 def _finish(color: int, body: F64, glass: F64, wheels: F64, dark: F64, lamps: tuple[float, float]) -> Model:
-    """Give a vehicle its materials, and lamps at its ends: how far forward and how high [m]."""
+    """Assign materials to a vehicle, and add lamps at its ends: their position forward and height [m]."""
     nose, high = lamps
     back = -nose if nose < 5.0 else -6.0
     half = float(np.abs(body[..., 1]).max())

@@ -17,11 +17,11 @@ from authoring.site.shape import SHOULDER, Hills, Land
 F64 = NDArray[np.float64]
 GroundPiece = tuple[str, str, str, str, Mesh]
 
-SNAP = 0.06  # ground this close to the water's level lies on it, so that the shore passes through its vertices [m]
+SNAP = 0.06  # ground this close to the water's level is moved to it, so that the shore passes through vertices [m]
 ROAD_END = 9.0  # distance from the shore at which the road under the bridge ends [m]
-MOUTH = 12.0  # open water reaches this far up a river's channel [m]
+MOUTH = 12.0  # length of open water in a river's channel [m]
 BANKS = 1.5  # distance from a river's edge up to which land may lie below the open water's level [m]
-BEACH = 0.6  # height to which the shore is bare [m]
+BEACH = 0.6  # height up to which the shore has no plants [m]
 WATER = Cover("open_water", "OpenWater", "water", "open_water")
 SHORE = Cover("beach", "Beach", "riverbank", "gravel")
 
@@ -34,7 +34,7 @@ class Basin:
         side: 1 where it lies to the left of the axis, -1 to the right [1].
         level: Height of its surface [m].
         shore: Distance of its near shore from the axis, on the average [m].
-        inside: How far a place lies within it, negative on land [m], from station and left, same shape, float64.
+        inside: Distance of a place to its shore, negative on land [m], from station and left, same shape, float64.
         near: Distance of its near shore from the axis at stations [m], same shape, float64.
     """
 
@@ -46,7 +46,7 @@ class Basin:
 
 
 def water_level(land: Land) -> float:
-    """Choose a level below the river's, so that it flows in; below dry land where there is no river [m].
+    """Choose a level below the river's, so that it flows in; below dry land if there is no river [m].
 
     Args:
         land: The land.
@@ -56,7 +56,7 @@ def water_level(land: Land) -> float:
 
 
 def causeway_share(land: Land, station: F64, left: F64) -> F64:
-    """Find where land under the water's level carries the crossing way.
+    """Find where land below the water's level carries the crossing.
 
     Args:
         land: The land.
@@ -79,11 +79,11 @@ def with_shore(land: Land, basin: Basin, dry: Hills, foreshore: float, slope: Hi
         land: The land.
         basin: The water.
         dry: Height of the land at large away from the water.
-        foreshore: Width of the strip on which what the land has more than that runs out [m].
-        slope: Slope of the shore [1], at least, from station and left.
+        foreshore: Width of the strip over which the land beyond it falls to the shore [m].
+        slope: Least slope of the shore [1], from station and left.
 
     Returns:
-        Height of the land at large at any place [m].
+        Large-scale height of the land at any position [m].
     """
 
     def hills(station: F64, left: F64) -> F64:
@@ -106,16 +106,16 @@ def with_shore(land: Land, basin: Basin, dry: Hills, foreshore: float, slope: Hi
 
 
 def level_shore(terrain: Terrain, basin: Basin) -> Terrain:
-    """Put ground that nearly lies on the water's level on it, and lift land that lies below it.
+    """Move ground close to the water's level to that level, and raise land below it.
 
-    So the water ends exactly where the ground comes up to it; only a river's channel leads on below its level.
+    So the water ends exactly where the ground comes up to it; only a river's channel continues below its level.
 
     Args:
         terrain: The terrain.
         basin: The water.
 
     Returns:
-        The terrain; the site's own ground is as it was.
+        The terrain; the site's own ground is unchanged.
     """
     heights = terrain.field.heights.copy()
     station, left = terrain.nodes()
@@ -168,7 +168,7 @@ def _leveled(soup: Soup, level: float) -> Soup:
 
 
 def ways_to_water(terrain: Terrain, basin: Basin) -> list[Piece]:
-    """Continue the approach roads to the terrain's border, and the crossing: a river sinks into the open water.
+    """Continue the approach roads to the terrain's border, and the crossing: a river ends in the open water.
 
     Args:
         terrain: The terrain.

@@ -1,4 +1,4 @@
-"""What keeps cattle off a way, and who drives there: pasture fences along the crossing, cars and vans on the roads."""
+"""Objects along the roads: pasture fences along the crossing, cars and vans on the roads."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +59,7 @@ def plant_fences(terrain: Terrain, rng: np.random.Generator, first_id: int) -> t
 
 
 def drive_cars(terrain: Terrain, count: int, rng: np.random.Generator, first_id: int) -> tuple[Scatter, ...]:
-    """Place cars on the approach roads, on the right; none where the bridge carries a railway.
+    """Place cars on the approach roads, on the right; none if the bridge carries a railway.
 
     Args:
         terrain: The terrain.
@@ -102,7 +102,7 @@ def drive_cars(terrain: Terrain, count: int, rng: np.random.Generator, first_id:
 
 
 def _panel(sag: float) -> tuple[tuple[str, Mesh], ...]:
-    """Make a post with three rails that reach to the next one."""
+    """Make a post with three rails up to the next post."""
     frame = Frame(0.0, 0.0, 0.0, 0.0)
     half = 0.5 * PANEL
     rails = [box(frame, (half, 0.04, height - sag), (half + 0.1, 0.018, 0.055)) for height in (0.38, 0.76, 1.14)]

@@ -1,4 +1,4 @@
-"""Woods, rows and gardens on slopes: more species, four grades of detail, and places that keep clear of buildings."""
+"""Woods, rows and gardens on slopes: more species, four levels of detail, and places away from buildings."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,9 @@ F64 = NDArray[np.float64]
 B = NDArray[np.bool_]
 
 OAK, LIME, SPRUCE, CYPRESS, PALM = range(5)  # species
-CLOSE, MIDDLE, FAR = 75.0, 210.0, 270.0  # distances from the site up to which trees have each grade of detail [m]
+CLOSE, MIDDLE, FAR = 75.0, 210.0, 270.0  # distances from the site up to which trees have each level of detail [m]
 FULL = 45.0  # distance from the site up to which shrubs are detailed [m]
-MOST = 110, 640, 2000  # trees of the first grade, of the first two, of the first three
+MOST = 110, 640, 2000  # largest number of trees of the first level, of the first two, of the first three
 _REMOTE = (  # kind of spray, height, width of the crown and height of its lower end [m], by species
     *(("oak", 11.0, 10.0, 2.2), ("lime", 13.5, 8.5, 2.0), ("spruce", 16.0, 6.2, 1.2)),
     *(("pine", 12.0, 2.2, 0.4), ("willow", 7.0, 4.4, 3.8)),
@@ -38,7 +38,7 @@ def cypress(rng: np.random.Generator, height: float, width: float, count: int) -
         count: Cards.
 
     Returns:
-        Bark, the hearts of the crown, and its branches.
+        Bark, opaque cores of the crown, and its branches.
     """
     lobes = [
         [0.0, 0.0, share * height, 0.5 * width * wide, 0.5 * width * wide, 0.17 * height]
@@ -85,7 +85,7 @@ def palm(rng: np.random.Generator, height: float, fronds: int) -> Plant:
 
 
 def tree_runs(terrain: Terrain, prefix: str, places: F64, rng: np.random.Generator, first_id: int) -> list[Scatter]:
-    """Plant trees in four grades of detail.
+    """Place trees in four levels of detail.
 
     Args:
         terrain: The terrain.
@@ -95,7 +95,7 @@ def tree_runs(terrain: Terrain, prefix: str, places: F64, rng: np.random.Generat
         first_id: Instance id of the first run.
 
     Returns:
-        One run for each grade.
+        One run for each level of detail.
     """
     away = terrain.beyond(places[:, 0], places[:, 1])
     height = terrain.height(places[:, 0], places[:, 1]) - SUNK
@@ -189,7 +189,7 @@ def spaced(places: F64, gap: float) -> B:
 
 
 def _species(rng: np.random.Generator) -> tuple[tuple[Plant, ...], ...]:
-    """Model every species in four grades of detail."""
+    """Model every species in four levels of detail."""
     grades = []
     for count, tiers, spokes, fronds in ((140, 12, 8, 13), (48, 7, 6, 9), (14, 4, 5, 6)):
         trees = [broadleaf(rng, form, *_SHAPES[form], count) for form in ("oak", "lime")]
@@ -201,7 +201,7 @@ def _species(rng: np.random.Generator) -> tuple[tuple[Plant, ...], ...]:
 
 
 def _remote(rng: np.random.Generator, kind: str, height: float, width: float, low: float) -> Plant:
-    """Model a tree of some 20 triangles, for places from where its whole crown is some 20 pixels wide.
+    """Model a tree of some 20 triangles, for distances at which its crown is some 20 pixels wide.
 
     Args:
         rng: Random stream.
@@ -211,7 +211,7 @@ def _remote(rng: np.random.Generator, kind: str, height: float, width: float, lo
         low: Height of its lower end [m].
 
     Returns:
-        The heart of the crown, and leaves.
+        The opaque core of the crown, and leaves.
     """
     if kind == "spruce":
         heart = cone(height, low, 0.4 * width, 5)

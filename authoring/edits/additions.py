@@ -28,7 +28,7 @@ class Labeling:
     """Labels of new objects.
 
     Attributes:
-        rules: Pattern of object names and component kind or class; the first that fits counts.
+        rules: Pattern of object names and component kind or class; the first that matches is used.
     """
 
     rules: tuple[tuple[str, str], ...] = ()
@@ -38,7 +38,7 @@ class Labeling:
         """Read `kind` or `pattern=kind` words; a kind without a pattern applies to every object.
 
         Args:
-            words: What the user said.
+            words: The user's words.
 
         Raises:
             InputError: Neither a component kind nor a class.
@@ -57,7 +57,7 @@ class Labeling:
 
         Args:
             name: Name of the object.
-            prim: Its body in the edited stage; rules look at the names of all that it is a part of, too.
+            prim: Its body in the edited stage; rules also match the names of its parents.
         """
         above = list(_upwards(prim))
         for pattern, kind in self.rules:
@@ -95,7 +95,7 @@ def write_binding(layer: Sdf.Layer, path: Sdf.Path, material: Sdf.Path) -> None:
 
     Args:
         layer: Layer to write into.
-        path: Where in the layer.
+        path: Path in the layer.
         material: Composed path of the material.
     """
     spec = Sdf.CreatePrimInLayer(layer, path)
@@ -117,7 +117,7 @@ def write_material(layer: Sdf.Layer, material: UsdShade.Material) -> tuple[Sdf.P
         Path of the copy, and destination below the layer's folder to source of each texture to copy.
 
     Raises:
-        InputError: A texture of it is not there; the line names the material.
+        InputError: A texture of it is missing; the message names the material.
     """
     _root(layer)
     looks = Sdf.CreatePrimInLayer(layer, Sdf.Path(LOOKS))
@@ -139,7 +139,7 @@ def write_material(layer: Sdf.Layer, material: UsdShade.Material) -> tuple[Sdf.P
 def _copy_input(
     spec: Sdf.PrimSpec, attribute: Usd.Attribute, home: Sdf.Path, path: Sdf.Path, copies: dict[str, str]
 ) -> None:
-    """Copy the value of an attribute of a material's network and its connections, its texture too."""
+    """Copy the value of an attribute of a material's network and its connections, including its texture."""
     name, value = attribute.GetName(), attribute.Get(Usd.TimeCode.EarliestTime())
     if isinstance(value, Sdf.AssetPath):
         file = asset_file(value)

@@ -1,4 +1,4 @@
-"""Cameras that a DCC added or moved: each becomes a flight of its own, which a survey of kind `stage` photographs."""
+"""Cameras that another program added or moved; each is stored as a flight, for a survey of kind `stage`."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,8 @@ from usd_schemas.reading.stage_reader import stage_to_world
 F64 = NDArray[np.float64]
 _TYPES = Sdf.ValueTypeNames
 
-MOVED = 1e-3  # [m], and entries of the rotation: single precision through a rig of parents is ten times finer
-LENS = 1e-3  # relative: a lens whose width of view differs by more is another one
+MOVED = 1e-3  # [m], and entries of the rotation; ten times the error of single precision through several parents
+LENS = 1e-3  # relative: a lens whose field of view differs by more is another lens
 FAR = 5000.0  # [m] far end of the clipping range, as for our own surveys
 _DECIMALS = 9
 
@@ -23,19 +23,19 @@ _DECIMALS = 9
 def harvest_cameras(
     layer: Sdf.Layer, scene: Usd.Stage, edited: Usd.Stage, taken: set[str]
 ) -> tuple[dict[str, int], list[str]]:
-    """Write the cameras that the scene does not have under `/World/Surveys`, one time code a pose.
+    """Write the cameras that the scene does not have under `/World/Surveys`, one time code per pose.
 
-    A survey's own camera that stands anywhere else than on its flight is such a camera too: the survey stays, since
-    its GPS record and times were drawn for the flight as it was.
+    A survey's own camera that is not on its flight counts as such a camera too: the survey is not changed, because its
+    GPS record and times were drawn for its flight.
 
     Args:
         layer: Edits layer, without the cameras of earlier edits.
         scene: The scene without earlier edits.
-        edited: The same stage as exported by a DCC, in any unit and up axis.
+        edited: The same stage as exported by another program, in any unit and up axis.
         taken: Names of prims; those of the new cameras are added to it.
 
     Returns:
-        Number of poses by name of each new camera, and one line for each that cannot be taken.
+        Number of poses by name of each new camera, and one line for each that cannot be imported.
     """
     left_out: list[str] = []
     ours = {camera.path.rpartition("/")[2]: camera for camera in read_cameras(scene, stage_to_world(scene), _ignore)}
@@ -57,13 +57,13 @@ def _ignore(line: str) -> None:
 
 
 def _on_flight(poses: F64, flight: F64) -> bool:
-    """Check whether every pose is one of a flight: a DCC exports all frames, or just the one that it shows."""
+    """Check whether every pose is one of a flight: other programs export all frames, or only the current one."""
     apart = np.abs(poses[:, None] - flight[None]).max(axis=(2, 3))
     return bool((apart.min(axis=1) <= MOVED).all())
 
 
 def _same_view(one: UsdLens, other: UsdLens) -> bool:
-    """Check whether two lenses have equal fields of view; a DCC adapts the height of the sensor to its picture."""
+    """Check whether two lenses have equal fields of view; other programs change the sensor's height."""
     wide, as_wide = (lens.horizontal_aperture / max(lens.focal_length, 1e-9) for lens in (one, other))
     return bool(np.isclose(wide, as_wide, rtol=LENS))
 
@@ -75,7 +75,7 @@ def _write_camera(layer: Sdf.Layer, scene: Usd.Stage, edited: Usd.Stage, name: s
     spec = Sdf.CreatePrimInLayer(layer, f"{tokens.SURVEYS}/{name}")
     spec.specifier, spec.typeName = Sdf.SpecifierDef, "Camera"
     to_scene = np.linalg.inv(stage_to_world(scene))
-    unit = float(np.linalg.norm(to_scene[:3, 0]))  # scene units that one metre is
+    unit = float(np.linalg.norm(to_scene[:3, 0]))  # scene units per meter
     ratio = UsdGeom.GetStageMetersPerUnit(edited) * unit
     lens = track.lens
     values = {

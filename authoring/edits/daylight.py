@@ -1,4 +1,4 @@
-"""Edits of the sun in a DCC: its direction and strength are written to the selected light."""
+"""Edits of the sun in another program: its direction and strength are written to the selected light."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,10 @@ from usd_schemas.reading.stage_reader import stage_to_world
 F64 = NDArray[np.float64]
 _TYPES = Sdf.ValueTypeNames
 
-TURNED = 1e-4  # [rad] single precision turns a sun by less
-DIMMED = 0.005  # share of its radiance
+TURNED = 1e-4  # [rad] single precision changes its direction by less
+DIMMED = 0.005  # smallest change, as a share of its radiance
 _DECIMALS = 9
-_BLENDER_STOPS = 2.0  # what `blender/open_scene.py` sets against Blender's fourfold sun comes back as an exposure
+_BLENDER_STOPS = 2.0  # `blender/open_scene.py` corrects Blender's fourfold sun by an exposure, which Blender exports
 _STRENGTH = ("inputs:color", "inputs:intensity", "inputs:exposure", "inputs:enableColorTemperature")
 
 
@@ -24,7 +24,7 @@ def find_sun(scene: Usd.Stage, edited: Usd.Stage) -> tuple[Usd.Prim | None, Usd.
 
     Args:
         scene: The scene without earlier edits.
-        edited: The same stage as exported by a DCC.
+        edited: The same stage as exported by another program.
     """
     ours, theirs = _suns(scene), _suns(edited)
     named = [prim for prim in theirs if ours and object_name(prim) == ours[0].GetName()]
@@ -32,9 +32,9 @@ def find_sun(scene: Usd.Stage, edited: Usd.Stage) -> tuple[Usd.Prim | None, Usd.
 
 
 def harvest_sun(layer: Sdf.Layer, scene: Usd.Stage, prim: Usd.Prim | None, edited: Usd.Prim | None) -> str:
-    """Write a changed sun into the light that the scene has selected; another light keeps its own.
+    """Write a changed sun into the light that the scene has selected; other lights are unchanged.
 
-    The sky's picture stays, with the glow where the sun was.
+    The image of the sky is not changed: its glow stays where the sun was.
 
     Args:
         layer: Edits layer.
@@ -111,7 +111,7 @@ def _angle(a: F64, b: F64) -> float:
 
 
 def _turned(prim: Usd.Prim, before: F64, after: F64) -> F64:
-    """Turn a light's transform by the shortest way from one direction to another.
+    """Turn a light's transform by the smallest rotation from one direction to another.
 
     Source: Rodrigues' formula for the rotation between two unit vectors.
     """

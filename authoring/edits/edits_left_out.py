@@ -1,4 +1,4 @@
-"""What a DCC changed that cannot be imported: one line each, so that no change is dropped silently."""
+"""Changes by another program that cannot be imported: one line each, so that no change is lost without a message."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -13,9 +13,9 @@ from authoring.edits.shapes import is_body
 from usd_schemas import tokens
 
 _TIME = Usd.TimeCode.EarliestTime()
-_NAMED = 12  # of a line; the others are counted
-_SAME = 1e-4  # relative: what single precision leaves of a number
-_TAKEN = (  # of matched prims, by the modules beside this one
+_NAMED = 12  # names in a line; the others are counted
+_SAME = 1e-4  # relative: error of single precision
+_TAKEN = (  # properties of matched prims that the other modules of this folder import
     "xformOp",
     "points",
     "faceVertex",
@@ -47,17 +47,17 @@ _PLAIN = (
 
 
 def edits_left_out(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> list[str]:
-    """List what of an edited stage the harvest leaves.
+    """List the changes of an edited stage that are not imported.
 
-    What Blender changes on every trip is no edit: of its files only what it can tell is looked at.
+    Changes that Blender makes at every export are no edits: in its files, only unambiguous ones are listed.
 
     Args:
         before: The scene without earlier edits.
-        after: The same stage as exported by a DCC.
-        matches: What the two have in common.
+        after: The same stage as exported by another program.
+        matches: Prims that the two have in common.
 
     Returns:
-        One line for each kind of thing, sorted, with the names of what it is about.
+        One line for each kind of thing, sorted, with the names of the prims.
     """
     found: dict[str, dict[str, None]] = {}
     for name, reason in _all(before, after, matches):
@@ -83,7 +83,7 @@ def _few(names: list[str]) -> str:
 
 
 def _strangers(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Iterator[tuple[str, str]]:
-    """New prims that are no body, camera or lamp."""
+    """List new prims that are not a body, camera or lamp."""
     known = {prim.GetName() for prim in before.Traverse()}
     taken = {prim.GetPath() for prim in (*matches.pairs.values(), *matches.added.values())}
     prims = iter(after.Traverse())
@@ -102,7 +102,7 @@ def _strangers(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Iterato
                 yield object_name(prim), "a mesh without points is not imported"
         elif prim.IsA(UsdGeom.PointInstancer):
             if is_blender(after) and any(one.IsA(UsdGeom.PointInstancer) for one in before.Traverse()):
-                continue  # Blender gives those of the scene names of its own
+                continue  # Blender renames those of the scene
             yield object_name(prim), "a PointInstancer is not imported; make its instances real"
         elif not prim.HasAPI(UsdLux.LightAPI):
             yield object_name(prim), f"{kind} is not imported; export it as a mesh"
@@ -131,7 +131,7 @@ def _of_pair(ours: Usd.Prim, theirs: Usd.Prim) -> Iterator[tuple[str, str]]:
 
 
 def _shapes(prim: Usd.Prim) -> list[tuple[object, ...]]:
-    """Sum up what is drawn below an instance: numbers of points and corners, extent [stage units], material."""
+    """Summarize the meshes below an instance: numbers of points and corners, extent [stage units], material."""
     found = []
     for part in Usd.PrimRange(prim, Usd.TraverseInstanceProxies()):
         if not is_body(part) or UsdGeom.Imageable(part).ComputePurpose() == UsdGeom.Tokens.proxy:
@@ -188,7 +188,7 @@ def _of_materials(before: Usd.Stage, after: Usd.Stage) -> Iterator[tuple[str, st
 
 
 def _of_network(name: str, ours: UsdShade.Material, theirs: UsdShade.Material) -> Iterator[tuple[str, str]]:
-    """Inputs of a material that the harvest does not compare: the placement of a texture, a coat, a scale."""
+    """List inputs of a material that are not imported: the placement of a texture, a coat, a scale."""
     for prim in Usd.PrimRange(theirs.GetPrim()):
         old = ours.GetPrim().GetStage().GetPrimAtPath(prim.GetPath().ReplacePrefix(theirs.GetPath(), ours.GetPath()))
         if not old:
@@ -203,7 +203,7 @@ def _of_network(name: str, ours: UsdShade.Material, theirs: UsdShade.Material) -
 
 
 def _of_properties(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Iterator[tuple[str, str]]:
-    """Properties that differ on prims that both stages have, and that nothing of the harvest compares."""
+    """List properties that differ on prims of both stages, and that are not imported."""
     pairs = {prim.GetPath(): prim for prim in before.Traverse()}
     there = {path: matches.pairs.get(path) or after.GetPrimAtPath(path) for path in pairs}
     for path, theirs in sorted(there.items()):
@@ -220,7 +220,7 @@ def _of_properties(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Ite
 
 
 def _gone(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Iterator[tuple[str, str]]:
-    """What is no body and is missing: plants, lights, cameras."""
+    """List missing prims that are not bodies: plants, lights, cameras."""
     names = {prim.GetName() for prim in after.Traverse()}
     for prim in before.Traverse():
         counted = prim.IsA(UsdGeom.PointInstancer) or prim.IsA(UsdGeom.Camera) or prim.HasAPI(UsdLux.LightAPI)

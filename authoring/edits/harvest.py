@@ -1,4 +1,4 @@
-"""What a DCC changed in a scene, as a sparse layer: `edits/user.usda` holds the changes and nothing else."""
+"""Changes made to a scene in another program (a DCC), as a sparse layer: `edits/user.usda` holds only these."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -44,19 +44,19 @@ EDITS = "edits/user.usda"
 
 @dataclass
 class Harvest:
-    """What was found, by name of prim or material, in the order of the scene.
+    """The changes found, by name of prim or material, in the order of the scene.
 
     Attributes:
-        moved: Prims that stand elsewhere, and a sun that shines from elsewhere or otherwise.
+        moved: Prims with another transform, and a sun with another direction or intensity.
         reshaped: Meshes with other points, faces, normals or texture coordinates.
         recoloured: Materials with other values or textures, and meshes bound to another material.
         added: New objects and their labels.
-        removed: Prims that were switched off.
-        missing: Prims that the edited stage lacks and that stay.
-        cameras: New cameras, and those of surveys that stand elsewhere, with their number of poses.
+        removed: Prims that were deactivated.
+        missing: Prims that the edited stage lacks and that are kept.
+        cameras: New cameras, and those of surveys with other poses, with their number of poses.
         lights: New lights and their types.
         hidden: Prims that were hidden, or shown again.
-        left_out: One line for each thing that is not taken over, with its name.
+        left_out: One line for each thing that is not imported, with its name.
     """
 
     moved: list[str] = field(default_factory=list)
@@ -72,19 +72,19 @@ class Harvest:
 
 
 def harvest_edits(edited: Path, scene: Path, labels: Labeling, remove: bool = False) -> Harvest:
-    """Compare an edited stage with the scene that it came from, and write the scene's edits layer anew.
+    """Compare an edited stage with the scene that it came from, and rewrite the scene's edits layer.
 
-    The scene is taken without its earlier edits, so that harvesting the same file twice changes nothing. What earlier
-    edits said about things that no DCC brings back (other variants, other lights) stays.
+    The scene is opened without its earlier edits, so that importing the same file twice changes nothing. Earlier edits
+    of things that no program exports (other variants, other lights) are kept.
 
     Args:
-        edited: USD file that a DCC exported.
+        edited: USD file that another program exported.
         scene: Root layer of the scene.
-        labels: What new objects are called.
-        remove: Switch off what the edited stage lacks, instead of only reporting it.
+        labels: Labels of new objects.
+        remove: Deactivate prims that the edited stage lacks, instead of only reporting it.
 
     Returns:
-        What was found and written.
+        The changes found and written.
 
     Raises:
         InputError: Not readable, a stored scene, not one with an edits layer, or a texture is missing.
@@ -201,7 +201,7 @@ def _bodies(scene: Usd.Stage, matches: Matches) -> Iterator[tuple[Sdf.Path, Usd.
 
 
 def _follow_choices(before: Usd.Stage, after: Usd.Stage) -> list[str]:
-    """Compare with the look, background and light that the edited stage has chosen, where it still has the choice."""
+    """Compare with the look, background and light that the edited stage selects, if it still has the variant sets."""
     lines = []
     for axis, path in AXES.items():
         ours, theirs = before.GetPrimAtPath(path), after.GetPrimAtPath(path)
@@ -249,7 +249,7 @@ def _recolor(
 def _wear(
     layer: Sdf.Layer, path: Sdf.Path, worn: UsdShade.Material, ours: dict[str, UsdShade.Material]
 ) -> dict[str, str]:
-    """Bind a prim to a material of the scene, or to a copy of one that the scene lacks or that is part of a world."""
+    """Bind a prim to a material of the scene, or to a copy of one that the scene lacks or that is in a world."""
     known, world = ours.get(name_of(worn)), Sdf.Path(tokens.BACKGROUND)
     stays = known is not None and (path.HasPrefix(world) or not known.GetPath().HasPrefix(world))
     if known is not None and stays:
@@ -292,7 +292,7 @@ def _numbers(prim: Usd.Prim) -> tuple[int, ...]:
 
 
 def _former_ids(layer: Sdf.Layer) -> dict[str, int]:
-    """Read the ids that objects added earlier have; they keep them."""
+    """Read the ids that objects added earlier have; their ids do not change."""
     root = layer.GetPrimAtPath(ADDITIONS)
     found = {}
     for spec in root.nameChildren if root else ():
@@ -319,7 +319,7 @@ def _forget(layer: Sdf.Layer, place: Place, scene: Usd.Stage, matches: Matches) 
         holder = layer.GetPrimAtPath(scope)
         for spec in list(holder.nameChildren) if holder else ():
             if spec.specifier == Sdf.SpecifierDef and tokens.USER_FALSEWORK_ID in spec.attributes:
-                del holder.nameChildren[spec.name]  # a camera or light of earlier edits comes back with the DCC's file
+                del holder.nameChildren[spec.name]  # a camera or light of earlier edits is in the edited file again
     layer.RemoveInertSceneDescription()
 
 

@@ -1,4 +1,4 @@
-"""Lights that a DCC added: they stand under `/World/Environment`, in whatever light the scene is seen."""
+"""Lights that another program added: they are under `/World/Environment`, for every selected light."""
 
 from pathlib import Path
 
@@ -26,12 +26,12 @@ def is_lamp(prim: Usd.Prim) -> bool:
 def harvest_lamps(
     layer: Sdf.Layer, scene: Usd.Stage, edited: Usd.Stage, sun: Usd.Prim | None, taken: set[str]
 ) -> tuple[dict[str, str], dict[str, str]]:
-    """Write the lights that the scene does not have, with all that feeds them, in the scene's units.
+    """Write the lights that the scene does not have, with all connected prims, in the scene's units.
 
     Args:
         layer: Edits layer, without the lights of earlier edits.
         scene: The scene without earlier edits.
-        edited: The same stage as exported by a DCC, in any unit and up axis.
+        edited: The same stage as exported by another program, in any unit and up axis.
         sun: The light of the edited stage that is the scene's sun.
         taken: Names of prims; those of the new lights are added to it.
 
@@ -39,7 +39,7 @@ def harvest_lamps(
         Name to type of the new lights, and destination below the layer's folder to source of each texture to copy.
 
     Raises:
-        InputError: A texture of a light is not there.
+        InputError: A texture of a light is missing.
     """
     known = {prim.GetName() for prim in scene.Traverse() if is_lamp(prim)}
     names: dict[str, str] = {}
@@ -77,7 +77,7 @@ def _write_lamp(layer: Sdf.Layer, scene: Usd.Stage, name: str, prim: Usd.Prim) -
         Sdf.AttributeSpec(spec, attribute.GetName(), attribute.GetTypeName()).default = value
     to_scene = np.linalg.inv(stage_to_world(scene)) @ stage_to_world(prim.GetStage())
     world = UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.EarliestTime())
-    rows = np.round((to_scene @ np.array(world).T).T, _DECIMALS) + 0.0  # a scale of it scales what shines, too
+    rows = np.round((to_scene @ np.array(world).T).T, _DECIMALS) + 0.0  # its scale also scales the light's surface
     matrix = Sdf.AttributeSpec(spec, "xformOp:transform", Sdf.ValueTypeNames.Matrix4d)
     matrix.default = Gf.Matrix4d(*rows.ravel().tolist())
     order = Sdf.AttributeSpec(spec, "xformOpOrder", Sdf.ValueTypeNames.TokenArray, Sdf.VariabilityUniform)

@@ -1,4 +1,4 @@
-"""Which prim of an edited stage is which prim of the scene: by stable id, whatever the DCC did to paths and names."""
+"""Matching of prims of an edited stage and of the scene: by stable id, independent of paths and names."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ DATA_NAME = "userProperties:blender:data_name"
 
 @dataclass(frozen=True)
 class Matches:
-    """What an edited stage has in common with a scene.
+    """The prims that an edited stage and a scene have in common.
 
     Attributes:
         pairs: Path in the scene to the prim of the edited stage.
@@ -31,14 +31,14 @@ class Matches:
 def match_stages(scene: Usd.Stage, edited: Usd.Stage) -> Matches:
     """Match two stages by `userProperties:falseworkId`.
 
-    Copies inherit the id of what they were copied from: the prim that kept the name is the original, others are new.
+    Copies have the id of their original: the prim that kept the name is the original, others are new.
     A mesh that lost its id, as Blender's modifiers and triangulation make it, is matched by its object's name.
-    What stands inside instancers and instances is skipped, since a DCC writes it out as copies; only a copy of a whole
-    native instance is new.
+    Prims inside instancers and instances are skipped, because other programs export them as copies; only a copy of a
+    whole native instance is new.
 
     Args:
         scene: The scene without earlier edits.
-        edited: The same stage as exported by a DCC.
+        edited: The same stage as exported by another program.
     """
     ours = {identity: prim.GetPath() for prim in _scene_prims(scene) if (identity := stable_id(prim))}
     candidates: dict[str, list[Usd.Prim]] = {}
@@ -56,7 +56,7 @@ def match_stages(scene: Usd.Stage, edited: Usd.Stage) -> Matches:
 
 
 def expand_instances(stage: Usd.Stage) -> None:
-    """Turn every native instance of a stage into prims of its own, in the session layer alone.
+    """Replace every native instance of a stage by separate prims, only in the session layer.
 
     Args:
         stage: An edited stage.
@@ -68,7 +68,7 @@ def expand_instances(stage: Usd.Stage) -> None:
 
 
 def stable_id(prim: Usd.Prim) -> str:
-    """Read the id that survives a DCC.
+    """Read the id that other programs preserve.
 
     Args:
         prim: Any prim.
@@ -81,7 +81,7 @@ def stable_id(prim: Usd.Prim) -> str:
 
 
 def object_name(prim: Usd.Prim) -> str:
-    """Find what a DCC calls a prim: Blender nests `X/X`, and the outer one carries the object's name.
+    """Find the name of a prim in other programs: Blender nests `X/X`, and the outer one has the object's name.
 
     Args:
         prim: Prim of an edited stage.
@@ -92,7 +92,7 @@ def object_name(prim: Usd.Prim) -> str:
 
 
 def is_blender(stage: Usd.Stage) -> bool:
-    """Check whether Blender exported a stage: what Blender never writes then counts as no edit.
+    """Check whether Blender exported a stage: the absence of things that Blender never writes is then no edit.
 
     Args:
         stage: An edited stage.
@@ -101,7 +101,7 @@ def is_blender(stage: Usd.Stage) -> bool:
 
 
 def home_path(prim: Usd.Prim) -> Sdf.Path:
-    """Undo what Blender's exporter does to a path: the prefix `/root`, and `X/X` for `X`.
+    """Revert the changes of Blender's exporter to a path: the prefix `/root`, and `X/X` for `X`.
 
     Args:
         prim: Prim of an edited stage.
@@ -150,7 +150,7 @@ def _added(scene: Usd.Stage, edited: Usd.Stage, pairs: dict[Sdf.Path, Usd.Prim])
     kept = {prim.GetPath() for prim in pairs.values()}
     copied = {prim.GetPath() for prim in _scene_prims(scene) if _expanded(prim)}
     instances = {stable_id(prim) for prim in _scene_prims(scene) if prim.IsInstance()} - {""}
-    # Names of prototypes, and of what a background from elsewhere brought without ids.
+    # Names of prototypes, and of prims without ids in a background from another source.
     known = {prim.GetName() for prim in Usd.PrimRange.Stage(scene, Usd.TraverseInstanceProxies()) if _anonymous(prim)}
     taken = {prim.GetName() for prim in scene.Traverse()}
     for prim in sorted(_bodies(edited), key=lambda one: (object_name(one), str(one.GetPath()))):
@@ -187,7 +187,7 @@ def _holder(prim: Usd.Prim) -> Usd.Prim | None:
 
 
 def _bodies(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    """Walk the meshes and solids of a stage, those inside instances too, and none of an instancer's prototypes."""
+    """Walk the meshes and solids of a stage, including those inside instances, but not prototypes of instancers."""
     prims = iter(stage.Traverse())
     for prim in prims:
         if prim.IsA(UsdGeom.PointInstancer):
@@ -208,7 +208,7 @@ def free_name(wanted: str, taken: set[str]) -> str:
     """Convert an object's name to a unique prim name.
 
     Args:
-        wanted: What the DCC calls the object.
+        wanted: Name of the object in the other program.
         taken: Names in use.
     """
     plain = "".join(letter if letter.isascii() and (letter.isalnum() or letter == "_") else "_" for letter in wanted)

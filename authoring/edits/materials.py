@@ -12,7 +12,7 @@ from usd_schemas.reading.materials import asset_file
 
 Place = Callable[[Sdf.Path], Sdf.Path]
 
-TINTED = 1e-4  # [1] a value counts as changed beyond this
+TINTED = 1e-4  # [1] a larger difference counts as a change
 _SURFACE = "UsdPreviewSurface"
 _DEFAULTS: dict[str, float | tuple[float, ...]] = {
     "diffuseColor": (0.18, 0.18, 0.18),
@@ -31,7 +31,7 @@ _TYPES = {
 
 @dataclass(frozen=True)
 class Feed:
-    """What feeds an input of a surface.
+    """Value or texture of an input of a surface.
 
     Attributes:
         value: Its constant value [1].
@@ -45,7 +45,7 @@ class Feed:
 
 
 class Textures:
-    """The textures of a scene by file name: a DCC that gathers them in one folder mixes up those of one name."""
+    """The textures of a scene by file name: programs that collect them in one folder confuse equal names."""
 
     def __init__(self, folder: Path) -> None:
         """Collect names only; files are read when they are used.
@@ -73,7 +73,7 @@ class Textures:
 
 
 def materials_by_name(stage: Usd.Stage) -> dict[str, UsdShade.Material]:
-    """List the materials of a stage by the name that a DCC shows.
+    """List the materials of a stage by the name that other programs show.
 
     Args:
         stage: Any stage.
@@ -99,7 +99,7 @@ def bound_name(prim: Usd.Prim) -> str:
 
 
 def name_of(material: UsdShade.Material) -> str:
-    """Find what a DCC calls a material.
+    """Find the name of a material in other programs.
 
     Args:
         material: Material of any stage.
@@ -113,7 +113,7 @@ def taken_inputs() -> frozenset[str]:
 
 
 def changed_inputs(before: UsdShade.Material, after: UsdShade.Material, textures: Textures) -> dict[str, Feed]:
-    """Find the surface inputs that another value or texture feeds now.
+    """Find the surface inputs with another value or texture.
 
     Args:
         before: Material of the scene.
@@ -142,7 +142,7 @@ def write_inputs(
 
     Args:
         layer: Layer to write into.
-        place: Where a prim of the scene is written in the layer.
+        place: Path in the layer at which a prim of the scene is written.
         material: Material of the scene.
         changed: New feed of each changed input.
 
@@ -156,7 +156,7 @@ def write_inputs(
         spec = Sdf.CreatePrimInLayer(layer, place(surface.GetPath()))
         if not feed.file:
             attribute = _input(spec, name)
-            attribute.connectionPathList.ClearEditsAndMakeExplicit()  # an explicit empty list cuts the texture off
+            attribute.connectionPathList.ClearEditsAndMakeExplicit()  # an explicit empty list disconnects the texture
             attribute.default = feed.value[0] if len(feed.value) == 1 else Gf.Vec3f(*feed.value)
             continue
         target = f"textures/{material.GetPrim().GetName()}_{name}{Path(feed.file).suffix.lower()}"
@@ -174,7 +174,7 @@ def write_inputs(
 def _new_reader(
     layer: Sdf.Layer, place: Place, material: UsdShade.Material, name: str, surface: Sdf.PrimSpec
 ) -> Sdf.PrimSpec:
-    """Define a texture, read at `st`, that feeds an input which had a constant."""
+    """Define a texture, read at `st`, for an input that had a constant."""
     color = name in ("diffuseColor", "emissiveColor")
     path = place(material.GetPath().AppendChild(f"Edited_{name}"))
     coordinates = _shader(layer, place(material.GetPath().AppendChild("Edited_St")), "UsdPrimvarReader_float2")
@@ -195,7 +195,7 @@ def _new_reader(
 
 
 def _composed(path: Sdf.Path) -> Sdf.Path:
-    # Targets of connections name composed prims, never prims inside a variant.
+    # Targets of connections are composed prims, never prims inside a variant.
     return path.StripAllVariantSelections()
 
 

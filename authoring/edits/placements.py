@@ -1,4 +1,4 @@
-"""What was moved: the transforms that differ by more than a DCC's single precision explains."""
+"""Moved prims: transforms that differ by more than errors of single precision."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,19 +8,19 @@ from usd_schemas.reading.stage_reader import stage_to_world
 
 F64 = NDArray[np.float64]
 
-MOVED = 1e-4  # [m] single precision is 1e-5 m a kilometre away
+MOVED = 1e-4  # [m] the error of single precision is 1e-5 m at 1 km
 TURNED = 1e-5  # [1] entries of the linear part
-_DECIMALS = 6  # what is written is rounded to the micrometre
+_DECIMALS = 6  # results are rounded to a micrometer
 
 
 def moved_prims(scene: Usd.Stage, edited: Usd.Stage, pairs: dict[Sdf.Path, Usd.Prim]) -> dict[Sdf.Path, F64]:
-    """Find the prims that stand elsewhere than before.
+    """Find the prims with another transform.
 
-    A moved group moves what is in it, which is then not moved itself.
+    The children of a moved group move with it, and do not count as moved themselves.
 
     Args:
         scene: The scene.
-        edited: The same stage as exported by a DCC, in any unit and up axis.
+        edited: The same stage as exported by another program, in any unit and up axis.
         pairs: Path in the scene to the prim of the edited stage.
 
     Returns:
@@ -46,7 +46,7 @@ def moved_prims(scene: Usd.Stage, edited: Usd.Stage, pairs: dict[Sdf.Path, Usd.P
 
 
 def differs(before: F64, after: F64) -> bool:
-    """Check whether two transforms differ by more than a round trip does.
+    """Check whether two transforms differ by more than the errors of an export and import.
 
     Args:
         before: Transform [stage units], shape (4, 4), float64.
@@ -57,12 +57,12 @@ def differs(before: F64, after: F64) -> bool:
 
 
 def write_transform(layer: Sdf.Layer, path: Sdf.Path, prim: Usd.Prim, transform: F64) -> None:
-    """Author a local transform: just the translation where that is all there was and is.
+    """Author a local transform: only the translation if it has nothing else.
 
     Args:
         layer: Layer to write into.
-        path: Where in the layer.
-        prim: The prim as the scene has it.
+        path: Path in the layer.
+        prim: The prim of the scene.
         transform: Local transform for column vectors [stage units], shape (4, 4), float64.
     """
     spec = Sdf.CreatePrimInLayer(layer, path)
@@ -79,11 +79,11 @@ def write_transform(layer: Sdf.Layer, path: Sdf.Path, prim: Usd.Prim, transform:
 
 
 def hidden_prims(scene: Usd.Stage, pairs: dict[Sdf.Path, Usd.Prim]) -> dict[Sdf.Path, bool]:
-    """Find the prims that were hidden or shown; what is in a hidden group is not hidden itself.
+    """Find the prims that were hidden or shown; children of a hidden group do not count as hidden.
 
     Args:
         scene: The scene.
-        pairs: Path in the scene to the prim that a DCC exported for it.
+        pairs: Path in the scene to the exported prim.
 
     Returns:
         Whether each such prim is visible now.
@@ -97,12 +97,12 @@ def hidden_prims(scene: Usd.Stage, pairs: dict[Sdf.Path, Usd.Prim]) -> dict[Sdf.
 
 
 def write_visibility(layer: Sdf.Layer, path: Sdf.Path, visible: bool) -> None:
-    """Hide a prim, or show it.
+    """Author the visibility of a prim.
 
     Args:
         layer: Layer to write into.
-        path: Where in the layer.
-        visible: Whether it is to be seen.
+        path: Path in the layer.
+        visible: Whether it is visible.
     """
     spec = Sdf.CreatePrimInLayer(layer, path)
     attribute = Sdf.AttributeSpec(spec, "visibility", Sdf.ValueTypeNames.Token)
@@ -115,7 +115,7 @@ def _is_visible(prim: Usd.Prim) -> bool:
 
 
 def _movable(prim: Usd.Prim) -> bool:
-    # Surveys are time-sampled and lights have a direction only: both are authored, not pushed about.
+    # Surveys are time-sampled and lights have a direction only: they are handled by other modules.
     if prim.IsA(UsdGeom.Camera) or prim.HasAPI(UsdLux.LightAPI) or prim.IsA(UsdGeom.PointInstancer):
         return False
     return prim.IsA(UsdGeom.Xformable)

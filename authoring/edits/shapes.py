@@ -1,4 +1,4 @@
-"""What was reshaped: points, topology, normals and texture coordinates of meshes."""
+"""Reshaped meshes: points, topology, normals and texture coordinates of meshes."""
 
 from dataclasses import dataclass
 
@@ -12,8 +12,8 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 
-SHIFTED = 1e-5  # [m] a point counts as changed beyond this
-BENT = 0.01  # [1] Blender keeps normals in 16 bits: they come back 0.003 off
+SHIFTED = 1e-5  # [m] a larger distance counts as a change
+BENT = 0.01  # [1] Blender stores normals in 16 bits, with errors of 0.003
 SLID = 1e-5  # [1] texture coordinates
 UV_SETS = ("st", "st1")
 
@@ -38,7 +38,7 @@ class Surface:
 
 
 def is_body(prim: Usd.Prim) -> bool:
-    """Check whether a prim is a mesh, or one of USD's own solids, which a mesh can replace.
+    """Check whether a prim is a mesh, or a solid of USD, which a mesh can replace.
 
     Args:
         prim: Any prim.
@@ -47,7 +47,7 @@ def is_body(prim: Usd.Prim) -> bool:
 
 
 def read_surface(prim: Usd.Prim) -> Surface:
-    """Read a mesh at its earliest time, or a solid as the mesh that our renderer draws of it.
+    """Read a mesh at its earliest time, or a solid as the mesh with which our renderer draws it.
 
     Args:
         prim: A Mesh, Cube, Sphere, Cylinder, Cone, Capsule or Plane.
@@ -80,16 +80,16 @@ def read_surface(prim: Usd.Prim) -> Surface:
 
 
 def write_reshaped(layer: Sdf.Layer, path: Sdf.Path, before: Surface, after: Surface) -> bool:
-    """Author what differs between two states of a mesh, and nothing where nothing does.
+    """Author the differences between two states of a mesh.
 
     Args:
         layer: Layer to write into.
-        path: Where in the layer.
-        before: The mesh as the scene has it.
-        after: The mesh as the DCC left it.
+        path: Path in the layer.
+        before: The mesh in the scene.
+        after: The mesh in the edited stage.
 
     Returns:
-        True when something was written.
+        Whether anything was written.
     """
     remade = not (np.array_equal(before.counts, after.counts) and np.array_equal(before.indices, after.indices))
     shifted = remade or _apart(before.points, after.points) > SHIFTED
@@ -163,14 +163,14 @@ def write_uv(spec: Sdf.PrimSpec, name: str, values: F32) -> None:
 
 
 def _whole(before: F32, after: F32) -> F32:
-    """Take the former normals where there are none: on slivers Blender loses them, and writes nearly zero."""
+    """Use the former normals where there are none: for slivers, Blender writes nearly zero."""
     if before.shape != after.shape:
         return after
     return np.where(np.linalg.norm(after, axis=1, keepdims=True) > 0.5, after, before)
 
 
 def flat_normals(surface: Surface) -> F32:
-    """Compute the normal of every face, for meshes that come without.
+    """Compute the normal of every face, for meshes without normals.
 
     Args:
         surface: The mesh.
@@ -200,7 +200,7 @@ def _apart(before: NDArray[np.floating], after: NDArray[np.floating]) -> float:
 
 
 def _corners(values: F32, interpolation: str, counts: I32, indices: I32) -> F32:
-    """Spread values of any interpolation over the corners."""
+    """Expand values of any interpolation to the corners."""
     match interpolation:
         case UsdGeom.Tokens.vertex | UsdGeom.Tokens.varying:
             return values[indices] if len(values) else values

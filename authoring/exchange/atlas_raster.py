@@ -7,7 +7,7 @@ from authoring.exchange.texel_cover import Cover, covers
 
 F32 = NDArray[np.float32]
 
-_GUTTER = 8  # [px] so far colors grow over the edge of a chart, for filtered look-ups
+_GUTTER = 8  # [px] margin by which colors are extended beyond the edge of a chart, for filtered look-ups
 
 
 class AtlasRaster:
@@ -32,7 +32,7 @@ class AtlasRaster:
         self._areas: dict[int, tuple[float, float]] = {}
 
     def footprint(self, number: int) -> float:
-        """Compute how much of the first UV set one texel shows, on average [m].
+        """Compute the mean size of a texel in the first UV set [m].
 
         Args:
             number: Owner.
@@ -42,13 +42,13 @@ class AtlasRaster:
 
     @property
     def shared(self) -> float:
-        """Share of the drawn texels that more than one mesh claims [1]."""
+        """Share of the drawn texels that belong to more than one mesh [1]."""
         return self._twice / max(int((self.owner >= 0).sum()), 1)
 
     def draw(self, charts: F32, st: F32, number: int) -> None:
-        """Draw the triangles of one mesh, a later one over an earlier one.
+        """Draw the triangles of one mesh, later ones over earlier ones.
 
-        A triangle that is thinner than a texel has the one that it lies in, where nothing else is.
+        A triangle thinner than a texel gets the texel that contains it, if that is empty.
 
         Args:
             charts: Corners on the atlas [1], shape (T, 3, 2), float32, v upwards.

@@ -27,7 +27,7 @@ F32 = NDArray[np.float32]
 ATLAS = "st1"
 MACRO = "falsework:detail:macroTexture"
 SUFFIX = "_Baked"
-MOST_SHARED = 0.02  # of the texels may be claimed by two meshes, since charts meet along their edges
+MOST_SHARED = 0.02  # share of the texels that may belong to two meshes, because charts meet along their edges
 _BRIGHTEST = np.float32(0.95)  # albedo, as in our renderer
 
 
@@ -36,7 +36,7 @@ class _Group:
     """Materials that share an atlas: those of the bridge, of a square of ground, or of the land of site or background.
 
     Attributes:
-        name: Name of the scope that holds them, and of the macro texture that shows their atlas.
+        name: Name of the scope that holds them, and of the macro texture on their atlas.
         meshes: Meshes with charts on the atlas, by the path of their material.
     """
 
@@ -47,14 +47,14 @@ class _Group:
 def bake_down(scene: Path, folder: Path, texels: int, warn: Warn) -> Path:
     """Write a flattened copy of a scene whose weathering and fine detail are in its base textures.
 
-    A mesh with charts of its own on the atlas `st1` gets one baked texture for its whole asset, a quarter of what a
-    package may weigh. What is tiled stays tiled, in tiles so much larger that its detail nearly divides them.
+    A mesh with its own charts on the atlas `st1` gets one baked texture for its whole asset, a quarter of the allowed
+    size of a package. Tiled materials stay tiled, in larger tiles that contain nearly whole periods of the detail.
 
     Args:
-        scene: Root layer; its selected variants count.
+        scene: Root layer; its selected variants are used.
         folder: Empty folder to fill.
         texels: Texels along a side of each baked atlas [px]; tiles have half of it, those of a background a quarter.
-        warn: Called with one line that names what is still procedural.
+        warn: Called with one line that names materials that are still procedural.
 
     Returns:
         Root layer of the copy.
@@ -100,7 +100,7 @@ def _groups(stage: Usd.Stage) -> list[_Group]:
 
 
 def _bake_group(baking: Baking, group: _Group, texels: int) -> list[Sdf.Path]:
-    """Bake an atlas; give the materials of a group whose meshes share theirs, as land does that repeats it in tiles."""
+    """Bake an atlas; return the materials of a group whose meshes share texels, such as land with a tiled atlas."""
     stage, order = baking.stage, sorted(group.meshes)
     raster = AtlasRaster(texels)
     for number, path in enumerate(order):

@@ -12,8 +12,8 @@ from groundwork.foreign_file import check_regular
 F32 = NDArray[np.float32]
 Picture = NDArray[np.uint8]
 
-_READ = 8  # pictures kept as they were read, up to 50 MB each
-_REDUCED = 4  # pictures kept in linear values, up to 200 MB each
+_READ = 8  # images cached unchanged, up to 50 MB each
+_REDUCED = 4  # images cached in linear values, up to 200 MB each
 _ROWS = 32_000  # the library's images have at most 32,767 rows
 
 
@@ -30,7 +30,7 @@ class TextureLookup:
 
         Args:
             file: Texture.
-            uv: Where [tiles], shape (N, 2), float32, v upwards.
+            uv: Positions [tiles], shape (N, 2), float32, v upwards.
             footprint: Size of an atlas texel [tiles].
             srgb: The texture holds coded colors.
 
@@ -44,7 +44,7 @@ class TextureLookup:
 
         Args:
             file: Texture, whose values are linear.
-            uv: Where [tiles], shape (N, 2), float32, v upwards.
+            uv: Positions [tiles], shape (N, 2), float32, v upwards.
             footprint: Size of an atlas texel [tiles].
 
         Returns:

@@ -14,13 +14,13 @@ from usd_schemas.reading.materials import read_material
 F32 = NDArray[np.float32]
 
 DETAIL = "FalseworkDetailAPI"
-LONGEST = 26.0  # [m] side of a tile: two or three times the longest period of our detail bends that by a few per cent
+LONGEST = 26.0  # [m] side of a tile: two or three longest periods of our detail, which changes by a few percent
 PATCHES = 130.0  # [m] side of a tile with patches, as wide as those of the land beside the site
 _BRIGHTEST = np.float32(0.95)  # albedo, as in our renderer
 
 
 def bake_tile(baking: Baking, path: Sdf.Path, texels: int, patched: bool) -> None:
-    """Give a material a larger tile with its detail baked in; one without a tiled base texture is unchanged.
+    """Bake the detail of a material into a larger tile; one without a tiled base texture is unchanged.
 
     Args:
         baking: Stage and textures.
@@ -113,7 +113,7 @@ def _detail(
 
 
 def _source(shader: UsdShade.Shader, name: str) -> UsdShade.Shader | None:
-    """Find the shader that feeds an input."""
+    """Find the shader that is connected to an input."""
     entry = shader.GetInput(name)
     attributes = entry.GetValueProducingAttributes() if entry else []
     fed = attributes and UsdShade.Output.IsOutput(attributes[0])

@@ -11,13 +11,13 @@ from usd_schemas.guard.layer_walk import Warn
 
 @dataclass(frozen=True, eq=False)
 class Baking:
-    """A flattened stage that gets baked textures.
+    """A flattened stage whose textures are baked.
 
     Attributes:
         stage: Flattened stage; its root layer is changed.
         folder: Folder of that layer; receives the textures.
-        textures: What the textures of the stage show.
-        warn: Called with one line for each thing about a material that is not read.
+        textures: Lookup of the stage's textures.
+        warn: Called with one line for each property of a material that is not read.
     """
 
     stage: Usd.Stage

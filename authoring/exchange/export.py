@@ -18,7 +18,7 @@ def export_scene(scene: Path, out: Path, bake: bool, texels: int, warn: Warn) ->
     Args:
         scene: Root layer.
         out: File to write, `.usdz` or `.glb`.
-        bake: Burn macro and fine detail into the textures.
+        bake: Bake macro and fine detail into the textures.
         texels: Texels along a side of each baked texture [px].
         warn: Called with one line for each thing that is left out.
 
@@ -26,7 +26,7 @@ def export_scene(scene: Path, out: Path, bake: bool, texels: int, warn: Warn) ->
         Names of the entries (usdz) or nodes (GLB).
 
     Raises:
-        InputError: Another suffix, a scene that cannot be packaged, or a file there that is not ours.
+        InputError: Another suffix, a scene that cannot be packaged, or an existing file that is not ours.
     """
     writers = {".usdz": package_scene, ".glb": lambda root, file: write_glb(root, file, warn)}
     if out.suffix not in writers:

@@ -1,4 +1,4 @@
-"""One layer from a stage of many: the selected variants, every arc resolved, textures still found beside it."""
+"""Flattening of a stage to one layer: selected variants, every arc resolved, textures beside it."""
 
 from pathlib import Path
 
@@ -17,14 +17,14 @@ _GENERATOR = "generator"
 def flatten_scene(scene: Path, out: Path) -> list[str]:
     """Flatten a stage into one file.
 
-    A texture below the folder of that file is named where it is; others are copied to `<stem>_textures/` beside it.
+    A texture below the folder of that file is referred to in place; others are copied to `<stem>_textures/` beside it.
 
     Args:
         scene: Root layer.
         out: File to write, `.usda` or `.usdc`.
 
     Returns:
-        Textures that were not found, as the stage names them.
+        Textures that were not found, by their names in the stage.
 
     Raises:
         InputError: Not a stage, a file name that USD cannot write, or a file that was not flattened here.

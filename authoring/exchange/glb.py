@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # glTF's vertical is y
-MOST_TEXELS = 1024  # [px] along a side of a tiled texture: a web page is not a print
+MOST_TEXELS = 1024  # [px] along a side of a tiled texture: web pages do not need more
 
 
 def write_glb(stage: Path, out: Path, warn: Warn) -> list[str]:
@@ -28,7 +28,7 @@ def write_glb(stage: Path, out: Path, warn: Warn) -> list[str]:
     Args:
         stage: Any USD stage.
         out: File to write.
-        warn: Called with one line for each thing that the stage or GLB cannot express.
+        warn: Called with one line for each thing that cannot be read or that GLB cannot express.
 
     Returns:
         Names of the nodes.
@@ -104,9 +104,9 @@ def _mesh(
         if (texture, cut_out) not in pictures:
             pictures[texture, cut_out] = _Picture(texture, keeps_alpha=cut_out)
         settings["baseColorTexture"] = pictures[texture, cut_out]
-        if cut_out:  # leaves are cards that are cut out of a picture
+        if cut_out:  # leaves are cards with a cut-out texture
             settings |= {"alphaMode": "MASK", "alphaCutoff": float(material.opacity_threshold)}
-        if not texture.is_plain:  # GLB multiplies, and adds nothing
+        if not texture.is_plain:  # GLB has a factor, but no offset
             settings["baseColorFactor"] = [*(round(min(value, 1.0) * 255) for value in texture.gain), 255]
         uv = _placed((geometry.st1 if texture.uv_set else geometry.st)[vertices], texture)
     visual = TextureVisuals(uv=uv, material=PBRMaterial(**settings))
@@ -145,14 +145,14 @@ class _Picture:
         self._data = cv2.imencode(ending, image, quality)[1].tobytes()
 
     def tobytes(self) -> bytes:
-        """Return the bytes that distinguish the material."""
+        """Return bytes that identify the material."""
         return self._data
 
     def save(self, file: BinaryIO, format: str) -> None:
         """Write the file.
 
         Args:
-            file: Where to.
+            file: File to write to.
             format: JPEG, or PNG where it is a cut-out.
         """
         file.write(self._data)

@@ -9,8 +9,8 @@ from groundwork.files import write_bytes
 from groundwork.output_file import SIGNATURE
 
 ALIGNMENT = 64  # [byte] where the content of each entry starts, so that it can be mapped into memory
-_PADDING_ID = 0x1986  # header of the extra field that moves it there
-_EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip archive can hold
+_PADDING_ID = 0x1986  # header of the extra field used as padding
+_EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time in a zip archive
 _ZIP_HEADER = 30  # [byte] of a local file header before name and extra field
 
 
@@ -28,7 +28,7 @@ def package_scene(scene: Path, out: Path) -> list[str]:
         Names of the entries.
 
     Raises:
-        InputError: The scene takes files from outside its folder.
+        InputError: The scene uses files outside its folder.
     """
     home, names = scene.resolve().parent, list(used_files(scene))
     names.remove(scene.name)
@@ -38,7 +38,7 @@ def package_scene(scene: Path, out: Path) -> list[str]:
         archive.comment = SIGNATURE.encode()
         for name in names:
             entry = zipfile.ZipInfo(name, _EPOCH)
-            entry.create_system = 3  # else it would name the operating system
+            entry.create_system = 3  # otherwise it depends on the operating system
             entry.external_attr = 0o644 << 16
             entry.extra = _padding(buffer.tell() + _ZIP_HEADER + len(name.encode()))
             archive.writestr(entry, (home / name).read_bytes())

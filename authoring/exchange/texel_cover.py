@@ -1,4 +1,4 @@
-"""Which texels of an atlas each triangle covers."""
+"""Texels of an atlas that each triangle covers."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,8 +10,8 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-_TINY = 1e-12  # [px^2] twice the area of what is not drawn
-_AT_ONCE = 2_000_000  # texels in the boxes around the triangles that are looked at together
+_TINY = 1e-12  # [px^2] twice the area of the largest triangles that are not drawn
+_AT_ONCE = 2_000_000  # texels in the boxes around the triangles that are processed together
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +22,7 @@ class Cover:
         triangle: Row of each triangle, shape (N,), int64.
         texel: Row of each texel in the flat atlas, shape (N,), int64.
         weights: Share of each corner at its middle [1], shape (N, 3), float64.
-        thin: Whether the triangle covers the middle of no texel, and this is the one that it lies in, shape (N,), bool.
+        thin: Whether the triangle covers no texel center, and this texel contains it, shape (N,), bool.
     """
 
     triangle: I64

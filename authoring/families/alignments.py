@@ -13,14 +13,14 @@ from authoring.streams import told_shares
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
-LARGEST_TURN = float(np.radians(35.0))  # of the axis against its chord
+LARGEST_TURN = float(np.radians(35.0))  # largest angle between the axis and its chord
 LEAST_RADIUS = {"road": 60.0, "rail": 300.0}  # [m], over the squared cosine of the skew
 STEEPEST = {"road": 0.05, "rail": 0.025}  # [1]
 WAVE_RADIUS = 150.0  # [m], least of a sine wave
-FADE = 15.0  # [m] at least on which a crossfall grows
-EDGE_RISE = 0.015  # [1] of a deck's edge against the axis there
-RAIL_PITCH = 1.505  # [m] between the middles of two rails: cant over it is crossfall
-_SPAN_RADII = 5.0  # spans that the least drawn radius measures: precast girders are not bent harder
+FADE = 15.0  # [m] least length of a change of crossfall
+EDGE_RISE = 0.015  # [1] largest rise of a deck's edge relative to the axis
+RAIL_PITCH = 1.505  # [m] between the middles of two rails: crossfall is cant divided by this
+_SPAN_RADII = 5.0  # least drawn radius in spans: precast girders are not curved more
 _SQUARE = {"skewed": 0.4, "square": 0.6}
 
 
@@ -86,13 +86,13 @@ def draw_alignment(
     """Draw an axis; its height is that of a finished surface that begins at 0.
 
     Args:
-        settings: What the user fixed.
-        carried: The bridge on it.
+        settings: Values set by the user.
+        carried: The bridge.
         mean_grade: Rise of the road per metre, mean over the bridge [1], and whether it was drawn.
         draws: Random stream and profile of the bridge.
 
     Raises:
-        InputError: Something that the user fixed does not fit the bridge.
+        InputError: A value set by the user does not fit the bridge.
     """
     supports, half_width, service = carried.supports, carried.half_width, carried.service
     length, paper, (grade, free) = supports[-1], draws.profile == "paper", mean_grade
@@ -112,10 +112,10 @@ def draw_alignment(
     else:
         drawn_skew = skew_sign * sizes["skew"] if skewed and not paper else 0.0
         skew = float(np.radians(settings.skew if settings.skew is not None else drawn_skew))
-    if settings.skew is None and settings.radius is not None:  # drawn values yield to fixed ones
+    if settings.skew is None and settings.radius is not None:  # values set by the user have priority
         widest = float(np.arccos(np.sqrt(min(LEAST_RADIUS[service] / settings.radius, 1.0))))
         skew = float(np.clip(skew, -widest, widest)) + 0.0
-    if profile != "grade" and free and settings.crest_radius is not None:  # the ends must not become too steep
+    if profile != "grade" and free and settings.crest_radius is not None:  # so that the ends are not too steep
         room = max(STEEPEST[service] - 0.5 * length / settings.crest_radius, 0.0)
         grade = float(np.trunc(1e6 * np.clip(grade, -room, room)) / 1e6)
     _check_grade(grade, service)
@@ -130,7 +130,7 @@ def draw_alignment(
         plan = _elements(kind, sign / radius, sizes["spiral"], length)
         fall = sizes["cant"] / RAIL_PITCH if service == "rail" else sizes["superelevation"]
         if kind == "s" and (settings.cant if service == "rail" else settings.superelevation) is None:
-            fall = min(fall, round(0.4 * length * EDGE_RISE / half_width, 4))  # an S has little room to turn over
+            fall = min(fall, round(0.4 * length * EDGE_RISE / half_width, 4))  # an S changes sides over a short length
         falls = _falls(kind, -sign * fall, sizes["spiral"] * length, length, half_width)
     crest = _crest(settings, profile, sizes["crest_radius"], length, abs(grade), STEEPEST[service])
     begin = grade if crest is None else round(grade + 0.5 * length / crest.radius, 6)
@@ -177,7 +177,7 @@ def _elements(kind: str, curvature: float, spiral: float, length: float) -> tupl
 def _falls(kind: str, fall: float, ramp: float, length: float, half_width: float) -> tuple[tuple[float, float], ...]:
     """List where the crossfall changes: it grows on the approaches and the clothoids, and changes sides in an S.
 
-    A deck's edge rises against the axis by no more than `EDGE_RISE`, as long as an S has room for it.
+    A deck's edge rises against the axis by no more than `EDGE_RISE`, if an S is long enough for it.
     """
     if fall == 0.0:
         return ()
@@ -221,7 +221,7 @@ def _radius(
 def _wave(
     settings: AlignmentSettings, amplitude: float, scale: float, length: float, least: float
 ) -> tuple[Element, ...]:
-    """Bound a wave whose curvature the Random Bridge Generator left open."""
+    """Limit the curvature of a wave, which the Random Bridge Generator does not."""
     most = scale * scale / least
     while PlanCurve(sine_elements(min(most, 20.0), scale, length)).largest_turn > LARGEST_TURN:
         most = 0.9 * min(most, 20.0)

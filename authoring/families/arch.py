@@ -33,7 +33,7 @@ class DrawnArch:
 
 
 def draw_arch(settings: ArchSettings, shared: SharedSettings, draws: Draws) -> tuple[Layout, DrawnArch]:
-    """Draw what the user did not fix.
+    """Draw the values that the user did not set.
 
     Args:
         settings: Settings of the family.
@@ -58,11 +58,11 @@ def build_arch(layout: Layout, drawn: DrawnArch, ground: Ground) -> list[Part]:
 
     Args:
         layout: Axis and supports.
-        drawn: What was drawn.
+        drawn: The drawn record.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
 
     Returns:
-        Parts in their lasting order.
+        Parts in a fixed order.
     """
     if isinstance(drawn.arch, DrawnDeckArch):
         return build_deck_arch(layout, drawn.arch, ground)

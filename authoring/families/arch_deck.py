@@ -22,14 +22,14 @@ from authoring.parts.spandrels import Bents, CapPlace, bent_footing, foot_on, pi
 from authoring.parts.spans import Levels, Spans, level_at
 from authoring.shapes.component import F64
 
-FOUNDING = 1.2  # [m] blocks and footings below the lowest ground at them
-_SHOWS = 0.4  # [m] of a springing's block above the land
+FOUNDING = 1.2  # [m] depth of blocks and footings below the lowest ground at them
+_SHOWS = 0.4  # [m] visible height of a springing's block
 _LEAST_COLUMN = 0.25  # [m]
-_COLUMNS = (0.55, 2.6)  # [m] columns along the bridge: the tallest are up to 20 times as tall as thick
-_BELOW = 5.0  # [m] by which the tallest columns exceed the rise, about
+_COLUMNS = (0.55, 2.6)  # [m] size of columns along the bridge: the tallest are up to 20 times as tall as thick
+_BELOW = 5.0  # [m] approximate height of the tallest columns above the rise
 _RIB_SLENDERNESS = 20.0  # [1] of the tallest columns across the bridge, where ribs carry them
-_INTO_DECK = 0.008  # [m] cross-head into the deck that it carries
-_ROOM = 0.25  # [m] on a block before and behind the pier on it
+_INTO_DECK = 0.008  # [m] depth of a cross-head in the deck
+_ROOM = 0.25  # [m] space on a block before and behind the pier on it
 
 
 @dataclass(frozen=True)
@@ -39,13 +39,13 @@ class DrawnDeckArch:
     Attributes:
         rib: Axis and depths.
         section: Ring or ribs.
-        bents: Columns and cross-heads, of piers too.
+        bents: Columns and cross-heads, including those of piers.
         pitch: Distance of bents [m].
         bent_stations: Bents on the arch [m].
         pier_stations: Piers on footings beyond the springings [m].
         slab: The deck's own structure.
         spans: Pieces of deck: over the arch, and over the banks.
-        top: What lies on the deck.
+        top: Surfacing, parapets and fittings of the deck.
         bearings: Under the ends of every piece of deck.
         abutments: At the ends of the bridge.
     """
@@ -79,7 +79,7 @@ def draw_deck_arch(choice: ArchChoice, shared: SharedSettings, draws: Draws) -> 
     top = draw_deck_top(shared, draws)
     bearings = draw_bearings(shared.bearing, draws)
     abutments = draw_abutments(shared.abutment, bearings, draws)
-    if choice.approach_bays == 0:  # the springings' blocks stand against plain walls
+    if choice.approach_bays == 0:  # walls stand behind the springings' blocks
         abutments = replace(abutments, footing_toe=0.0, footing_top=0.0, batter=0.0)
     section = _draw_section(choice, top.width, draws)
     slab = draw_spandrel_deck(choice.deck, choice.form == "steel", top, bearings, choice.span / choice.bays, draws)
@@ -118,7 +118,7 @@ def raised(layout: Layout, rib: Rib, springing: float) -> Layout:
 
 
 def with_springing_ground(layout: Layout, rib: Rib) -> Layout:
-    """Return where the springings need the ground: just below the lower edge of their faces.
+    """Return the height of the ground that the springings need: just below the lower edge of their faces.
 
     Args:
         layout: Axis at its last height.
@@ -135,7 +135,7 @@ def build_deck_arch(layout: Layout, arch: DrawnDeckArch, ground: Ground) -> list
 
     Args:
         layout: Axis and supports.
-        arch: What was drawn.
+        arch: The drawn record.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
     """
     place, spans, levels = layout.alignment, arch.spans, arch.levels
@@ -164,7 +164,7 @@ def _draw_section(choice: ArchChoice, width: float, draws: Draws) -> RibSection:
         return RibSection("concrete", ring, (0.0,), sharp)
     count = 2 if width <= 15.0 else (3 if width <= 22.0 else 4)
     outer = (0.28 + 0.06 * spread) * width
-    least = max(0.9, (choice.rise + _BELOW) / _RIB_SLENDERNESS + 0.16)  # what the tallest columns on it need
+    least = max(0.9, (choice.rise + _BELOW) / _RIB_SLENDERNESS + 0.16)  # least width for the tallest columns
     most = min(2.6, 1.2 * outer / (count - 1))
     rib = min(max(choice.depth * (0.7 + 0.5 * rib_share), least), most)
     lines = tuple(round(float(line), 3) for line in np.linspace(-outer, outer, count))

@@ -48,7 +48,7 @@ def draw_masonry(
     """Draw a masonry arch bridge.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         springing: Least height of the springings above z = 0 [m].
         shared: Settings of the parts that every family has.
         draws: Random stream and profile of the bridge.
@@ -82,7 +82,7 @@ def draw_masonry(
     quarter = float(viaduct.rib(0).intrados(np.array([starts[0] + 0.25 * axis.span]))[0])
     needs = AxisNeeds(supports, quarter, base, abutments.wing_length, straight=True)
     layout = draw_layout_of(shared, top, needs, draws)
-    # The lowest springing is as high as asked for when the middle of the bridge is.
+    # The level of the middle of the bridge gives the lowest springing the required height.
     return raised(layout, replace(viaduct.ring, start=0.5 * (total - axis.span)), springing), drawn
 
 
@@ -91,7 +91,7 @@ def build_masonry(layout: Layout, arch: DrawnMasonry, ground: Ground) -> list[Pa
 
     Args:
         layout: Axis and supports.
-        arch: What was drawn.
+        arch: The drawn record.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
     """
     place, spans = layout.alignment, arch.spans

@@ -1,4 +1,4 @@
-"""Settings of an arch bridge in a scenario, and the random draw of what all arrangements share."""
+"""Settings of an arch bridge in a scenario, and the random draw of the values that all arrangements share."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -88,7 +88,7 @@ class ArchSettings(Settings):
 
 
 _ABOVE = ("through", "half_through", "tied")
-_DIMENSIONS = {  # that only some arrangements have
+_DIMENSIONS = {  # dimensions that only some arrangements have
     "deck": ("span", "span_to_rise"),
     "above": tuple(f"above.{key}" for key in AboveSettings.model_fields),
     "masonry": tuple(f"masonry.{key}" for key in MasonrySettings.model_fields),
@@ -136,7 +136,7 @@ def draw_choice(settings: ArchSettings, draws: Draws) -> ArchChoice:
     """Draw arrangement and main dimensions; every value is drawn, whether the arrangement uses it or not.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         draws: Random stream and profile.
     """
     _refuse_idle(settings)
@@ -170,7 +170,7 @@ def draw_choice(settings: ArchSettings, draws: Draws) -> ArchChoice:
 
 
 def _refuse_idle(settings: ArchSettings) -> None:
-    """Refuse dimensions of another arrangement than the one that was fixed: they would be without effect."""
+    """Refuse dimensions of another arrangement than the chosen one: they would have no effect."""
     own = "above" if settings.arrangement in _ABOVE else settings.arrangement
     if own is None:
         return

@@ -26,11 +26,11 @@ from authoring.parts.spandrels import Bents, column_surface, foot_on
 from authoring.parts.spans import Levels, Spans, level_at
 from groundwork.errors import InputError
 
-GAUGE = {"road": 4.7, "rail": 6.0}  # [m] above the finished surface or the rails' top that braces leave free
-_ABOVE_GAUGE = 0.3  # [m]
-_CLEAR = 0.12  # [m] between the deck's edge and a rib
+GAUGE = {"road": 4.7, "rail": 6.0}  # [m] above the finished surface or the rails' top clear height below braces
+_ABOVE_GAUGE = 0.3  # [m] further clearance above the gauge
+_CLEAR = 0.12  # [m] gap between the deck's edge and a rib
 _LEAST_COLUMN = 0.03  # [m]
-_BESIDE_COLUMN = 0.05  # [m] of floor beam beyond a column under it: their end faces never lie in one plane
+_BESIDE_COLUMN = 0.05  # [m] length of a floor beam beyond a column under it, so that their end faces are not coplanar
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,10 @@ class DrawnThroughArch:
         floor: Floor beams and ties.
         hangers: Dimensions.
         columns: Columns on the rib below the deck.
-        brace: Along the arch and square to it [m].
+        brace: Size along the arch and perpendicular to it [m].
         bracing: `struts` or `k`.
         spans: One piece of deck.
-        top: What lies on the deck.
+        top: Surfacing, parapets and fittings of the deck.
         bearings: Under ties or end floor beams.
         bearing_lines: Distance of every bearing to the left of the axis [m].
         abutments: Their walls.
@@ -89,17 +89,17 @@ def draw_through_arch(
     """Draw an arch above its deck.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         choice: Main dimensions.
         shared: Settings of the parts that every family has.
         draws: Random stream and profile of the bridge.
     """
     _refuse_ring(choice)
     top = draw_deck_top(shared, draws)
-    top = replace(top, fittings=replace(top.fittings, lamps=False))  # braces are where lamp posts would stand
+    top = replace(top, fittings=replace(top.fittings, lamps=False))  # braces would collide with lamp posts
     bearings = draw_bearings(shared.bearing, draws)
     abutments = draw_abutments(shared.abutment, bearings, draws)
-    abutments = replace(abutments, footing_toe=0.0, footing_top=0.0)  # the arch's blocks stand in its place
+    abutments = replace(abutments, footing_toe=0.0, footing_top=0.0)  # the arch's blocks are in its place
     shares = draws.rng.random(6)
     tied = choice.arrangement == "tied"
     width = float(np.clip(choice.depth * (0.7 + 0.4 * shares[0]), 0.6, 1.8))
@@ -150,7 +150,7 @@ def build_through_arch(layout: Layout, arch: DrawnThroughArch, ground: Ground) -
 
     Args:
         layout: Axis and supports.
-        arch: What was drawn.
+        arch: The drawn record.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
     """
     place, spans, levels = layout.alignment, arch.spans, arch.levels
@@ -189,7 +189,7 @@ def _refuse_ring(choice: ArchChoice) -> None:
 
 
 def _draw_columns(choice: ArchChoice, section: RibSection, width: float, share: float) -> Bents:
-    """Size the columns on ribs of some width [m], by a drawn share [1]."""
+    """Choose the size of the columns on ribs of a given width [m] from a drawn share [1]."""
     length = round(0.5 + 0.3 * share, 3)
     role = "Role_GirderSteel" if choice.form == "steel" else "Role_PierConcrete"
     across = round(min(width - 0.16, length), 3)
@@ -197,7 +197,7 @@ def _draw_columns(choice: ArchChoice, section: RibSection, width: float, share: 
 
 
 def _lines_under_deck(width: float) -> tuple[float, ...]:
-    """Distribute bearings under the ends of a deck of some width [m]."""
+    """Distribute bearings under the ends of a deck of a given width [m]."""
     inner = 0.5 * width - 0.8
     return tuple(np.linspace(-inner, inner, max(2, round(inner / 2.0))).round(3).tolist())
 
@@ -215,7 +215,7 @@ def _draw_floor(choice: ArchChoice, top: DeckTop, tie_width: float, reach: float
 def _draw_rib(
     settings: ArchSettings, choice: ArchChoice, top: DeckTop, floor: Floor, brace: tuple[float, float]
 ) -> Rib:
-    """Draw the axis so that traffic passes under a few braces."""
+    """Draw the axis so that there is room for some braces above the traffic."""
     needed = GAUGE[top.service] + _ABOVE_GAUGE + 0.5 * brace[1] + 0.8
     rise = choice.rise
     below = {"tied": -floor.tie_top, "through": 1.2 + top.surfacing, "half_through": choice.below_deck * rise}
@@ -238,7 +238,7 @@ def _draw_rib(
 
 
 def _start(choice: ArchChoice, rib: Rib, floor: Floor) -> float:
-    """Find how far behind the first bearing line the springing lies [m]."""
+    """Find the distance of the springing behind the first bearing line [m]."""
     if choice.arrangement != "tied":
         return round(0.55 * choice.hanger_pitch, 3)
     foot = -float(rib.edge(1.0)[0, 0])
@@ -246,7 +246,7 @@ def _start(choice: ArchChoice, rib: Rib, floor: Floor) -> float:
 
 
 def _placed(arch: DrawnThroughArch, place: Alignment) -> Rib:
-    """Make a tied arch follow its ties, on a grade too."""
+    """Align a tied arch with its ties, also on a grade."""
     if arch.kind != "tied":
         return arch.rib
     ends = np.array([arch.rib.start, arch.rib.start + arch.rib.axis.span, arch.rib.middle])
@@ -309,7 +309,7 @@ def _post_parts(
 
 
 def _brace_parts(arch: DrawnThroughArch, rib: Rib, place: Alignment, middle: Alignment) -> list[Part]:
-    """Build struts, and diagonals between them, where traffic passes under them."""
+    """Build struts, and diagonals between them, where there is room for traffic below."""
     nodes, _, _ = rib.polygon
     flat = np.zeros(len(nodes))
     road = place.point(nodes[:, 0], flat, flat)[:, 2] - middle.level

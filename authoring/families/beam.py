@@ -63,7 +63,7 @@ class DrawnBeam:
     Attributes:
         spans: Stations.
         slab: Thickness of the deck slab [m].
-        top: What lies on the deck.
+        top: Surfacing, parapets and fittings of the deck.
         edge: Edges of the slab.
         girders: Section and lines of the girders.
         bearings: Pads and plinths.
@@ -93,7 +93,7 @@ class DrawnBeam:
 
 
 def draw_beam(settings: BeamSettings, shared: SharedSettings, draws: Draws) -> tuple[Layout, DrawnBeam]:
-    """Draw what the user did not fix.
+    """Draw the values that the user did not set.
 
     Args:
         settings: Settings of the family.
@@ -142,11 +142,11 @@ def build_beam(layout: Layout, beam: DrawnBeam, ground: Ground) -> list[Part]:
 
     Args:
         layout: Axis and supports.
-        beam: What was drawn.
+        beam: The drawn record.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
 
     Returns:
-        Parts in their lasting order.
+        Parts in a fixed order.
     """
     place, spans, levels = layout.alignment, beam.spans, beam.levels
     g = beam.girders

@@ -53,7 +53,7 @@ class BridgeSettings(SharedSettings):
     @field_validator(*FAMILIES)
     @classmethod
     def _of_a_drawn_family(cls, section: Settings, info: ValidationInfo) -> Settings:
-        """Refuse values for a family that is never drawn: they would be without effect."""
+        """Refuse values for a family that is never drawn: they would have no effect."""
         family, name = info.data.get("family"), info.field_name or ""
         drawn = family is None or name in ([family] if isinstance(family, str) else family)
         if not drawn and section != type(section)():
@@ -69,13 +69,13 @@ def draw_layout(settings: BridgeSettings, rng: np.random.Generator) -> tuple[Lay
     """Draw a bridge before its site exists.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         rng: Random stream of the bridge.
 
     Returns:
-        What the site has to know, and the record that `build_bridge` builds from.
+        Data for the site, and the record that `build_bridge` builds from.
     """
-    # The family has a stream of its own, so that weights change which bridge is drawn and nothing within it.
+    # The family has a separate stream, so that weights only change which family is drawn.
     family = _draw_family(settings.family, rng.spawn(1)[0])
     layout, record = FAMILIES[family].draw(getattr(settings, family), settings, Draws(rng, settings.profile))
     return layout, DrawnBridge(family, record)

@@ -23,7 +23,7 @@ class CableSupportedDeck:
     """A cable-supported deck, and the supports of its ends.
 
     Attributes:
-        top: What lies on the deck.
+        top: Surfacing, parapets and fittings of the deck.
         deck: Cross-section.
         bearings: Pads and plinths.
         abutments: Walls.
@@ -44,7 +44,7 @@ def cable_deck_levels(top: DeckTop, deck: CableDeck, bearings: Bearings) -> Leve
     """Stack the thicknesses from the finished surface down to the seats.
 
     Args:
-        top: What lies on the deck.
+        top: Surfacing, parapets and fittings of the deck.
         deck: Cross-section.
         bearings: Pads and plinths.
     """
@@ -61,10 +61,10 @@ def draw_supports(
     main: float,
     walls: float,
 ) -> tuple[Layout, Piers, Abutments]:
-    """Draw the piers, the air below the main span and the axis.
+    """Draw the piers, the clearance below the main span and the axis.
 
     Args:
-        settings: Settings of the family; `air` is the share of the main span that is free below it [1].
+        settings: Settings of the family; `air` is the clearance below the main span as a share of its length [1].
         shared: Settings of the parts that every family has.
         hung: The deck.
         spans: Stations.
@@ -79,7 +79,7 @@ def draw_supports(
     deck, levels = hung.deck, hung.levels
     piers = draw_piers(shared.pier, PierNeeds(deck.width, deck.bearing_lines[-1], hung.bearings, spans), draws)
     abutments = replace(hung.abutments, wing_thickness=round(max(hung.abutments.wing_thickness, walls), 3))
-    air = draw(settings, "air", draws) * main  # ships pass under long spans
+    air = draw(settings, "air", draws) * main  # clearance for ships under long spans
     wings = abutments.wing_length
     needs = AxisNeeds(spans.supports, levels.girder_soffit, levels.seat, wings, straight=True, least_clearance=air)
     layout = draw_layout_of(shared, hung.top, needs, draws)
@@ -95,7 +95,7 @@ class Supports:
         piers: Piers between towers and abutments, if there are any.
         pylon: Elevation of every tower.
         towers: Stations of the towers [m].
-        clear: Distance that fittings keep from the supports [m].
+        clear: Distance of fittings from the supports [m].
     """
 
     spans: Spans
@@ -110,12 +110,12 @@ def support_parts(hung: CableSupportedDeck, supports: Supports, place: Alignment
 
     Args:
         hung: The deck.
-        supports: What stands below it.
+        supports: Its supports.
         place: Axis of the bridge.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
 
     Returns:
-        Parts in their lasting order.
+        Parts in a fixed order.
     """
     deck, levels, spans, top = hung.deck, hung.levels, supports.spans, hung.top
     parts = bearing_parts(hung.bearings, deck.bearing_lines, spans, levels, place, (deck.beam_width, 0.0))

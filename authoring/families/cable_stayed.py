@@ -33,7 +33,7 @@ from authoring.parts.spans import Levels, Spans
 from authoring.parts.stays import Stays, stay_parts
 from groundwork.errors import InputError
 
-_PORTAL_STRIP = 0.12  # [m] beside parapets where the stays stand on brackets
+_PORTAL_STRIP = 0.12  # [m] width beside parapets if the stays are anchored on brackets
 _LEAST_DEPTH = {"edge_beam": 0.9, "plate_girder": 0.9, "concrete_box": 1.3, "steel_box": 1.1}  # [m]
 _MEDIAN_MARGIN = 0.45  # [m] between a mast and the inner edge lines
 _DRAWN = (
@@ -48,9 +48,9 @@ _DRAWN = (
     "slenderness",
 )
 _DROP = 6.5  # [m] from a pylon's lower cross beam to the ground, for its proportions
-_GROWTH, _GROWTHS = 1.06, 40  # of a main span that is too short for a requested shape
-_ANCHORED, _ANCHOR_PITCH = 40.0, 36.0  # [m] side spans from here on may stand on anchor piers, so far apart at most
-_MEDIAN = 1.4  # [m] for the sockets of a single plane
+_GROWTH, _GROWTHS = 1.06, 40  # factor and number of lengthenings of a main span that is too short for a requested shape
+_ANCHORED, _ANCHOR_PITCH = 40.0, 36.0  # [m] least side span with anchor piers, and their largest distance
+_MEDIAN = 1.4  # [m] width for the sockets of a single plane
 
 
 @dataclass(frozen=True)
@@ -60,11 +60,11 @@ class DrawnCableStayed:
     Attributes:
         choice: Its kind and its spans.
         spans: Stations.
-        top: What lies on the deck.
+        top: Surfacing, parapets and fittings of the deck.
         deck: Cross-section.
         strip: Edge strips outside the parapets [m].
         pylon: Elevation of every pylon.
-        stays: Where the stays end.
+        stays: End points of the stays.
         bearings: Pads and plinths.
         piers: Anchor piers under long side spans.
         abutments: Walls.
@@ -96,7 +96,7 @@ class DrawnCableStayed:
 def draw_cable_stayed(
     settings: CableStayedSettings, shared: SharedSettings, draws: Draws
 ) -> tuple[Layout, DrawnCableStayed]:
-    """Draw what the user did not fix.
+    """Draw the values that the user did not set.
 
     Args:
         settings: Settings of the family.
@@ -137,7 +137,7 @@ class _Make:
     """Drawn values from which a bridge of any kind is fitted.
 
     Attributes:
-        settings: What the user fixed.
+        settings: Values set by the user.
         values: Numbers that were drawn.
         bearings: Pads and plinths.
         profile: `default` or `paper`.
@@ -160,10 +160,10 @@ def _fits(make: _Make, choice: Choice, top: DeckTop) -> bool:
 
 
 def _try(make: _Make, choice: Choice, top: DeckTop) -> Fitted | None:
-    """Fit pylon, stays and deck of one kind and length; None where legs or stays do not clear the traffic."""
+    """Fit pylon, stays and deck of one kind and length; None if legs or stays are in the traffic's clearance."""
     values, chamfered = make.values, make.profile != "paper"
     way = with_median(top, _median(choice, values)) if choice.planes == 1 else top
-    # The strips grow later: what the deck spans across is the road.
+    # The strips are widened later: the deck's transverse span is the road.
     depth = max(choice.main / values["slenderness"], _LEAST_DEPTH[choice.deck], way.width / 15.0)
     deck = _deck(choice, way.width, depth, values, chamfered)
     found = _elevation(make.settings, choice, way, values, cable_deck_levels(way, deck, make.bearings))
@@ -175,7 +175,7 @@ def _try(make: _Make, choice: Choice, top: DeckTop) -> Fitted | None:
 
 
 def _fitted(make: _Make, choice: Choice, top: DeckTop) -> Fitted:
-    """Fit pylon, stays and deck; a drawn span that is too short for them grows."""
+    """Fit pylon, stays and deck; a drawn span that is too short for them is lengthened."""
     longer = choice
     for _ in range(_GROWTHS):
         try:
@@ -212,7 +212,7 @@ def _height(choice: Choice, values: dict[str, float]) -> float:
 def _deck(
     choice: Choice, width: float, depth: float, values: dict[str, float], chamfered: bool, plane: float = 0.0
 ) -> CableDeck:
-    """Design the cross-section: beams under the stays where these are anchored in the deck."""
+    """Design the cross-section: beams under the stays if these are anchored in the deck."""
     slab, share = values["slab"], values["share"]
     below = round(depth - slab, 2)
     half = 0.5 * width
@@ -229,7 +229,7 @@ def _deck(
 def _elevation(
     settings: CableStayedSettings, choice: Choice, top: DeckTop, values: dict[str, float], levels: Levels
 ) -> tuple[Pylon, Stays, float] | None:
-    """Fit pylon and stays; the pylon grows until the outermost stay is not too flat."""
+    """Fit pylon and stays; the pylon's height is increased until the outermost stay is steep enough."""
     height = _height(choice, values)
     for _ in range(6):
         foot = _foot(choice, top, levels)
@@ -277,11 +277,11 @@ def build_cable_stayed(layout: Layout, bridge: DrawnCableStayed, ground: Ground)
 
     Args:
         layout: Axis and supports.
-        bridge: What was drawn.
+        bridge: The drawn record.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
 
     Returns:
-        Parts in their lasting order.
+        Parts in a fixed order.
     """
     place, spans, levels, deck = layout.alignment, bridge.spans, bridge.levels, bridge.deck
     low, high = spans.pieces[0]
@@ -296,7 +296,7 @@ def build_cable_stayed(layout: Layout, bridge: DrawnCableStayed, ground: Ground)
         parts += median_parts(bridge.top.roadway, low, high, tuple(masts), place, noses=noses)
     parts += stay_parts(bridge.stays, bridge.pylon, bridge.pylons, place)
     towers = tuple(station for _, station, _ in bridge.pylons)
-    beside = bridge.pylon.face(0.0) + 1.0  # a leg that leans over the footway
+    beside = bridge.pylon.face(0.0) + 1.0  # a leg that is inclined over the footway
     supports = Supports(spans, bridge.piers, bridge.pylon, towers, beside)
     hung = CableSupportedDeck(bridge.top, deck, bridge.bearings, bridge.abutments)
     return parts + support_parts(hung, supports, place, ground)

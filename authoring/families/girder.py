@@ -74,10 +74,10 @@ class DrawnGirder:
     Attributes:
         spans: Stations.
         slab: Thickness of the deck slab [m].
-        top: What lies on the deck.
+        top: Surfacing, parapets and fittings of the deck.
         edge: Edges of the slab.
         steel: Section and lines of the girders.
-        frames: What joins the girders.
+        frames: Cross-frames between the girders.
         bearings: Pads or pots, and plinths.
         piers: Caps, columns, footings.
         abutments: Walls.
@@ -111,7 +111,7 @@ class DrawnGirder:
 
 
 def draw_girder(settings: SteelGirderSettings, shared: SharedSettings, draws: Draws) -> tuple[Layout, DrawnGirder]:
-    """Draw what the user did not fix.
+    """Draw the values that the user did not set.
 
     Args:
         settings: Settings of the family.
@@ -146,11 +146,11 @@ def build_girder(layout: Layout, girder: DrawnGirder, ground: Ground) -> list[Pa
 
     Args:
         layout: Axis and supports.
-        girder: What was drawn.
+        girder: The drawn record.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
 
     Returns:
-        Parts in their lasting order.
+        Parts in a fixed order.
     """
     place, spans, steel, frames = layout.alignment, girder.spans, girder.steel, girder.frames
     levels, piers = girder.levels, girder.pier_levels

@@ -24,7 +24,7 @@ class Family:
 
     Attributes:
         settings: Its own settings.
-        draw: (its settings, shared settings, draws) to the layout and the family's record of what was drawn.
+        draw: (its settings, shared settings, draws) to the layout and the family's drawn record.
         build: (layout, that record, ground) to parts.
     """
 
@@ -61,7 +61,7 @@ def build_bridge(layout: Layout, drawn: DrawnBridge, ground: Ground) -> tuple[Co
 
     Args:
         layout: Axis, supports and deck of the bridge.
-        drawn: What was drawn together with it.
+        drawn: The record drawn together with it.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
 
     Returns:

@@ -1,4 +1,4 @@
-"""What all families of bridges have in common: the settings of the road, its edges and its supports."""
+"""Common settings of all families of bridges: the road, its edges and its supports."""
 
 from dataclasses import dataclass, replace
 
@@ -14,7 +14,7 @@ from authoring.parts.deck_top import DeckTop, DeckTopSettings, road_section
 from authoring.parts.drawing import Draws, draw, drawn
 from authoring.parts.piers import Ground, PierSettings
 
-_BY_ABUTMENTS = 3.0  # [m] where embankments may reach the road
+_BY_ABUTMENTS = 3.0  # [m] length at the abutments where embankments may be as high as the road
 
 
 class SharedSettings(DeckTopSettings):
@@ -51,7 +51,7 @@ class AxisNeeds:
         seat: Top of the abutments' seats above the finished deck surface, negative [m].
         walls: Length of the wing walls behind the abutments' back faces [m].
         straight: The family needs a straight axis, square supports and no crest.
-        least_clearance: Height over z = 0 that the superstructure keeps in any case [m].
+        least_clearance: Height over z = 0 of the superstructure in any case [m].
     """
 
     supports: tuple[float, ...]
@@ -66,9 +66,9 @@ def draw_layout_of(shared: SharedSettings, top: DeckTop, needs: AxisNeeds, draws
     """Draw the axis of a bridge and collect the data for the site.
 
     Args:
-        shared: What the user fixed.
-        top: What lies on the deck.
-        needs: What the family asks of the axis.
+        shared: Values set by the user.
+        top: Surfacing, parapets and fittings of the deck.
+        needs: Requirements of the family for the axis.
         draws: Random stream and profile of the bridge.
     """
     supports = needs.supports

@@ -65,7 +65,7 @@ class DrawnSlab:
 
     Attributes:
         spans: Stations.
-        top: What lies on the slab.
+        top: Surfacing, parapets and fittings of the slab.
         slab: Section and bearing lines.
         bearings: Bearings and plinths.
         piers: Caps, columns, footings.
@@ -92,7 +92,7 @@ class DrawnSlab:
 
 
 def draw_slab(settings: SlabSettings, shared: SharedSettings, draws: Draws) -> tuple[Layout, DrawnSlab]:
-    """Draw what the user did not fix.
+    """Draw the values that the user did not set.
 
     Args:
         settings: Settings of the family.
@@ -163,11 +163,11 @@ def build_slab(layout: Layout, drawn_slab: DrawnSlab, ground: Ground) -> list[Pa
 
     Args:
         layout: Axis and supports.
-        drawn_slab: What was drawn.
+        drawn_slab: The drawn record.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
 
     Returns:
-        Parts in their lasting order.
+        Parts in a fixed order.
     """
     place, spans, levels, top = layout.alignment, drawn_slab.spans, drawn_slab.levels, drawn_slab.top
     parts = slab_parts(drawn_slab.slab, spans, levels, place)

@@ -14,7 +14,7 @@ from groundwork.settings import Settings
 
 SEVERAL = " of bridges with several spans"
 PAPER_SPAN = 10.0  # [m]: the Random Bridge Generator puts a pier every 10 m
-_UNDER_PLINTH = 0.02  # [m] of a girder beyond its plinth
+_UNDER_PLINTH = 0.02  # [m] smallest length of a girder beyond its plinth
 
 
 @dataclass(frozen=True)
@@ -23,14 +23,14 @@ class SpanRule:
 
     Attributes:
         family: Key of the family in `[bridge]`.
-        members: What spans, as users call it.
+        members: Name of the spanning members for users.
         shortest: Least span that a user may set [m].
         longest: Largest span that a user may set [m].
         drawn: Least and largest inner span that is drawn [m]: uniform for slabs, log-uniform for girders.
         shortest_end: Least end span that is drawn, unless the inner spans are shorter [m].
-        one_row: Members that run through stand on one row of bearings at each pier.
-        end_shares: Least and largest end span over inner span of slabs that run through, others having all spans
-            alike [1]; empty for girders, which have a setting `end_share`.
+        one_row: Whether continuous members have one row of bearings at each pier.
+        end_shares: Least and largest ratio of end span to inner span of continuous slabs; other slabs have equal spans
+            [1]; empty for girders, which have a setting `end_share`.
     """
 
     family: str
@@ -62,7 +62,7 @@ class OwnDraws:
     """Values of the spans that a family draws itself.
 
     Attributes:
-        count: Number of spans where they are drawn.
+        count: Number of spans if they are drawn.
         fit: Adapts a drawn inner span [m] to the rest of the bridge.
         continuous: Members are continuous over the piers; None: set by `continuous`, or drawn.
     """
@@ -73,12 +73,12 @@ class OwnDraws:
 
 
 def draw_spans(rule: SpanRule, settings: SpanLengths, own: OwnDraws, bearings: Bearings, draws: Draws) -> Spans:
-    """Draw spans: inner ones alike, end spans shorter.
+    """Draw spans: equal inner spans, shorter end spans.
 
     Args:
-        rule: What they may be.
-        settings: What the user fixed; has `overhang` and `gap`, too, and of girders `end_share` and `continuous`.
-        own: What the family draws of them by itself.
+        rule: Limits of the spans.
+        settings: Values set by the user; also has `overhang` and `gap`, and for girders `end_share` and `continuous`.
+        own: Values that the family draws itself.
         bearings: Bearings and plinths under them.
         draws: Random stream and profile of the bridge.
 
@@ -116,7 +116,7 @@ def _lay_out(
                 allowed=f"{rule.shortest:g} to {rule.longest:g} m",
                 hint=f"The nearest valid value is {nearest:g} m; or choose another family",
             )
-    # A plinth stays under its own span's end.
+    # A plinth must be under the end of its own span.
     overhang = max(ends[0], round(0.5 * bearings.plinth_length + _UNDER_PLINTH, 3))
     supports = tuple(round(float(station), 3) for station in np.cumsum([0.0, *lengths]))
     through = continuous and len(lengths) > 1

@@ -38,7 +38,7 @@ _PITCHES = {
 _LEANING = ("a", "diamond")
 _UPRIGHT = ("h", "portal", "mast")
 _DIAMETERS = {"compact": (0.06, 0.12), "realistic": (0.10, 0.25)}
-# [m] whole bridge; girders carry a road over less: stays are not worth their pylons there
+# [m] whole bridge; shorter bridges are built as girders: pylons and stays are not economical there
 _TOTAL = {"compact": {1: (100.0, 230.0), 2: (130.0, 250.0)}, "realistic": {1: (144.0, 480.0), 2: (144.0, 480.0)}}
 _LEAST_MAIN = {1: 55.0, 2: 70.0}  # [m] drawn
 _PAPER_HEIGHT = 36.0  # [m] of the paper's pylons
@@ -128,14 +128,14 @@ class Choice:
     Attributes:
         size: `compact` or `realistic`.
         pylons: 1 or 2.
-        shape: Of the pylons.
-        arrangement: Of the stays.
-        planes: Of stays, 1 or 2.
+        shape: Shape of the pylons.
+        arrangement: Arrangement of the stays.
+        planes: Number of planes of stays, 1 or 2.
         deck: Kind of deck.
         main: Main span [m].
         side: Side span [m].
         pitch: Wanted distance between feet [m]; 0 for seven stays.
-        diameter: Of a stay [m].
+        diameter: Diameter of a stay [m].
     """
 
     size: str
@@ -158,7 +158,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class RandomDraws:
-    """Random numbers for the kind of a bridge, drawn before it is known which kinds fit.
+    """Random numbers for the kind of a bridge, drawn before checking which kinds fit.
 
     Attributes:
         size: Share of the sizes [1].
@@ -188,10 +188,10 @@ class RandomDraws:
 
 
 def draw_random(settings: CableStayedSettings, draws: Draws) -> RandomDraws:
-    """Draw all that the kind of a bridge depends on.
+    """Draw all values that the kind of a bridge depends on.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         draws: Random stream and profile of the bridge.
     """
     size, pylons, shape, arrangement, planes, deck = (draws.random() for _ in range(6))
@@ -204,14 +204,14 @@ def draw_random(settings: CableStayedSettings, draws: Draws) -> RandomDraws:
 def choose(settings: CableStayedSettings, top: DeckTop, randoms: RandomDraws, fits: Callable[[Choice], bool]) -> Choice:
     """Choose the kind of the bridge and its spans.
 
-    The shape is settled first: an H takes the place of a drawn one whose legs do not fit. Whether they do is judged of
-    the bridge as chance has it as well as of what was asked for, so that asking for what was drawn changes nothing.
+    The shape is decided first: an H replaces a drawn shape whose legs do not fit. This is checked both for the drawn
+    bridge and for the bridge with the user's values, so that requesting the drawn values changes nothing.
 
     Args:
-        settings: What the user fixed.
-        top: What lies on the deck.
-        randoms: Random numbers that decide what the user left open.
-        fits: Checks whether legs and stays of such a bridge clear the traffic.
+        settings: Values set by the user.
+        top: Surfacing, parapets and fittings of the deck.
+        randoms: Random numbers for the values that the user did not set.
+        fits: Checks whether legs and stays of such a bridge are outside the traffic's clearance.
     """
     divided = top.roadway is not None and top.roadway.lanes % 2 == 0
     if settings.shape is not None:
@@ -219,7 +219,7 @@ def choose(settings: CableStayedSettings, top: DeckTop, randoms: RandomDraws, fi
     shape = weighted_choice(_SHAPES, randoms.shape)
     two_planes = settings.planes == 2 or settings.deck in (set(_DECKS[2]) - set(_DECKS[1]))
     if (two_planes or not divided) if shape == "mast" else (shape in _LEANING and settings.arrangement == "harp"):
-        shape = "h"  # drawn values yield to fixed ones
+        shape = "h"  # values set by the user have priority
     if shape == "h" or settings.planes == 1:
         return _choice(settings, shape, randoms, divided)
     open_settings = settings.model_copy(update={"arrangement": None, "planes": None, "deck": None})
@@ -295,16 +295,16 @@ def with_longer_spans(choice: Choice, factor: float) -> Choice:
 
     Args:
         choice: Kind of the bridge.
-        factor: Longer by how much [1].
+        factor: Factor of the lengths [1].
     """
     return replace(choice, main=round(choice.main * factor, 1), side=round(choice.side * factor, 1))
 
 
 def with_median(top: DeckTop, width: float) -> DeckTop:
-    """Separate the directions of a road for members between them; the family builds that strip itself.
+    """Separate the directions of a road by a median for members; the family builds the median itself.
 
     Args:
-        top: What lies on the deck.
+        top: Surfacing, parapets and fittings of the deck.
         width: Of the median between the inner edge lines [m].
     """
     assert top.roadway is not None

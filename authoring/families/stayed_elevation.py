@@ -1,4 +1,4 @@
-"""Elevation of a cable-stayed bridge: pylons that clear the traffic, stays that are neither too steep nor too flat."""
+"""Elevation of a cable-stayed bridge: pylons outside the traffic's clearance, stays within limits of slope."""
 
 from dataclasses import dataclass, replace
 
@@ -15,17 +15,17 @@ _CLEAR = 0.25  # [m] beside the gauge
 _LEG_GAP = 0.35  # [m] between deck and leg
 _WIDEST_STRIP = 2.4  # [m]
 _END = 1.2  # [m] from the last bearing line back to the outermost foot
-_MOST_LEAN = 0.55  # [1] of the legs of an A or a diamond
-_MOST = 24  # stays to one side in one plane
+_MOST_LEAN = 0.55  # [1] largest inclination of the legs of an A or a diamond
+_MOST = 24  # largest number of stays on one side in one plane
 
 
 class NoRoomForStays(InputError):
-    """The main span is too short for three stays at the wanted pitch; a drawn one may grow."""
+    """The main span is too short for three stays at the wanted pitch; a drawn span may be lengthened."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """What the elevation has to fit.
+    """Dimensions that the elevation must fit.
 
     Attributes:
         width: Deck without its edge strips [m].
@@ -54,18 +54,18 @@ def leg_size(frame: Frame) -> tuple[float, float]:
     """Find a leg's width across and length along the bridge [m].
 
     Args:
-        frame: What the elevation has to fit.
+        frame: Dimensions that the elevation must fit.
     """
     length = round(frame.leg * (0.75 + 0.035 * (frame.height + frame.drop)), 2)
     return round(max(0.72 * length, 0.8), 2), length
 
 
 def pylon_of(choice: Choice, frame: Frame, strip: float) -> tuple[Pylon, float]:
-    """Shape the pylon for a deck with edge strips.
+    """Choose the pylon's dimensions for a deck with edge strips.
 
     Args:
         choice: Kind of the bridge.
-        frame: What it has to fit.
+        frame: Dimensions that it must fit.
         strip: Width of each strip [m].
 
     Returns:
@@ -132,7 +132,7 @@ def _offsets(choice: Choice, frame: Frame, lowest: float, least: float) -> tuple
     """Place the feet in the main span, from the pylon's axis [m]."""
     _, length = leg_size(frame)
     near = max(1.15 * choice.pitch, 0.5 * length + 2.0, (lowest - frame.foot) / STEEPEST + 0.5 * length, least)
-    if choice.pitch == 0.0:  # the paper's seven stays
+    if choice.pitch == 0.0:  # the seven stays of the paper
         far = 0.875 * 0.5 * choice.main if choice.pylons == 2 else 0.875 * choice.main
         return tuple(float(x) for x in np.round(np.linspace(max(near, far / 7.0), far, 7), 3))
     share = 0.5 if choice.pylons == 2 else 1.0
@@ -176,7 +176,7 @@ def _heads(choice: Choice, frame: Frame, least: float) -> tuple[tuple[float, ...
 
 
 def _runs(choice: Choice, offsets: tuple[float, ...], face: tuple[float, float]) -> tuple[Run, ...]:
-    """Find how far each stay runs along the bridge from the pylon's face, in the main span and where it runs least."""
+    """Find the length of each stay along the bridge from the pylon's face: in the main span, and the least."""
     half = face[0]
     shrink = min((choice.side - _END - half) / (offsets[-1] - half), 1.0)
     return tuple((x - half, shrink * (x - half)) for x in offsets)
@@ -187,8 +187,8 @@ def stays_of(choice: Choice, frame: Frame, pylon: Pylon, plane: float) -> Stays:
 
     Args:
         choice: Kind of the bridge.
-        frame: What they have to fit.
-        pylon: The pylon that carries them.
+        frame: Dimensions that they must fit.
+        pylon: Their pylon.
         plane: Their feet, distance to the left of the axis [m].
     """
     least = pylon.merge + 0.3 if choice.shape == "h" else 0.0
@@ -212,7 +212,7 @@ def clears_traffic(choice: Choice, frame: Frame, pylon: Pylon, stays: Stays) -> 
 
     Args:
         choice: Kind of the bridge.
-        frame: What the elevation has to fit.
+        frame: Dimensions that the elevation must fit.
         pylon: The pylon.
         stays: The stays.
     """
@@ -228,11 +228,11 @@ def clears_traffic(choice: Choice, frame: Frame, pylon: Pylon, stays: Stays) -> 
 
 
 def fit(choice: Choice, frame: Frame, strip: float) -> tuple[Pylon, Stays, float] | None:
-    """Widen the edge strips until the traffic is clear; None where that would take too much.
+    """Widen the edge strips until the clearance is free; None if they would be too wide.
 
     Args:
         choice: Kind of the bridge.
-        frame: What the elevation has to fit.
+        frame: Dimensions that the elevation must fit.
         strip: Width of each strip to begin with [m].
 
     Returns:

@@ -1,4 +1,4 @@
-"""The family `suspension`: a deck hung from two parabolic cables over two portal towers.
+"""The family `suspension`: a deck suspended from two parabolic cables over two portal towers.
 
 Source: sag 1:8 to 1:12, side spans 1:4 with straight backstays and up to 1:2 where suspended, after Structural Steel
 Designer's Handbook, section 15; hangers and diameters by common practice; profile `paper` by the public Random Bridge
@@ -33,14 +33,14 @@ from authoring.parts.suspension_cables import SuspensionCables, cable_parts, sad
 
 _STRIP = 0.12  # [m] of deck outside the parapets
 _LEG_GAP = 0.35  # [m] between deck and tower leg
-_CONCRETE = 25.0  # [kN/m3] slab and what lies on it
-_STEEL, _TRAFFIC = 3.0, 3.5  # [kN/m2] girders, cables and parapets; vehicles as they stand in a queue
-_TIP = 0.30  # [m] of a bracket outside the cable's plane
+_CONCRETE = 25.0  # [kN/m3] slab and surfacing
+_STEEL, _TRAFFIC = 3.0, 3.5  # [kN/m2] girders, cables and parapets; a queue of vehicles
+_TIP = 0.30  # [m] length of a bracket outside the cable's plane
 _ENTRY = -0.6  # [m] height where the cables enter the anchor blocks
-_BEHIND = 1.6  # [m] anchor blocks behind the abutments' backs
+_BEHIND = 1.6  # [m] distance of anchor blocks behind the abutments' backs
 _LEAST_DEPTH = {"steel_box": 1.0, "plate_girder": 0.9}  # [m]
 _STRUTS = 11.0  # [m] least distance between a tower's struts
-_FREE = 26.0  # [m] longest side span between tower, piers and abutment without hangers
+_FREE = 26.0  # [m] longest span between tower, piers and abutment without hangers
 
 
 @dataclass(frozen=True)
@@ -50,12 +50,12 @@ class DrawnSuspension:
     Attributes:
         choice: Its kind and its spans.
         spans: Stations of all bearing lines.
-        top: What lies on the deck.
+        top: Surfacing, parapets and fittings of the deck.
         deck: Cross-section.
         tower: Elevation of both towers.
         cables: Main cables and hangers.
         bearings: Pads and plinths.
-        piers: Under side spans without hangers.
+        piers: Piers under side spans without hangers.
         abutments: Walls.
     """
 
@@ -78,7 +78,7 @@ class DrawnSuspension:
 def draw_suspension(
     settings: SuspensionSettings, shared: SharedSettings, draws: Draws
 ) -> tuple[Layout, DrawnSuspension]:
-    """Draw what the user did not fix.
+    """Draw the values that the user did not set.
 
     Args:
         settings: Settings of the family.
@@ -110,7 +110,7 @@ def draw_suspension(
 
 
 def _deck(choice: SuspensionChoice, width: float, slab: float, share: float, chamfered: bool) -> CableDeck:
-    """Size the cross-section: as slender as drawn, but no shallower than can be built and can span across."""
+    """Choose the cross-section's depth: from the drawn slenderness, but enough to build and to span across."""
     free = 0.0 if choice.suspended else min(choice.side, _FREE) / 22.0
     depth = max(choice.main / choice.slenderness, _LEAST_DEPTH[choice.deck], width / 15.0, free)
     below, half = round(depth - slab, 2), 0.5 * width
@@ -120,7 +120,7 @@ def _deck(choice: SuspensionChoice, width: float, slab: float, share: float, cha
 
 
 def _tower(choice: SuspensionChoice, width: float, seat: float, leg: float, gauge: float) -> Pylon:
-    """Shape the towers: legs upright in the cables' planes, spreading below the deck."""
+    """Choose the towers' dimensions: vertical legs in the cables' planes, inclined outwards below the deck."""
     top = choice.crown - saddle_depth(choice.cable)
     length = round(leg * (0.70 + 0.032 * (top + 8.0)), 2)
     across = round(max(0.75 * length, 0.8), 2)
@@ -144,7 +144,7 @@ def _tower(choice: SuspensionChoice, width: float, seat: float, leg: float, gaug
 
 
 def _struts(top: float, beam: float, gauge: float) -> tuple[float, ...]:
-    """Place the struts above the deck: one at the top, more between in tall towers, none in the traffic's gauge."""
+    """Place the struts above the deck: one at the top, more between in tall towers, none in the clearance gauge."""
     highest, lowest = top - 0.4 * beam - 0.10, gauge + 0.3 + 0.4 * beam
     if highest < lowest:
         return ()
@@ -191,7 +191,7 @@ def _cables(choice: SuspensionChoice, tower: Pylon, foot: float) -> SuspensionCa
 
 
 def _pier_stations(choice: SuspensionChoice) -> tuple[float, ...]:
-    """Place piers under side spans that no hangers carry."""
+    """Place piers under side spans without hangers."""
     _, first, last, _ = choice.supports
     bays = 1 if choice.suspended else int(np.ceil(choice.side / _FREE))
     steps = np.linspace(0.0, choice.side, bays + 1)[1:-1]
@@ -203,11 +203,11 @@ def build_suspension(layout: Layout, bridge: DrawnSuspension, ground: Ground) ->
 
     Args:
         layout: Axis and supports.
-        bridge: What was drawn.
+        bridge: The drawn record.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
 
     Returns:
-        Parts in their lasting order.
+        Parts in a fixed order.
     """
     place, spans, levels, deck, cables = layout.alignment, bridge.spans, bridge.levels, bridge.deck, bridge.cables
     low, high = spans.pieces[0]

@@ -11,7 +11,7 @@ from groundwork.errors import InputError
 from groundwork.settings import Settings
 
 _TOTAL = {"compact": (140.0, 260.0), "realistic": (420.0, 640.0)}  # [m] whole bridge
-_LEAST_MAIN = {"compact": 80.0, "realistic": 300.0}  # [m] drawn: below it a girder spans what two towers would
+_LEAST_MAIN = {"compact": 80.0, "realistic": 300.0}  # [m] drawn; shorter main spans are built as girders
 _PITCHES = {"compact": (3.0, 6.0), "realistic": (8.0, 18.0)}
 _OVER_DECK = (1.6, 8.0)  # [m] height of the cables' lowest point that a user may set
 _SAG_RATIOS = (0.05, 0.25)  # of the sag over the main span, that a user may set [1]
@@ -100,8 +100,8 @@ class SuspensionChoice:
         suspended: Whether hangers carry the side spans.
         main: Main span [m].
         side: Side span [m].
-        crown: Cables' axis in the saddles above the deck [m].
-        low: Cables' lowest point above the deck [m].
+        crown: Height of the cables' axis in the saddles above the deck [m].
+        low: Height of the cables' lowest point above the deck [m].
         pitch: Wanted distance between hangers [m].
         cable: Diameter of a main cable [m].
         hanger: Diameter of a hanger [m].
@@ -130,7 +130,7 @@ def choose_suspension(settings: SuspensionSettings, draws: Draws) -> SuspensionC
     """Draw the kind of the bridge, its spans and its cables.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         draws: Random stream and profile of the bridge.
     """
     paper = draws.profile == "paper"
@@ -145,7 +145,7 @@ def choose_suspension(settings: SuspensionSettings, draws: Draws) -> SuspensionC
     main = settings.main or (round(tower * (3.0 + 3.0 * share), 1) if paper else main)
     sag, over = draw(settings, "sag_ratio", draws) * main, draw(settings, "over_deck", draws)
     if paper and settings.sag_ratio is None and settings.tower_height is None:
-        sag = 0.65 * tower - over  # from nine tenths of the tower down to the deck at a quarter of it
+        sag = 0.65 * tower - over  # sag from 90 % of the tower's height to the deck at 25 % of it
     if settings.tower_height and settings.sag_ratio is None:
         sag = float(np.clip(sag, settings.tower_height - _OVER_DECK[1], settings.tower_height - _OVER_DECK[0]))
     low, high = _PITCHES[size]
@@ -171,10 +171,10 @@ def choose_suspension(settings: SuspensionSettings, draws: Draws) -> SuspensionC
 
 
 def check_sag(settings: SuspensionSettings, choice: SuspensionChoice) -> None:
-    """Refuse cables that pass through the deck or high above it, and towers without a possible sag between them and it.
+    """Refuse cables that pass through the deck or high above it, and towers too low for any sag.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         choice: Kind of the bridge.
     """
     low, sag = choice.low, choice.crown - choice.low
@@ -215,7 +215,7 @@ def hanger_stations(low: float, high: float, pitch: float) -> tuple[float, ...]:
         pitch: Wanted distance [m].
 
     Returns:
-        Stations, rising, the first and the last as asked [m].
+        Stations, rising, the first and the last as given [m].
 
     Raises:
         InputError: There is no room for three.

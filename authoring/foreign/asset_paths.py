@@ -1,4 +1,4 @@
-"""The files that a flattened layer may name: what its shaders and lights read, copied beside it, and nothing else."""
+"""The files of a flattened layer: those that its shaders and lights read are copied beside it, others are removed."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -10,23 +10,23 @@ from authoring.foreign.textures import copy_texture
 from groundwork.errors import InputError
 from usd_schemas.guard.layer_walk import Warn
 
-READ = "inputs:"  # what shaders, materials and lights read stands in this namespace
+READ = "inputs:"  # namespace of the inputs of shaders, materials and lights
 _ASSETS = (Sdf.ValueTypeNames.Asset, Sdf.ValueTypeNames.AssetArray)
-_NOTES = ("assetInfo", "customData", "clips")  # dictionaries of prims and properties that may name files
+_NOTES = ("assetInfo", "customData", "clips")  # dictionaries of prims and properties that may contain file names
 _NAMED = 5
 
 
 def localize(layer: Sdf.Layer, folder: Path, file: Path, holder: Callable[[str], str], warn: Warn) -> None:
-    """Copy the files that a flattened layer reads, and make it name only these copies.
+    """Copy the files that a flattened layer reads, and make it refer only to these copies.
 
-    What names a file without being read, such as `assetInfo.identifier` of a model that was referenced, is taken out:
-    the file is no part of the scene.
+    File names that are not read, such as `assetInfo.identifier` of a referenced model, are removed: these files are not
+    part of the scene.
 
     Args:
         layer: Flattened layer in memory, whose paths are absolute.
         folder: Existing folder that will hold the layer; receives `textures/`.
         file: The file that it came from, for errors.
-        holder: Names the prim of that file that names a path, for errors.
+        holder: Returns the prim that refers to a path, for errors.
         warn: Called with one line about attributes that are left out.
 
     Raises:

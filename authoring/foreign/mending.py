@@ -10,10 +10,10 @@ _TEXTS = {Sdf.ValueTypeNames.Token, Sdf.ValueTypeNames.String}
 def mend(layer: Sdf.Layer) -> None:
     """Correct a flattened layer in place; its appearance is unchanged.
 
-    - Kinds: what lies in a background lies in a component, so that models in it are subcomponents, and groups nothing.
-    - Extents: what has none gets the one that its points or dimensions make.
-    - Bindings: what is bound says so by the API that the binding belongs to; a binding to nothing goes.
-    - Types: an input of a shader that holds what the shader asks for under another role (`float3` for `color3f`).
+    - Kinds: a background is a component, so that models in it become subcomponents, and groups get no kind.
+    - Extents: missing ones are computed from points or dimensions.
+    - Bindings: bound prims get the API schema of the binding; a binding to nothing is removed.
+    - Types: an input of a shader with a value of the right type in another role (`float3` for `color3f`) is converted.
 
     Args:
         layer: Flattened layer in memory, its root prim a component.
@@ -28,7 +28,7 @@ def mend(layer: Sdf.Layer) -> None:
 
 
 def _prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    """Visit every prim that the layer defines, prototypes too; parents are changed before children."""
+    """Visit every prim that the layer defines, including prototypes; parents before children."""
     yield from Usd.PrimRange(stage.GetPseudoRoot(), Usd.PrimAllPrimsPredicate)
 
 
@@ -72,7 +72,7 @@ def _mend_types(shader: UsdShade.Shader) -> None:
             continue
         if attribute.GetTypeName().type == asked.type:
             attribute.SetTypeName(asked)
-        elif attribute.HasAuthoredConnections():  # what it holds itself does not count
+        elif attribute.HasAuthoredConnections():  # its own value is not used
             attribute.Clear()
             attribute.SetTypeName(asked)
         elif {attribute.GetTypeName(), asked} == _TEXTS:

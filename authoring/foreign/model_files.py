@@ -1,4 +1,4 @@
-"""The files of a model from elsewhere: only those beside it, none too large, and archives looked through first."""
+"""The files of an imported model: only those beside it, none too large; archives are checked first."""
 
 import re
 import zipfile
@@ -12,10 +12,10 @@ from groundwork.foreign_file import is_regular, read_regular
 from groundwork.slug import inside
 
 MOST_BYTES = 1_000_000_000  # of any one file
-MOST_UNPACKED = 4_000_000_000  # of an archive, in all
-MOST_RATIO = 200.0  # packed text shrinks twenty times, a bomb a thousand times
+MOST_UNPACKED = 4_000_000_000  # of an archive, in total
+MOST_RATIO = 200.0  # text is compressed to a twentieth, a zip bomb to a thousandth
 MOST_ENTRIES = 20_000
-UNSOUND = (  # what unpacking a damaged archive raises
+UNSOUND = (  # errors of unpacking a damaged archive
     zipfile.BadZipFile,
     zlib.error,
     EOFError,
@@ -28,7 +28,7 @@ _REMOTE = re.compile(r"^([A-Za-z][A-Za-z0-9+.-]+:|//)")  # a drive letter is one
 
 
 def check_file(file: Path) -> None:
-    """Check a file before anything opens it.
+    """Check a file before it is opened.
 
     Args:
         file: Any path.
@@ -55,12 +55,12 @@ def read_beside(model: Path, name: str, what: str) -> bytes:
     """Read a file that a model refers to.
 
     Args:
-        model: The model's file; what it refers to must lie in its folder or below.
-        name: The reference as it stands there; percent codes are understood.
-        what: What it is for, e.g. `texture`.
+        model: The model's file; its references must lead to its folder or below.
+        name: The reference as written; percent codes are decoded.
+        what: Its purpose, e.g. `texture`.
 
     Raises:
-        InputError: It is remote, absolute, leads out of the folder, or is not there.
+        InputError: It is remote, absolute, leads out of the folder, or is missing.
     """
     if _REMOTE.match(name):
         raise InputError(
@@ -94,7 +94,7 @@ def unpack(archive: Path, folder: Path, suffixes: tuple[str, ...]) -> Path:
         The model's file.
 
     Raises:
-        InputError: No archive, a bomb, entries that lead elsewhere, or not one model.
+        InputError: Not an archive, a zip bomb, entries outside the folder, or not exactly one model.
     """
     entries = check_archive(archive)
     models = [e.filename for e in entries if Path(e.filename).suffix.lower() in suffixes]
@@ -123,7 +123,7 @@ def unpack(archive: Path, folder: Path, suffixes: tuple[str, ...]) -> Path:
 
 
 def check_archive(archive: Path) -> list[zipfile.ZipInfo]:
-    """Check an archive by its table of contents alone.
+    """Check an archive by its table of contents.
 
     Args:
         archive: `.zip` or `.usdz` file.
@@ -132,7 +132,8 @@ def check_archive(archive: Path) -> list[zipfile.ZipInfo]:
         Its files, folders left out, sorted by name.
 
     Raises:
-        InputError: No archive, too many or too large files, an absurd ratio, or names that lead elsewhere.
+        InputError: Not an archive, too many or too large files, too high a compression ratio, or names outside the
+            folder.
     """
     check_file(archive)
     try:

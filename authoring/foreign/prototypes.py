@@ -1,8 +1,8 @@
-"""Gives what the native instances of a flattened stage share the same names each time."""
+"""Names the shared prototypes of native instances, in a fixed order."""
 
 from pxr import Sdf
 
-_FLATTENED, _SHARED = "Flattened_Prototype_", "Prototype_"  # how USD names them, and how we do
+_FLATTENED, _SHARED = "Flattened_Prototype_", "Prototype_"  # their names in USD, and ours
 
 
 def name_prototypes(layer: Sdf.Layer) -> None:

@@ -1,4 +1,4 @@
-"""Textures on their way from one folder to another."""
+"""Copying of textures from one folder to another."""
 
 import re
 from pathlib import Path
@@ -13,14 +13,14 @@ _TILES = re.compile(r"<UDIM>|<UVTILE>")
 
 
 def copy_texture(path: str, textures: Path) -> str:
-    """Copy a texture, or every tile of one, into a folder; equal files are kept once.
+    """Copy a texture, or every tile of one, into a folder; equal files are stored once.
 
     Args:
         path: Resolved path, which may lead into a usdz package.
         textures: Folder that receives it.
 
     Returns:
-        Its name there, or nothing where there is no such file.
+        Its name there; empty if there is no such file.
     """
     if _TILES.search(path):
         pattern = _TILES.sub("*", Path(path).name)

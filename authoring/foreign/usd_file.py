@@ -1,4 +1,4 @@
-"""A USD file of the user's as one layer, to be adopted by a layer of a scene."""
+"""A user's USD file as one layer, to be copied into a layer of a scene."""
 
 import re
 from collections.abc import Callable
@@ -15,19 +15,19 @@ from usd_schemas.reading.parse_errors import reason_of
 
 
 def open_foreign(file: Path, warn: Warn) -> Usd.Stage:
-    """Open a file of the user's whole, MaterialX documents that it refers to included.
+    """Open a user's file completely, including MaterialX documents.
 
     Args:
-        file: USD file, looked through by `usd_schemas.guard.guard.check_stage` where its origin is unknown.
+        file: USD file, checked by `usd_schemas.guard.guard.check_stage` if its origin is unknown.
         warn: Called with one line for each thing of a document that was not read.
 
     Raises:
-        InputError: Missing, not USD, or a prim is bound to a material that is not there.
+        InputError: Missing, not USD, or a prim is bound to a missing material.
     """
     if not file.is_file():
         raise MissingError("no such file", where=file, hint="Check the path")
     try:
-        documents = Adopted(file)  # the stage keeps what it composes of them
+        documents = Adopted(file)  # the stage keeps the composed layers
         stage = Usd.Stage.Open(str(file.resolve()), Usd.Stage.LoadAll)
     except Exception as error:
         what = f"not readable as USD: {reason_of(error)}"
@@ -48,7 +48,7 @@ def open_foreign(file: Path, warn: Warn) -> Usd.Stage:
 
 
 def flatten_foreign(stage: Usd.Stage) -> Sdf.Layer:
-    """Flatten a stage, its selected variants and references included.
+    """Flatten a stage, including its selected variants and references.
 
     Args:
         stage: The stage.
@@ -56,7 +56,7 @@ def flatten_foreign(stage: Usd.Stage) -> Sdf.Layer:
     Returns:
         A layer in memory whose asset paths are absolute.
     """
-    quiet = UsdUtils.CoalescingDiagnosticDelegate()  # what an application noted that USD does not know is no news
+    quiet = UsdUtils.CoalescingDiagnosticDelegate()  # suppresses messages about metadata that USD does not know
     try:
         layer = stage.Flatten(addSourceFileComment=False)
     finally:
@@ -104,7 +104,7 @@ def safe_name(stem: str) -> str:
 
 
 def holder_of(stage: Usd.Stage, path: str) -> str:
-    """Find the material, else the prim, that names a file.
+    """Find the material, else the prim, that refers to a file.
 
     Args:
         stage: The stage of a user's file.

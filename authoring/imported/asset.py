@@ -1,4 +1,4 @@
-"""An imported world on disk: a folder of layers that any DCC opens, and that scenes take their surroundings from."""
+"""An imported world on disk: a folder of layers that other programs can open, and that scenes use as surroundings."""
 
 import hashlib
 import json
@@ -25,9 +25,9 @@ from usd_schemas.apis import read_component
 F64 = NDArray[np.float64]
 
 MARK = "falsework:city"  # in the layer's custom data: contents of the world, and its owner
-IMAGES = "falsework:cityImages"  # there too: role, suffix and mean colour of each image
+IMAGES = "falsework:cityImages"  # also there: role, suffix and mean colour of each image
 TEXELS = 512
-_HEAD = 1 << 16  # [byte] of a layer, in which its custom data stands
+_HEAD = 1 << 16  # [byte] length of the start of a layer with its custom data
 _WALLS = ("brick", "plaster", "brick", "concrete", "plaster", "painted_metal")
 _GROUND, _OBJECT = ("Ground", "ground", "Ground"), ("Object", "building", "Buildings")
 _GROUPS = {"ground": "Ground"}
@@ -64,7 +64,7 @@ def write_city(model: CityModel, folder: Path, name: str) -> Path:
 
 
 def city_components(model: CityModel, prefix: str, first_id: int) -> tuple[Component, ...]:
-    """Turn a world into components: walls and roof of every building, and the ground.
+    """Convert a world to components: walls and roof of every building, and the ground.
 
     Args:
         model: Buildings and terrain.
@@ -99,7 +99,7 @@ def city_components(model: CityModel, prefix: str, first_id: int) -> tuple[Compo
 
 
 def textured_components(model: CityModel, prefix: str, first_id: int) -> tuple[Component, ...]:
-    """Turn the textured pieces of a world into components.
+    """Convert the textured pieces of a world to components.
 
     Args:
         model: The world.
@@ -193,7 +193,7 @@ def claims_city(file: Path) -> bool:
 
 
 def world_name(file: Path) -> str:
-    """Name an imported world as scenes call it.
+    """Return the name of an imported world in scenes.
 
     Args:
         file: Its root layer or folder.
@@ -238,7 +238,7 @@ def _materials(building: Building) -> tuple[str, str]:
 
 
 def _images(layer: Sdf.Layer, folder: Path) -> tuple[Skin, ...]:
-    """Read the images of a world, in the order in which `write_city` was given them."""
+    """Read the images of a world, in the order of `write_city`."""
     skins = []
     for role, suffix, red, green, blue in parse_json(str(layer.customLayerData.get(IMAGES, "[]")), folder):
         image = inside(folder / "textures", f"{role}{suffix}", where=folder)

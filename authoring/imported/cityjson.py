@@ -21,7 +21,7 @@ F64 = NDArray[np.float64]
 
 VERSIONS = ("1.0", "1.1", "2.0")
 MOST_BYTES = 1_000_000_000  # of a file; parsed JSON takes some ten times as much memory
-FARTHEST = 20_000.0  # [m] from the middle: a tile is no country
+FARTHEST = 20_000.0  # [m] from the middle: largest tile
 BUILDINGS = ("Building", "BuildingPart", "BuildingInstallation", "BuildingConstructiveElement", "BuildingUnit")
 RELIEF = ("TINRelief", "LandUse", "Road", "Square", "TransportSquare", "Railway", "WaterBody", "PlantCover")
 _DEPTH = {"MultiSurface": 0, "CompositeSurface": 0, "Solid": 1, "MultiSolid": 2, "CompositeSolid": 2}
@@ -33,7 +33,7 @@ def read_cityjson(file: Path, warn: Warn) -> CityModel:
     """Read a city.
 
     Args:
-        file: `.json`, `.city.json` or `.jsonl` file; nothing that it refers to is opened.
+        file: `.json`, `.city.json` or `.jsonl` file; its references are not opened.
         warn: Called with one line for each kind of thing that is left out.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Windows for buildings that come as bare volumes: rows of panes with surrounds on every plain wall near the bridge."""
+"""Windows for buildings without any: rows of panes with surrounds on every plain wall near the bridge."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ STOREY, SILL = 3.1, 0.95  # [m]
 _PANE = (1.2, 1.45)  # width and height of a window [m]
 _PITCH = 2.7  # [m] between windows
 _SPARE = 0.6  # [m] of wall beside the outer windows, and above the top row
-_PLAIN = 0.9  # share of its upright rectangle that a wall must fill to carry windows [1]
+_PLAIN = 0.9  # share of its upright rectangle that a wall must fill to get windows [1]
 _MOST = 24_000  # windows
 
 
@@ -47,7 +47,7 @@ def window_runs(buildings: tuple[Building, ...], middle: F64, first_id: int) -> 
         first_id: Instance id of the run.
 
     Returns:
-        One run of all windows, the nearest first; none where there is no wall for them.
+        One run of all windows, the nearest first; none if there is no wall for them.
     """
     positions, yaws = [np.zeros((0, 3))], [np.zeros(0)]
     for building in buildings:
@@ -67,7 +67,7 @@ def window_runs(buildings: tuple[Building, ...], middle: F64, first_id: int) -> 
 
 
 def _plain_walls(triangles: F64) -> list[_Wall]:
-    """Gather the triangles of a building's walls by plane, and keep the planes that they fill as rectangles."""
+    """Gather the triangles of a building's walls by plane, and keep the planes in which they fill a rectangle."""
     normals = face_normals(triangles)
     upright = np.abs(normals[:, 2]) < 0.02
     triangles, normals = triangles[upright], normals[upright]

@@ -31,7 +31,7 @@ class GltfFile:
     """A glTF file with its buffers.
 
     Attributes:
-        file: Where it lies.
+        file: Its path.
         header: Its JSON; each material's name is its number.
         buffers: Bytes of its buffers.
     """
@@ -85,7 +85,7 @@ class GltfFile:
             cache: Images read so far, by number.
 
         Raises:
-            InputError: An image that is not there, or none.
+            InputError: An image that is missing, or that is not an image.
         """
         surface = self.header["materials"][material].get("pbrMetallicRoughness", {}).get("baseColorTexture")
         if not isinstance(surface, dict):
@@ -107,12 +107,12 @@ class GltfFile:
         return cache[number]
 
     def color(self, material: int) -> NDArray[np.float64]:
-        """Give the linear base colour of a material [1], shape (3,), float64."""
+        """Return the linear base color of a material [1], shape (3,), float64."""
         factor = self.header["materials"][material].get("pbrMetallicRoughness", {}).get("baseColorFactor", (1, 1, 1))
         return np.clip(np.array(factor[:3], np.float64), 0.0, 1.0)
 
     def bare(self) -> bytes:
-        """Give a header without images, whose buffers are called by number: who reads the meshes opens no file."""
+        """Return a header without images, with buffers named by number: reading the meshes then opens no file."""
         buffers = [{"byteLength": len(data), "uri": str(number)} for number, data in enumerate(self.buffers)]
         kept = {key: value for key, value in self.header.items() if key not in ("images", "textures", "samplers")}
         plain = [{"name": material["name"]} for material in self.header.get("materials", ())]
@@ -181,7 +181,7 @@ def _check_header(header: Any, file: Path) -> None:
 
 
 def _check_roots(nodes: list[dict[str, Any]], children: set[int], file: Path) -> None:
-    """Walk the nodes down from those without a parent; unreached nodes form a cycle."""
+    """Visit the nodes from those without a parent; nodes not reached form a cycle."""
     pending, seen = [k for k in range(len(nodes)) if k not in children], 0
     while pending:
         seen += 1

@@ -14,10 +14,10 @@ from authoring.site.relief import smoothstep
 F64 = NDArray[np.float64]
 
 CELL = 3.0  # [m]
-AROUND = 30.0  # [m] that `CityGround.floor` looks around
-MOST_POINTS = 20_000  # of a relief that is joined up point by point
-COARSE = 12.0  # [m] between the points of a denser one that bridge its gaps
-FADE = 150.0  # [m] over which the relief runs out beyond the world's border
+AROUND = 30.0  # [m] radius of the ground that `CityGround.floor` uses
+MOST_POINTS = 20_000  # of a relief that is triangulated point by point
+COARSE = 12.0  # [m] spacing of the points that bridge the gaps of a denser one
+FADE = 150.0  # [m] over which the relief fades out beyond the world's border
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class CityGround:
         return self._between(self.heights, xy)
 
     def floor(self, xy: F64) -> F64:
-        """Find a height below all ground around, for what must not show through it.
+        """Find a height below all ground nearby, for surfaces that must stay below it.
 
         Args:
             xy: Plan positions in the world's own coordinates [m], shape (..., 2), float64.
@@ -71,7 +71,7 @@ class CityGround:
         return self._between(self.beyond, xy) + np.maximum(far, 0.0)
 
     def share(self, xy: F64) -> F64:
-        """Compute how much of the relief counts: 1 in the world, falling to 0 beyond it.
+        """Compute the weight of the relief: 1 in the world, falling to 0 beyond it.
 
         Args:
             xy: Plan positions in the world's own coordinates [m], shape (..., 2), float64.
@@ -100,7 +100,7 @@ def city_ground(model: CityModel) -> CityGround:
     low, high = model.extent
     x, y = (np.arange(low[k], high[k] + CELL, CELL) for k in (0, 1))
     dense = len(points) > MOST_POINTS
-    if dense:  # triangles smaller than the cells: the lowest counts, and only gaps such as houses are bridged
+    if dense:  # triangles smaller than the cells: the lowest is used, and only gaps such as houses are bridged
         points = _thinned(points)
     known = LinearNDInterpolator(points[:, :2], points[:, 2])(*np.meshgrid(x, y))
     if dense:
@@ -109,7 +109,7 @@ def city_ground(model: CityModel) -> CityGround:
     outside = np.isnan(known)
     # Ready-made nearest neighbours on the grid, and how far they are.
     distance, nearest = distance_transform_edt(outside, sampling=CELL, return_indices=True)  # pyright: ignore
-    # Beyond the grid lies nothing of the world: its border counts as an end too.
+    # The world ends within the grid: the grid's border counts as its end too.
     inside = np.asarray(distance_transform_edt(np.pad(~outside, 1), sampling=CELL), np.float64)[1:-1, 1:-1]
     heights = known[tuple(nearest)]
     around = 2 * int(AROUND / CELL) + 1

@@ -1,4 +1,4 @@
-"""Reading glTF, GLB, OBJ and PLY, and zips of them: what exporters of city tiles and photogrammetry write."""
+"""Reading glTF, GLB, OBJ and PLY, and zips of them: formats of city tiles and photogrammetry."""
 
 import io
 import re
@@ -26,7 +26,7 @@ F64 = NDArray[np.float64]
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply")
 AXES = ("y", "z")
 _HEAD = 65_536  # bytes in which a PLY header must end
-_BROKEN = (  # what the library raises for inconsistent files; unset variables, too
+_BROKEN = (  # errors of the library for inconsistent files, including unset variables
     ValueError,
     IndexError,
     KeyError,
@@ -47,14 +47,14 @@ def read_mesh(file: Path, warn: Warn, up: str = "", scale: float = 1.0) -> CityM
         file: `.glb`, `.gltf`, `.obj` or `.ply` file, or a `.zip` with one of them and its textures.
         warn: Called with one line for each thing that is left out.
         up: Axis that points up, `y` or `z`; default: that of the format (glTF: y, others: z).
-        scale: Metres that one unit of the file is [m].
+        scale: Length of one unit of the file [m].
 
     Returns:
-        Buildings, ground and textured pieces in metres about an origin of its own.
+        Buildings, ground and textured pieces in metres about their own origin.
 
     Raises:
-        MissingError: There is no such file, or one that it names.
-        InputError: Not readable, too large, not sound, or it leads elsewhere.
+        MissingError: There is no such file, or one that it refers to.
+        InputError: Not readable, too large, inconsistent, or with references outside its folder.
     """
     if up not in ("", *AXES):
         raise InputError("unknown axis", field="--up", value=up, allowed=", ".join(AXES))
@@ -137,7 +137,7 @@ def read_obj(file: Path) -> MeshSoup:
 
 
 def _check_faces(data: bytes, file: Path) -> None:
-    """Refuse too many faces, and numbers beyond what the file holds: a far one would fill the memory."""
+    """Refuse too many faces, and numbers out of range: a large one would fill the memory."""
     faces = re.findall(rb"^[ \t]*f[ \t]([^\r\n]*)", data, re.MULTILINE)
     check_count(len(faces), file)
     most = max(len(re.findall(rb"^[ \t]*" + kind + rb"[ \t]", data, re.MULTILINE)) for kind in (b"v", b"vt", b"vn"))
@@ -181,7 +181,7 @@ def _loaded(data: bytes, kind: str, beside: dict[str, bytes] | None = None, **op
 
 
 def _placed(scene: Any) -> list[tuple[F64, Any]]:
-    """List meshes with their places; points and lines are left out."""
+    """List meshes with their transforms; points and lines are left out."""
     rows = []
     for node in sorted(scene.graph.nodes_geometry):
         place, name = scene.graph[node]

@@ -1,4 +1,4 @@
-"""A soup of triangles becomes a world: ground, buildings, and what carries photographs."""
+"""Conversion of triangles to a world: ground, buildings, and textured pieces."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,20 +18,20 @@ from usd_schemas.guard.layer_walk import Warn
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 
-MOST_OBJECTS = 4000  # that keep an identity of their own; the smallest of more are one
-SMALLEST = 1.5  # [m], height and breadth below which an object is one with the other small ones
-MOST_UNDER = 0.35  # share of the flat low faces that may look down before sides count for nothing [1]
+MOST_OBJECTS = 4000  # separate objects; if there are more, the smallest ones become one
+SMALLEST = 1.5  # [m], height and breadth below which small objects become one object
+MOST_UNDER = 0.35  # largest share of flat low faces that face down; above it, the orientation of faces is ignored [1]
 LOOSE = "small things"
 
 
 def city_of(soup: MeshSoup, warn: Warn) -> CityModel:
     """Distinguish ground and buildings.
 
-    Everything that stands out of the ground counts as built: a photograph does not tell a tree from a house.
+    Everything above the ground counts as built: photographs do not distinguish trees and houses.
 
     Args:
         soup: Triangles [m], z up.
-        warn: Called with one line for each thing that is odd.
+        warn: Called with one line for each unusual thing.
 
     Returns:
         The world. An object with a colour or an image keeps its own faces; one without gets walls and a roof.
@@ -45,7 +45,7 @@ def city_of(soup: MeshSoup, warn: Warn) -> CityModel:
         triangles, st, rise = triangles[:, ::-1], st[:, ::-1], -rise
     under = ground & (rise < 0.0)
     if -rise[under].sum() < MOST_UNDER * np.abs(rise[ground]).sum():
-        ground &= ~under  # floors of closed houses; where faces look every way, nothing can be said
+        ground &= ~under  # floors of closed houses; not if the orientation of faces is inconsistent
     if not ground.any():
         warn("no ground found: it is estimated from the bases of the buildings")
     owner = np.where(ground, -1, 0).astype(np.int32)
@@ -59,7 +59,7 @@ def city_of(soup: MeshSoup, warn: Warn) -> CityModel:
 
 
 def object_name(number: int) -> str:
-    """Name an object; the last of too many, and the tiny ones, are one.
+    """Name an object; small ones, and the excess of too many, share one name.
 
     Args:
         number: Its number, -1 for the ground.
@@ -104,6 +104,6 @@ def _textured(triangles: F64, st: F64, skin: I32, owner: I32) -> tuple[Textured,
 
 
 def _rise(triangles: F64) -> F64:
-    """Give the plan area of triangles, negative where they look down [m2], shape (T,), float64."""
+    """Compute the plan area of triangles, negative if they face down [m2], shape (T,), float64."""
     edges = (triangles[:, 1:] - triangles[:, :1])[..., :2]
     return 0.5 * (edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0])

@@ -1,8 +1,9 @@
-"""Which triangles of an imported world are its ground.
+"""Detection of the ground triangles of an imported world.
 
-The lowest surface over each cell of a grid is opened with ever wider windows: what stands out of it by more than the
-ground may rise within a window is built. A triangle is ground where it is no steeper than a bank and all of it lies
-close to what is left. The rule needs no names, no sound solids and no sides: photogrammetry has none.
+The lowest surface over each cell of a grid is opened with increasingly wide windows: a cell that is higher than the
+ground may rise within a window counts as built. A triangle is ground if it is no steeper than a bank and all of it is
+close to the remaining surface. The rule needs no names, closed solids or face orientations, which photogrammetry does
+not have.
 
 Source: K. Zhang et al., A Progressive Morphological Filter for Removing Nonground Measurements from Airborne LIDAR
 Data, IEEE TGRS 41(4), 2003 (on surfaces instead of points; the values are ours).
@@ -18,15 +19,15 @@ from authoring.imported.model import face_normals
 
 F64 = NDArray[np.float64]
 
-CELL = 1.5  # [m], wider where a world is so large that the grid would not fit
+CELL = 1.5  # [m], wider if the grid would have too many cells
 MOST_CELLS = 1500  # along a side
 WINDOWS = (6.0, 15.0, 30.0, 60.0, 120.0)  # [m]
-SLOPE = 0.3  # that ground may rise within a window [1]
-STEP, MOST_STEP = 0.6, 4.0  # [m] by which a cell may stand out in any window
-TALL = 0.9  # [m] that a triangle of the ground may rise above it
+SLOPE = 0.3  # largest slope of the ground within a window [1]
+STEP, MOST_STEP = 0.6, 4.0  # [m] by which a cell may be higher in any window
+TALL = 0.9  # [m] largest height of a ground triangle above it
 FLATTEST = 0.3  # least |rise of the normal| of a triangle of the ground [1]
-_SPIKE = 8.0  # [m] below its surroundings: noise below the ground
-_WELD = 1000.0  # corners within a millimetre are one [1/m]
+_SPIKE = 8.0  # [m] depth below the surroundings from which on a cell is noise
+_WELD = 1000.0  # corners within 1 mm are merged [1/m]
 _SAMPLES = 6_000_000
 
 
@@ -81,13 +82,13 @@ def lowest(triangles: F64, low: F64, cell: float, shape: tuple[int, int]) -> F64
 
 
 def _filled(grid: F64) -> F64:
-    """Give cells without a surface the height of the nearest one [m], shape (H, W), float64."""
+    """Fill cells without a surface with the height of the nearest one [m], shape (H, W), float64."""
     nearest = distance_transform_edt(~np.isfinite(grid), return_distances=False, return_indices=True)
     return grid[tuple(np.asarray(nearest))]
 
 
 def opened(heights: F64, cell: float) -> F64:
-    """Take off what stands out of a surface.
+    """Remove objects that rise above a surface.
 
     Args:
         heights: Heights [m], shape (H, W), float64.
@@ -114,7 +115,7 @@ def objects_of(triangles: F64) -> NDArray[np.int32]:
         triangles: Corners [m], shape (T, 3, 3), float64.
 
     Returns:
-        Number of each triangle's object, counted from 0 in the order in which they come, shape (T,), int32.
+        Number of each triangle's object, numbered from 0 in their order, shape (T,), int32.
     """
     if not len(triangles):
         return np.zeros(0, np.int32)

@@ -1,4 +1,4 @@
-"""Triangles from a file, as they come: corners, what is painted on them, and where the whole lies."""
+"""Triangles from a file: corners, images, and the position of the whole."""
 
 from dataclasses import dataclass
 
@@ -13,9 +13,9 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 
 MOST_TRIANGLES = 2_000_000
-FARTHEST = 20_000.0  # [m] from the middle: a tile is no country
+FARTHEST = 20_000.0  # [m] from the middle: largest tile
 _EARTH = (6_378_137.0, 6_356_752.314245)  # half axes of the WGS 84 ellipsoid [m]
-_SHELL = 30_000.0  # [m] about the ellipsoid in which geocentric coordinates are believed
+_SHELL = 30_000.0  # [m] heights above the ellipsoid at which coordinates are taken as geocentric
 _OFF_EQUATOR = 20_000.0  # [m]: a projected northing may be as large as the earth's radius, a height may not
 
 
@@ -39,7 +39,7 @@ class MeshSoup:
 
 
 def joined_soup(parts: list[MeshSoup], facts: dict[str, str]) -> MeshSoup:
-    """Put soups together; an image that several of them use is kept once.
+    """Concatenate soups; an image that several of them use is stored once.
 
     Args:
         parts: Soups.
@@ -82,20 +82,20 @@ def check_count(count: int, where: object) -> None:
 
 
 def centered(soup: MeshSoup, where: object, warn: Warn) -> MeshSoup:
-    """Move a world to an origin of its own: the middle of its plan, whole metres, its lowest point at 0.
+    """Move a world to its own origin: the middle of its plan, whole metres, its lowest point at 0.
 
-    Geocentric coordinates (3D tiles have them) are turned so that z is up at the middle.
+    Geocentric coordinates (as in 3D tiles) are rotated so that z is up at the middle.
 
     Args:
         soup: Triangles [m], z up.
         where: The file, for errors.
-        warn: Called when geocentric coordinates were turned.
+        warn: Called when geocentric coordinates were rotated.
 
     Returns:
-        The same triangles; `origin` in its facts says where they came from.
+        The same triangles; `origin` in its facts is their former position.
 
     Raises:
-        InputError: No triangle, a number that is not finite, or no tile.
+        InputError: No triangle, a number that is not finite, or a world larger than a tile.
     """
     if not len(soup.triangles):
         raise InputError("holds no triangles", where=where, hint="Export a mesh; points and lines cannot be imported")
@@ -116,7 +116,7 @@ def centered(soup: MeshSoup, where: object, warn: Warn) -> MeshSoup:
             allowed=f"up to {FARTHEST / 1e3:g} km",
             hint="Cut out a smaller tile, or correct its unit with --scale",
         )
-    # Whole metres in plan, so that a place in the world is found in its maps again; geocentric ones have no plan.
+    # Whole metres in plan, so that a position can be found in maps again; not for geocentric ones.
     rest = np.zeros(3) if facts.get("crs") == "geocentric" else middle - np.round(middle)
     rest[2] = -float(triangles[..., 2].min())
     origin = middle if facts.get("crs") == "geocentric" else middle - rest
@@ -125,7 +125,7 @@ def centered(soup: MeshSoup, where: object, warn: Warn) -> MeshSoup:
 
 
 def y_up_to_z_up(points: F64) -> F64:
-    """Turn positions whose y is up, as glTF has it.
+    """Rotate positions with y up, as in glTF.
 
     Args:
         points: Positions [m], shape (..., 3), float64.

@@ -1,4 +1,4 @@
-"""A built-up world from elsewhere that has no place yet: buildings and terrain about an origin of their own."""
+"""An imported world that has not been placed yet: buildings and terrain about their own origin."""
 
 from dataclasses import dataclass
 
@@ -34,11 +34,11 @@ class Building:
 
 @dataclass(frozen=True, eq=False)
 class Textured:
-    """Part of a world with a photograph on it.
+    """Part of a world with a photograph as texture.
 
     Attributes:
         owner: Name of its object; `ground` for the ground.
-        is_ground: Whether it is ground; all else stands on it.
+        is_ground: Whether it is ground.
         triangles: Its triangles [m], shape (T, 3, 3), float64.
         st: Texture coordinates at their corners, v upwards [1], shape (T, 3, 2), float64.
         skin: Number of its image in `CityModel.skins`.
@@ -58,9 +58,9 @@ class CityModel:
     Attributes:
         buildings: Its buildings.
         terrain: Triangles of its ground [m], shape (T, 3, 3), float64; none where it has no relief.
-        attribution: Who made it and where it lies, e.g. `source`, `crs`, `origin`, `license`.
-        textured: What of it carries photographs; buildings and terrain hold the rest.
-        skins: The images that `textured` names.
+        attribution: Its author and position, e.g. `source`, `crs`, `origin`, `license`.
+        textured: Its parts with photographs; buildings and terrain are the others.
+        skins: The images of `textured`.
     """
 
     buildings: tuple[Building, ...]
@@ -77,7 +77,7 @@ class CityModel:
 
     @property
     def built(self) -> F64:
-        """Triangles of all that stands on the ground [m], shape (T, 3, 3), float64."""
+        """Triangles of everything on the ground [m], shape (T, 3, 3), float64."""
         plain = [part for building in self.buildings for part in (building.walls, building.roofs)]
         return _joined([*plain, *(piece.triangles for piece in self.textured if not piece.is_ground)])
 

@@ -1,4 +1,4 @@
-"""Where in an imported world a bridge may stand: at a random place where next to nothing has to go."""
+"""Choice of a place for a bridge in an imported world: random, with almost no buildings to remove."""
 
 from dataclasses import dataclass, replace
 
@@ -12,18 +12,18 @@ from groundwork.errors import InputError
 
 F64 = NDArray[np.float64]
 
-CELL = 0.5  # [m] of the map of what is built
-BESIDE = 5.0  # [m] beside the deck that count as the bridge's own place
-MOST_BUILT = 0.02  # share of that place that buildings may cover [1]
+CELL = 0.5  # [m] of the map of built land
+BESIDE = 5.0  # [m] beside the deck that belong to the bridge's own area
+MOST_BUILT = 0.02  # share of that area that buildings may cover [1]
 TRIES = 4000
-AROUND = 130.0  # [m] beyond the site that must be about as built up as the world is on the whole
-_FAIR = 1.2  # least share of the world's own density there [1]
+AROUND = 130.0  # [m] beyond the site, where the building density must be about that of the whole world
+_FAIR = 1.2  # least ratio of the density there to that of the world [1]
 _MARGIN = 20.0  # [m] around the map
 
 
 @dataclass(frozen=True, eq=False)
 class BuiltMap:
-    """Where buildings stand.
+    """Built-up land.
 
     Attributes:
         corner: Plan position of the first cell's corner [m], shape (2,), float64.
@@ -34,7 +34,7 @@ class BuiltMap:
     built: NDArray[np.bool_]
 
     def at(self, xy: F64) -> NDArray[np.bool_]:
-        """Find which places are built up; none is outside the map.
+        """Find which positions are built up; outside the map, none is.
 
         Args:
             xy: Plan positions in the world's own coordinates [m], shape (..., 2), float64.
@@ -53,10 +53,10 @@ class CityPlace:
     """A place in an imported world.
 
     Attributes:
-        center: What lies under the middle of the bridge, in the world's own coordinates [m].
+        center: Position under the middle of the bridge, in the world's own coordinates [m].
         yaw: Direction there of the scene's x axis, counter-clockwise [rad].
         middle: The middle of the bridge in the scene [m].
-        built: Share of the bridge's own place that buildings cover [1].
+        built: Share of the bridge's own area that buildings cover [1].
     """
 
     center: tuple[float, float]
@@ -65,7 +65,7 @@ class CityPlace:
     built: float
 
     def to_city(self, xy: F64) -> F64:
-        """Find what of the world lies at places of the scene.
+        """Convert positions of the scene to the world.
 
         Args:
             xy: Plan positions in the scene [m], shape (..., 2), float64.
@@ -76,7 +76,7 @@ class CityPlace:
         return (xy - np.asarray(self.middle)) @ _turn(self.yaw).T + np.asarray(self.center)
 
     def to_scene(self, xy: F64) -> F64:
-        """Find the position of a part of the world in the scene.
+        """Convert positions of the world to the scene.
 
         Args:
             xy: Plan positions in the world's own coordinates [m], shape (..., 2), float64.
@@ -88,7 +88,7 @@ class CityPlace:
 
 
 def built_map(model: CityModel) -> BuiltMap:
-    """Draw the map of what is built.
+    """Rasterize the map of built land.
 
     Args:
         model: The world.
@@ -105,9 +105,9 @@ def built_map(model: CityModel) -> BuiltMap:
 
 
 def choose_place(model: CityModel, site: Site, rng: np.random.Generator) -> CityPlace:
-    """Choose a random place and direction: the bridge's own place all but free, its surroundings built up.
+    """Choose a random place and direction: the bridge's own area almost free, its surroundings built up.
 
-    Source: Shi 2024 puts its bridges at random places of imported cities; the rule itself is lost, this one is ours.
+    Source: Shi 2024 puts its bridges at random places of imported cities; the rule itself is unknown, this one is ours.
 
     Args:
         model: The world.
@@ -115,7 +115,7 @@ def choose_place(model: CityModel, site: Site, rng: np.random.Generator) -> City
         rng: Random stream `background`.
 
     Returns:
-        The first place that is both; where none is built up, the freest with the densest surroundings.
+        The first place that meets both conditions; if there is none, the freest one with the densest surroundings.
 
     Raises:
         InputError: No place was found.
@@ -151,7 +151,7 @@ def choose_place(model: CityModel, site: Site, rng: np.random.Generator) -> City
 
 
 def _corridor(site: Site) -> F64:
-    """Spread places over the deck and what lies close beside it, about every metre [m], shape (N, 2), float64."""
+    """Distribute points over the deck and its close surroundings, about every metre [m], shape (N, 2), float64."""
     layout = site.land.layout
     stations = np.arange(layout.supports[0] - BESIDE, layout.supports[-1] + BESIDE, 1.0)
     half = 0.5 * layout.width + BESIDE
@@ -160,7 +160,7 @@ def _corridor(site: Site) -> F64:
 
 
 def _surroundings(site: Site) -> F64:
-    """Spread places over what lies around a site [m], shape (N, 2), float64."""
+    """Distribute points over the surroundings of a site [m], shape (N, 2), float64."""
     low, high = site.extent.min(axis=0) - AROUND, site.extent.max(axis=0) + AROUND
     x, y = (grid.ravel() for grid in np.meshgrid(*(np.arange(low[k], high[k], 5.0) for k in (0, 1))))
     spots = np.column_stack([x, y])

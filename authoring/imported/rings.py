@@ -8,11 +8,11 @@ from usd_schemas.triangulate import clip_ears
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-_NARROW = 1e-12  # [m2], twice the area of a triangle that is none
+_NARROW = 1e-12  # [m2], twice the area below which a triangle is degenerate
 
 
 def ring_triangles(rings: list[F64]) -> F64:
-    """Cut a plane polygon in space into triangles that face the way its outer ring turns.
+    """Cut a plane polygon in space into triangles with the orientation of its outer ring.
 
     Holes are joined to the outer ring by cuts from their rightmost corners.
 
@@ -41,7 +41,7 @@ def ring_triangles(rings: list[F64]) -> F64:
     for hole in sorted(holes, key=lambda hole: -plan[hole, 0].max()):
         order = _joined(plan, order, hole)
     found = clip_ears(plan[order])
-    # What has no area, or faces backwards because its ring crosses itself, is given up.
+    # Triangles without area, or facing backwards because the ring crosses itself, are left out.
     a, b, c = plan[order][found].transpose(1, 0, 2)
     return corners[order][found[_cross(b - a, c - b) > _NARROW]]
 
@@ -54,7 +54,7 @@ def _newell(ring: F64) -> F64:
 
 
 def _plane(normal: F64) -> F64:
-    """Give two directions of a plane that turn counter-clockwise about its normal, shape (2, 3), float64."""
+    """Return two directions of a plane that turn counter-clockwise about its normal, shape (2, 3), float64."""
     helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
     first = np.cross(helper, normal)
     first /= np.linalg.norm(first)
@@ -66,7 +66,7 @@ def _joined(plan: F64, order: list[int], hole: I64) -> list[int]:
     start = int(np.argmax(plan[hole, 0]))
     turned = np.roll(hole, -start)
     area = _twice_area(plan[turned])
-    if area > 0.0:  # a hole runs the other way round
+    if area > 0.0:  # a hole has the opposite orientation
         turned = np.concatenate([turned[:1], turned[:0:-1]])
     tip = plan[turned[0]]
     outline = plan[order]
@@ -81,7 +81,7 @@ def _twice_area(ring: F64) -> float:
 
 
 def _sees(outline: F64, start: F64, end: F64) -> bool:
-    """Check whether a segment properly crosses no side of an outline."""
+    """Check that a segment crosses no side of an outline."""
     a, b = outline, np.roll(outline, -1, axis=0)
     first, second = _cross(end - start, a - start), _cross(end - start, b - start)
     third, fourth = _cross(b - a, start - a), _cross(b - a, end - a)

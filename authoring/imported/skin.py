@@ -17,7 +17,7 @@ U8 = NDArray[np.uint8]
 
 LARGEST = 4096  # [px]: larger textures are reduced to this
 MOST_PIXELS = 300_000_000  # of one texture
-_ROUGHNESS = 0.85  # of surfaces that only a photograph describes [1]
+_ROUGHNESS = 0.85  # of surfaces with only a photograph [1]
 _QUALITY = 92  # of a texture that had to be reduced
 
 
@@ -48,10 +48,10 @@ def image_skin(data: bytes, where: str) -> Skin:
 
     Args:
         data: Bytes of a PNG or JPEG file.
-        where: Names it in errors.
+        where: Its name in errors.
 
     Raises:
-        InputError: Neither, cut short, or larger than anyone needs.
+        InputError: Neither, cut short, or larger than the limit.
     """
     import cv2
 

@@ -1,4 +1,4 @@
-"""An imported world round a site: its relief joins the site's edge, and its buildings stand clear of it."""
+"""An imported world round a site: its relief meets the site's edge, and its buildings keep a distance from it."""
 
 from dataclasses import replace
 
@@ -29,20 +29,20 @@ F64 = NDArray[np.float64]
 REACH = 2200.0  # [m] of terrain beyond the site
 HILLS = 42.0  # [m], typical height of the hills beyond the world
 PAVED = 14.0  # [m] around a building
-CLEAR = 2.5  # [m] that buildings keep from roads, water and the site
-JOIN = 45.0  # [m] from the site over which the world's relief comes in
-SUNK = 0.6  # [m] that the terrain lies below the lowest of the photographed ground around
+CLEAR = 2.5  # [m] distance of buildings from roads, water and the site
+JOIN = 45.0  # [m] from the site over which the world's relief is blended in
+SUNK = 0.6  # [m] depth of the terrain below the lowest photographed ground nearby
 TREES = 260
 _OUTSKIRTS = 22.0  # [m] from the paving to fields and woods
 _WOODS = 180.0  # [m] from the site to woods
-_FIELDS = (1000.0, 900.0)  # [m] along the axis and to its sides, how far fields go
-_STEP = 2.0  # [m] between the places at which a building is looked at
-_FOOT = 0.5  # [m] that walls go into the ground
+_FIELDS = (1000.0, 900.0)  # [m] extent of fields along the axis and to its sides
+_STEP = 2.0  # [m] between the points at which a building is checked
+_FOOT = 0.5  # [m] depth of walls in the ground
 _PAVING = Cover("paved", "Paving", "ground", "asphalt")
 
 
 def build_city_world(model: CityModel, site: Site, rng: np.random.Generator) -> tuple[Component | Scatter, ...]:
-    """Put a site at a random valid place of an imported world, and build what surrounds it there.
+    """Put a site at a random valid place of an imported world, and build its surroundings.
 
     Args:
         model: The world.
@@ -62,8 +62,8 @@ def build_city_world(model: CityModel, site: Site, rng: np.random.Generator) -> 
     terrain = grow_terrain(site, _relief(site, place, ground, datum, clearance, rng), REACH)
     kept = _placed_buildings(model, terrain, place, ground)
     axis = site.land.layout.alignment
-    # A photograph shows its own pavements; where it is cut away there is grass, as on the site.
-    outskirts = rng.spawn(1)[0]  # a stream of its own: what covers the land moves no tree
+    # A photograph contains its own pavements; where it is cut away there is grass, as on the site.
+    outskirts = rng.spawn(1)[0]  # a separate stream: covers do not change the trees
     paved = () if clearance is not None else _land_covers(terrain, place, built_map(model), outskirts)
     pieces = [
         (name, cover.kind, cover.role, "Ground", drape(chunk, axis, terrain.atlas(chunk)))
@@ -84,7 +84,7 @@ def build_city_world(model: CityModel, site: Site, rng: np.random.Generator) -> 
     first_id = FIRST_BACKGROUND_ID + len(components)
     windows = window_runs(kept, np.asarray(place.middle), first_id)
     trees = plant_trees(terrain, (), _circles(kept, terrain), TREES, rng, first_id + len(windows))
-    if clearance is not None:  # a photograph shows its own trees
+    if clearance is not None:  # a photograph contains its own trees
         trees = tuple(_only(run, ground.beyond_at(place.to_city(run.positions[:, :2])) > 0.0) for run in trees)
     return (*components, *windows, *(run for run in trees if len(run.positions)))
 
@@ -109,9 +109,9 @@ def _relief(
     clearance: Clearance | None,
     rng: np.random.Generator,
 ) -> Hills:
-    """Blend in the world's terrain beside the site, level with it there, and hills where the world ends.
+    """Blend in the world's terrain beside the site, level with the site there, and add hills at the world's end.
 
-    Under photographed ground it keeps below it.
+    The relief stays below photographed ground.
     """
     own, axis = site.field, site.land.layout.alignment
     inner = (float(own.stations[0]), float(own.stations[-1]), float(own.lefts[0]), float(own.lefts[-1]))
@@ -133,7 +133,7 @@ def _relief(
 
 
 def _placed_buildings(model: CityModel, terrain: Terrain, place: CityPlace, ground: CityGround) -> tuple[Building, ...]:
-    """Set every building that stands clear of site, roads and water on the terrain."""
+    """Place every building that is away from site, roads and water on the terrain."""
     return tuple(
         _set_down(building, terrain, place, ground) for building in model.buildings if _clear(building, terrain, place)
     )
@@ -151,7 +151,7 @@ def _clear(building: Building, terrain: Terrain, place: CityPlace) -> bool:
 
 
 def _plan_spots(building: Building) -> F64:
-    """Spread places over a building's plan, no two neighbours further apart than a step [m], shape (N, 2), float64."""
+    """Distribute points over a building's plan, at most one step apart [m], shape (N, 2), float64."""
     triangles = np.concatenate([building.roofs, building.walls])[:, :, :2]
     longest = float(np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max())
     count = max(2, int(np.ceil(longest / _STEP)) + 1)
@@ -162,7 +162,7 @@ def _plan_spots(building: Building) -> F64:
 
 
 def _set_down(building: Building, terrain: Terrain, place: CityPlace, ground: CityGround) -> Building:
-    """Move a building into the scene with its ground; its walls are extended down into the terrain."""
+    """Move a building to the scene with its ground; its walls are extended down into the terrain."""
     corners = building.corners
     bottom = float(corners[:, 2].min())
     feet = corners[corners[:, 2] < bottom + 0.5, :2]

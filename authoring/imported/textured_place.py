@@ -1,9 +1,9 @@
-"""The photographed pieces of an imported world at a site: cut where the site and its ways lie, and set on the ground.
+"""The photographed pieces of an imported world at a site: cut out at site, roads and rivers, and placed on the ground.
 
-Beside the site and its ways, and towards the world's own border, a piece follows the joining terrain: each corner keeps
-its height over the world's ground, and the upper part of a small object stays as it is. Deep inside the world nothing
-is bent. The joining terrain lies under it: `LIFT` below at the site's edge, and ever lower away from it, where it
-takes the lowest ground around instead.
+Near the site and its roads and rivers, and near the world's own border, a piece follows the joining terrain: each
+corner keeps its height above the world's ground, and the upper part of a small object is not deformed. Deep inside the
+world nothing is deformed. The joining terrain is below it: by `LIFT` at the site's edge, and increasingly lower away
+from it, where it uses the lowest ground nearby instead.
 """
 
 from dataclasses import dataclass
@@ -23,18 +23,18 @@ from authoring.site.site import Site
 
 F64 = NDArray[np.float64]
 
-LIFT, MOST_LIFT, LIFT_SLOPE = 0.05, 0.4, 0.01  # [m], [m], [1]: how far over the terrain a piece lies
-CLEAR = 2.5  # [m] that pieces keep from roads, water and the site
-EDGE = 1.0  # [m] that they keep from the keep-out volume alone
-BENT, BENDING = 45.0, 60.0  # [m] from site, ways and border within which a piece is bent, and over which that ends
-WHOLE = 80.0  # [m]: an object no larger than this is left out as a whole where one part of it is in the way
-STIFF = 3.0  # [m] over the ground above which a small object is not bent
+LIFT, MOST_LIFT, LIFT_SLOPE = 0.05, 0.4, 0.01  # [m], [m], [1]: height of a piece above the terrain
+CLEAR = 2.5  # [m] distance of pieces from roads, water and the site
+EDGE = 1.0  # [m] distance of pieces from the keep-out volume
+BENT, BENDING = 45.0, 60.0  # [m] from site, roads and border within which a piece is deformed, and over which that ends
+WHOLE = 80.0  # [m]: an object up to this size is left out as a whole if any part of it is in the way
+STIFF = 3.0  # [m] above the ground from which on a small object is not deformed
 _ROAD_START = -20.0  # [m] along an approach
 
 
 @dataclass(frozen=True, eq=False)
 class Clearance:
-    """How far a place in the scene is from all that must stay free.
+    """Distance of a position in the scene to everything that must stay free.
 
     Attributes:
         site: The site.
@@ -46,7 +46,7 @@ class Clearance:
 
     @staticmethod
     def of(site: Site) -> "Clearance":
-        """Measure a site.
+        """Create it for a site.
 
         Args:
             site: The site.
@@ -57,7 +57,7 @@ class Clearance:
         )
 
     def free(self, xy: F64) -> F64:
-        """Measure how far places are from strip, keep-out volume, crossing and approach roads.
+        """Compute the distance of positions to strip, keep-out volume, crossing and approach roads.
 
         Args:
             xy: Plan positions in the scene [m], shape (N, 2), float64.
@@ -77,14 +77,14 @@ class Clearance:
         return away
 
     def ways(self, station: F64, left: F64) -> F64:
-        """Measure how far places are from the crossing and the approach roads.
+        """Compute the distance of positions to the crossing and the approach roads.
 
         Args:
             station: Distance along the axis [m], shape (...), float64.
             left: Distance to the left of the axis [m], the same shape (...), float64.
 
         Returns:
-            Distances, negative on the ways [m], the same shape (...), float64.
+            Distances, negative on them [m], the same shape (...), float64.
         """
         land: Land = self.site.land
         free = land.crossing.distance(station, left) - land.crossing.half_width
@@ -95,7 +95,7 @@ class Clearance:
         return free
 
     def rigid(self, station: F64, left: F64, beyond: F64) -> F64:
-        """Compute the share of its shape that a piece keeps: 0 where it follows the terrain, 1 if unchanged.
+        """Compute the share of its shape that a piece keeps: 0 if it follows the terrain, 1 if unchanged.
 
         Args:
             station: Distance along the axis [m], shape (...), float64.
@@ -117,13 +117,13 @@ def place_textured(
     Args:
         model: The world.
         terrain: The joining terrain.
-        place: Where in the world the site lies.
+        place: Place of the site in the world.
         ground: The world's relief.
-        clearance: What must stay free.
+        clearance: Distance to everything that must stay free.
         datum: Height of the world's ground that is placed at 0 [m].
 
     Returns:
-        What of them is left, in world space.
+        The remaining pieces, in world space.
     """
     blocked, small = _objects(model, place, clearance)
     cut = []
@@ -148,7 +148,7 @@ def place_textured(
     placed = []
     for (piece, corners), shifts, height in runs:
         moved = corners[..., 2] + shifts
-        if piece.owner in small:  # its foot follows the ground, its roof keeps level
+        if piece.owner in small:  # its foot follows the ground, its roof stays level
             level = float(np.median(np.concatenate(own[piece.owner])))
             moved = moved + smoothstep(0.3, STIFF, height) * (level - shifts)
         corners[..., 2] = moved
@@ -164,7 +164,7 @@ def _outside(along: F64, aside: F64) -> F64:
 
 
 def _objects(model: CityModel, place: CityPlace, clearance: Clearance) -> tuple[set[str], set[str]]:
-    """Name the objects that are in the way and small enough to go as a whole, and the other small ones."""
+    """Name the objects that are in the way and small enough to be removed as a whole, and the other small ones."""
     owners: dict[str, list[F64]] = {}
     for piece in model.textured:
         if not piece.is_ground and piece.owner != LOOSE:

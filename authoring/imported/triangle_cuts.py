@@ -1,4 +1,4 @@
-"""Cut triangles along the border of what must stay free; values at their corners are interpolated."""
+"""Cutting of triangles along the border of free land; values at their corners are interpolated."""
 
 from collections.abc import Callable
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 F64 = NDArray[np.float64]
 
 SHORTEST = 3.0  # [m]: edges up to this length are not split
-SHARE = 0.7  # of its distance from the border that an edge may be long [1]
+SHARE = 0.7  # largest length of an edge, as a share of its distance from the border [1]
 _ROUNDS = 12
 _OF_SPLIT = {  # corners 0-2 and edge middles 3-5 (of 01, 12, 20) of the pieces, by which edges are split
     (False, False, False): ((0, 1, 2),),
@@ -23,11 +23,11 @@ _OF_SPLIT = {  # corners 0-2 and edge middles 3-5 (of 01, 12, 20) of the pieces,
 
 
 def split_long(corners: F64, free: Callable[[F64], F64]) -> F64:
-    """Split edges that are long for how close they are to the border; neighbours split a common edge alike.
+    """Split edges that are long relative to their distance from the border; neighbors split a common edge equally.
 
     Args:
         corners: Rows of x, y [m] and further values at the corners, shape (T, 3, K), float64.
-        free: Gives the distance of plan positions, shape (N, 2), from the border, negative inside [m].
+        free: Returns the distance of plan positions, shape (N, 2), from the border, negative inside [m].
 
     Returns:
         The same surface in more triangles, rows of x, y [m] and further values, shape (U, 3, K), float64.
@@ -54,7 +54,7 @@ def split_long(corners: F64, free: Callable[[F64], F64]) -> F64:
 
 
 def cut_free(corners: F64, field: F64) -> F64:
-    """Keep what lies where a field is positive.
+    """Keep the parts where a field is positive.
 
     Args:
         corners: Rows of values at the corners, each in its own unit [any unit], shape (T, 3, K), float64.
@@ -68,7 +68,7 @@ def cut_free(corners: F64, field: F64) -> F64:
     kept = [corners[count == 3]]
     for many in (1, 2):
         chosen = count == many
-        # Turn each triangle so that the corner that is alone on its side comes first.
+        # Rotate the corners so that the only corner on its side comes first.
         alone = np.argmax(inside[chosen] == (many == 1), axis=1)
         turn = (alone[:, None] + np.arange(3)) % 3
         rows = np.arange(len(turn))[:, None]

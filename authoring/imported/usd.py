@@ -1,4 +1,4 @@
-"""Reading any USD stage as a world of meshes: looked through before it is composed, then taken as flat arrays."""
+"""Reading any USD stage as a world of meshes: checked before it is composed, then read as flat arrays."""
 
 import re
 import tempfile
@@ -35,16 +35,16 @@ def read_usd(file: Path, warn: Warn, scale: float = 1.0) -> CityModel:
     """Read a stage as a world.
 
     Args:
-        file: USD file; all that it refers to must lie in its folder or below.
-        warn: Called with one line for each thing that is odd or left out.
-        scale: Metres that one metre of the stage is, where its unit is wrong [1].
+        file: USD file; all files that it refers to must be in its folder or below.
+        warn: Called with one line for each thing that is unusual or left out.
+        scale: Factor for a stage whose unit is wrong [1].
 
     Returns:
-        Buildings, ground and textured pieces in metres about an origin of its own.
+        Buildings, ground and textured pieces in metres about their own origin.
 
     Raises:
-        MissingError: There is no such file, or one that it names.
-        InputError: Not readable, too large, or it leads in a circle or elsewhere.
+        MissingError: There is no such file, or one that it refers to.
+        InputError: Not readable, too large, circular, or with references outside its folder.
     """
     check_file(file)
     if file.suffix.lower() == ".usdz":
@@ -61,7 +61,7 @@ def read_usd(file: Path, warn: Warn, scale: float = 1.0) -> CityModel:
     if missing:
         raise MissingError(missing[0], where=file, hint="Copy the texture there")
     check_count(_face_count(file), file)
-    scene = read_stage(file, choices=StageChoices(subdivision=0))  # a surveyed world keeps its polygons
+    scene = read_stage(file, choices=StageChoices(subdivision=0))  # polygons of a surveyed world are not refined
     for line in scene.warnings:
         warn(line)
     for material in scene.materials:
@@ -77,7 +77,7 @@ def read_usd(file: Path, warn: Warn, scale: float = 1.0) -> CityModel:
 
 
 def _unpacked(file: Path, folder: Path) -> Path:
-    """Unpack a package, whose first file is its root layer: textures are read as files."""
+    """Unpack a package, whose first file is its root layer: because textures are read as files."""
     for entry in check_archive(file):
         if entry.compress_type != zipfile.ZIP_STORED:
             raise InputError("not a valid usdz package: a file in it is compressed", where=f"{file}: {entry.filename}")
@@ -134,7 +134,7 @@ def _colors(material: Material, vertex: F64) -> F64 | None:
 
 
 def _looked_up(texture: Texture, st: F64) -> F64:
-    """Scale, turn and shift texture coordinates as UsdTransform2d does [1], same shape, float64."""
+    """Scale, rotate and translate texture coordinates as UsdTransform2d does [1], same shape, float64."""
     angle = np.radians(texture.rotation)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     return (st * texture.scale) @ turn.T + texture.translation

@@ -1,4 +1,4 @@
-"""One asset on disk: geometry, labels, and the materials that its pieces name."""
+"""One asset on disk: geometry, labels, and the materials of its pieces."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -23,14 +23,14 @@ from groundwork.files import write_bytes
 
 Pieces = tuple[Component | Scatter, ...]
 
-_SHALLOWS = 1024  # texels along a side of the picture of a river's bed, at most
+_SHALLOWS = 1024  # largest number of texels along a side of the image of a river's bed
 
 
 def write_asset(asset: Asset, pieces: Pieces, folder: Path) -> None:
     """Write the geometry and the labels of an asset.
 
     Args:
-        asset: Where its parts stand.
+        asset: Paths of its parts.
         pieces: Components and scatters.
         folder: Folder of the asset.
     """
@@ -41,19 +41,19 @@ def write_asset(asset: Asset, pieces: Pieces, folder: Path) -> None:
 def bake_surfaces(
     pieces: Pieces, folder: Path, texels: int, seed: int, season: Season = SUMMER
 ) -> dict[str, MaterialRecipe]:
-    """Bake the materials of a background, or of a site but for the pictures of its ground.
+    """Bake the materials of a background, or of a site without the images of its ground.
 
     Args:
         pieces: Its components and scatters.
         folder: Folder of the asset; receives `textures/`.
         texels: Texels along a side of a sheet [px].
         seed: Seed of the scene.
-        season: Season of what grows.
+        season: Season of the plants.
 
     Returns:
-        One recipe for each material that the pieces name.
+        One recipe for each material of the pieces.
     """
-    # One number a surface, the same for site and background: their grass is continuous over the border.
+    # One sheet per surface, the same for site and background: their grass is continuous over the border.
     names = sorted({surface_of(role)[0] for role in roles_of(pieces)})
     numbers = {name: int(stream(seed, f"surface/{name}").integers(SHEETS)) for name in names}
     sheets = {name: SheetName(name, number, texels, worn_in(name, season)) for name, number in numbers.items()}
@@ -63,14 +63,14 @@ def bake_surfaces(
 
 
 def bake_site(site: Site, folder: Path, texels: int, seed: int, season: Season = SUMMER) -> dict[str, MaterialRecipe]:
-    """Bake the materials of a site, with the pictures of the ground near the bridge.
+    """Bake the materials of a site, with the images of the ground near the bridge.
 
     Args:
         site: The site.
         folder: Its folder; receives `textures/`.
         texels: Texels along a side of a sheet and of a picture [px].
         seed: Seed of the scene.
-        season: Season of what grows.
+        season: Season of the plants.
     """
     recipes = bake_surfaces(site.pieces, folder, texels, seed, season)
     patches = open_ground(texels, patches_of(seed))
@@ -93,7 +93,7 @@ def bake_site(site: Site, folder: Path, texels: int, seed: int, season: Season =
 
 
 def patches_of(seed: int) -> int:
-    """Draw which patches lie on the open ground of a scene.
+    """Draw the number of the patches on the open ground of a scene.
 
     Args:
         seed: Seed of the scene.

@@ -1,4 +1,4 @@
-"""Background layer: one world beyond the site's edge, a component asset that any scene may take as a payload."""
+"""Background layer: the surroundings outside the site, as a component asset that any scene can reference."""
 
 from pxr import Kind, Sdf
 

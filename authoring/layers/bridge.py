@@ -1,4 +1,4 @@
-"""Bridge interface: what a DCC shows before the payloads are loaded, with the looks as a variant set."""
+"""Bridge interface: what other programs show before the payloads are loaded, with the looks as a variant set."""
 
 from pxr import Kind, Sdf, UsdGeom, Vt
 
@@ -19,7 +19,7 @@ def bridge_layer(
         family: Bridge family.
         spans: Span lengths along the axis [m].
         width: Deck width [m].
-        drawn: Every drawn parameter; they stand there as JSON and, one by one, as typed attributes.
+        drawn: Every drawn parameter; as JSON and also as separate typed attributes.
         looks: File of each look, relative to this layer; the first is selected.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Changing a layer that is on disk: opened apart from USD's cache, changed, and written as a whole."""
+"""Changing a layer that is on disk: opened outside USD's cache, changed, and written as a whole."""
 
 import tempfile
 from collections.abc import Callable
@@ -13,8 +13,8 @@ from groundwork.files import MANIFEST, write_bytes, write_text
 def change_layer(path: Path, change: Callable[[Sdf.Layer], None]) -> None:
     """Change a layer file.
 
-    A binary layer saved in place keeps its former content as dead weight, and other stages of the process would see
-    half a change; so both formats are written anew.
+    A binary layer saved in place keeps its old content, which makes the file larger, and other stages of the process
+    would see an incomplete change; therefore both formats are rewritten.
 
     Args:
         path: Layer file.
@@ -27,7 +27,7 @@ def change_layer(path: Path, change: Callable[[Sdf.Layer], None]) -> None:
     else:
         with tempfile.TemporaryDirectory() as scratch:
             file = Path(scratch) / f"layer{path.suffix}"
-            layer.Export(str(file))  # not atomic: a scratch file; `write_bytes` puts it there with one rename
+            layer.Export(str(file))  # not atomic: a scratch file; `write_bytes` renames it
             write_bytes(path, file.read_bytes())
     known = Sdf.Layer.Find(str(path.resolve()))
     if known is not None:
@@ -35,7 +35,7 @@ def change_layer(path: Path, change: Callable[[Sdf.Layer], None]) -> None:
 
 
 def check_editable(path: Path) -> None:
-    """Refuse to change what is stored.
+    """Refuse to change stored results.
 
     Args:
         path: Layer file, or the folder that would receive one.

@@ -1,4 +1,4 @@
-"""Geometry layer: one Mesh a component, instances of what repeats, each mesh bound once to a material by name."""
+"""Geometry layer: one Mesh per component, instances for repeated objects, each mesh bound to one material by name."""
 
 from dataclasses import dataclass
 
@@ -15,12 +15,12 @@ from usd_schemas.apis import COMPONENT_API, ComponentFacts, component_opinions
 
 _TYPES = Sdf.ValueTypeNames
 _MOVED = Vt.TokenArray(["xformOp:translate"])
-_LAND = ("Ground", "Ways")  # their pieces meet at shared vertices: of one origin, no renderer rounds them apart
+_LAND = ("Ground", "Ways")  # their pieces share vertices: with one origin, rounding does not separate them
 
 
 @dataclass(frozen=True)
 class Asset:
-    """Where the parts of an asset stand in its layers.
+    """Paths of the parts of an asset in its layers.
 
     Attributes:
         root: Name of the root prim: `Bridge`, `Site` or `Background`.
@@ -74,7 +74,7 @@ def geometry_layer(asset: Asset, pieces: tuple[Component | Scatter, ...]) -> Sdf
     """Author the geometry of an asset.
 
     Args:
-        asset: Where it stands.
+        asset: Paths of its parts.
         pieces: Components in world space, and scatters.
 
     Returns:
@@ -132,7 +132,7 @@ def _author_groups(
         prim_spec(layer, asset.material(role), "Material")
     worn = {(piece.role, sheets.get(piece.instance_id, 0)) for piece in pieces if isinstance(piece, Component)}
     for role, number in sorted(worn):
-        if number:  # the role's material with another sheet: whatever is made of the role holds for it too
+        if number:  # the role's material with another sheet: overrides of the role apply to it too
             other = prim_spec(layer, asset.material(sheet_material(role, number)), "Material")
             other.specializesList.prependedItems = [Sdf.Path(asset.material(role))]
 

@@ -11,7 +11,7 @@ def name_asset(layer: Sdf.Layer, prim: str, name: str, file: str, version: str =
     Args:
         layer: Root layer of the asset, in memory.
         prim: Path of its root prim.
-        name: What it is called, e.g. `countryside`.
+        name: Its name, e.g. `countryside`.
         file: Name of the file that the layer will be written as.
         version: Its version; that of the software that makes it when empty.
 

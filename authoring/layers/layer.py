@@ -8,13 +8,13 @@ from usd_schemas import tokens
 
 
 def new_layer(default_prim: str) -> Sdf.Layer:
-    """Open an empty layer in memory with the metadata that every layer of a scene carries.
+    """Open an empty layer in memory with the metadata of every layer of a scene.
 
-    USD converts no units across arcs, so that each layer states its own. A text layer in memory exports to canonical
+    USD converts no units across arcs, so each layer states its own. A text layer in memory exports to canonical
     bytes of either format, which a binary layer saved in place does not.
 
     Args:
-        default_prim: Name of the root prim that arcs to this layer compose.
+        default_prim: Name of the root prim that references to this layer use.
     """
     layer = Sdf.Layer.CreateAnonymous(".usda")
     layer.defaultPrim = default_prim
@@ -30,13 +30,13 @@ def new_stage(default_prim: str) -> Usd.Stage:
     """Open a stage on a new layer, for writers that use schemas.
 
     Args:
-        default_prim: Name of the root prim that arcs to this layer compose.
+        default_prim: Name of the root prim that references to this layer use.
     """
     return Usd.Stage.Open(new_layer(default_prim), Usd.Stage.LoadAll)
 
 
 def add_sublayers(layer: Sdf.Layer, paths: list[str]) -> None:
-    """Name sublayers, strongest first; the files need not exist yet.
+    """Add sublayers, strongest first; the files need not exist yet.
 
     Args:
         layer: A layer that no open stage uses, since a stage would look for the files at once.

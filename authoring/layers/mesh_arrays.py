@@ -29,8 +29,8 @@ class MeshArrays:
     """The stored arrays of one mesh.
 
     Attributes:
-        origin: Where its points count from [m], shape (3,), float64.
-        points: Positions from there [m], shape (V, 3), float32.
+        origin: Origin of its points [m], shape (3,), float64.
+        points: Positions relative to it [m], shape (V, 3), float32.
         extent: Least and largest position [m], shape (2, 3), float32.
         normals: Unit normal at each corner [1], shape (C, 3), float32.
         st: First UV set [m].
@@ -50,8 +50,8 @@ def mesh_arrays(meshes: list[Mesh], centered: list[bool]) -> list[MeshArrays]:
 
     Args:
         meshes: Any number.
-        centered: For each, whether its points count from its middle, to the millimetre: a pivot that artists can use,
-            and float32 to the micrometre; else from the world's origin.
+        centered: For each, whether its points are relative to its middle, rounded to 1 mm: a usable pivot, and float32
+            with micrometer precision; else relative to the world's origin.
     """
     if not meshes:
         return []
@@ -69,7 +69,7 @@ def mesh_arrays(meshes: list[Mesh], centered: list[bool]) -> list[MeshArrays]:
 
 
 def snapped(values: NDArray[np.floating]) -> F32:
-    """Round values to the grid; what is equal gets equal bytes.
+    """Round values to the grid; equal values get equal bytes.
 
     Args:
         values: Values [any unit], shape (...), float.
@@ -80,7 +80,7 @@ def snapped(values: NDArray[np.floating]) -> F32:
     steps = np.divide(values, GRID, dtype=np.float64)
     np.rint(steps, out=steps)
     steps *= GRID
-    steps += 0.0  # turns -0.0 into 0.0
+    steps += 0.0  # converts -0.0 to 0.0
     return steps.astype(np.float32, order="C")
 
 

@@ -48,7 +48,7 @@ def bind(prim: Sdf.PrimSpec, material: str) -> None:
 
 
 def set_id(prim: Sdf.PrimSpec, name: str) -> None:
-    """Give a prim the id by which it is identified after a DCC has renamed or moved it.
+    """Author the id by which a prim is identified after another program has renamed or moved it.
 
     Args:
         prim: Any prim.

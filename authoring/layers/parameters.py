@@ -1,4 +1,4 @@
-"""The drawn parameters of a bridge as typed attributes, one each: the content of the JSON, visible in a DCC."""
+"""The drawn parameters of a bridge as typed attributes, one each: the content of the JSON, for other programs."""
 
 from collections.abc import Iterator, Mapping
 
@@ -19,7 +19,8 @@ _SCALARS: tuple[tuple[type, Sdf.ValueTypeName], ...] = (  # a bool is an int: it
 def parameter_opinions(drawn: Mapping[str, object], above: str = NAMESPACE) -> Iterator[Opinion]:
     """List the parameters as attributes, e.g. `falsework:parameters:record:top:parapets:height`.
 
-    Numbers, words, truths and lists of numbers have one; what is not set, and lists of tables, stand in the JSON alone.
+    Numbers, words, booleans and lists of numbers have an attribute; unset values and lists of tables are only in the
+    JSON.
 
     Args:
         drawn: Parameters by name, in tables of any depth.

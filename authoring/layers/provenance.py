@@ -1,4 +1,4 @@
-"""Who made an asset, and from what: `UsdMedia.AuthorshipAPI` on its root prim."""
+"""Author and inputs of an asset: `UsdMedia.AuthorshipAPI` on its root prim."""
 
 from importlib.metadata import PackageNotFoundError, version
 
@@ -10,15 +10,15 @@ SOURCE_TYPE = "algorithmicMedia"  # IPTC: made by an algorithm, not from sampled
 
 
 def author_provenance(layer: Sdf.Layer, prim: str, inputs: dict[str, str], *, is_ours: bool = True) -> Sdf.Layer:
-    """Record on a root prim that Falsework wrote it; no time and no host, which a second run could not repeat.
+    """Record on a root prim that Falsework wrote it; without time and host, which would differ in a second run.
 
-    The attributes are written plainly, so that a USD older than the schema keeps them.
+    The attributes are written directly, so that a USD older than the schema keeps them.
 
     Args:
         layer: Layer in memory that holds the prim.
         prim: Path of the root prim.
-        inputs: What it was made from: seed, hash of the settings, name of a file.
-        is_ours: Falsework generated the content; for content from elsewhere no author is stated.
+        inputs: Its inputs: seed, hash of the settings, name of a file.
+        is_ours: Falsework generated the content; for imported content no author is stated.
 
     Returns:
         The same layer.

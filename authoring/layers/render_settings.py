@@ -7,7 +7,7 @@ from authoring.layers.surveys import camera_path
 from authoring.surveys.path import CameraPath
 from usd_schemas import tokens
 
-CLASSES = "./classes.usdc"  # a text layer is no place for arrays of a hundred words
+CLASSES = "./classes.usdc"  # arrays of a hundred words are not suited to a text layer
 _TYPES = {"rgb": "color3f", "depth": "float", "semantic": "int", "instance": "int", "normal": "normal3f"}
 _MEANING = {
     "rgb": "Radiance [1], linear.",
@@ -19,7 +19,7 @@ _MEANING = {
 
 
 def render_layer(paths: list[CameraPath]) -> Sdf.Layer:
-    """Author RenderSettings, one RenderProduct a survey, and the render variables; their classes are in a sublayer.
+    """Author RenderSettings, one RenderProduct per survey, and the render variables; their classes are in a sublayer.
 
     Args:
         paths: Surveys in the order of their products.

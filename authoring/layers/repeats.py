@@ -14,8 +14,8 @@ from authoring.shapes.component import Component, Mesh, Scatter
 from usd_schemas.apis import COMPONENT_API, ComponentFacts, apply_component, component_opinions
 from usd_schemas.tokens import ROLES
 
-MOST_INSTANCES = 500  # [1] of a run: beyond it no user selects single ones, and outliners and readers slow down
-GROUND_COVER = ("vegetation", "shrub", "rock")  # kinds that are strewn, and never picked one by one
+MOST_INSTANCES = 500  # [1] of a run: above it, users do not select single ones, and outliners and readers slow down
+GROUND_COVER = ("vegetation", "shrub", "rock")  # kinds in large numbers, which users do not select individually
 
 _TYPES = Sdf.ValueTypeNames
 _TWO_FACED = "leaves"  # materials of cards, which have a face for each side
@@ -25,8 +25,8 @@ _PLACED = Vt.TokenArray(["xformOp:translate", "xformOp:rotateZ", "xformOp:scale"
 def are_instances(scatter: Scatter) -> bool:
     """Check whether the copies of a run are written as native instances.
 
-    They are where there are at most `MOST_INSTANCES` of them, each has an id of its own, none is ground cover, and
-    their meshes carry neither an atlas (`st1`), in which each body has a place of its own, nor a role that looks fill.
+    This is the case if there are at most `MOST_INSTANCES`, each has its own id, none is ground cover, and their meshes
+    have neither an atlas (`st1`), which differs for each body, nor a role whose material a look defines.
 
     Args:
         scatter: The run.
@@ -42,7 +42,7 @@ def with_own_ids(pieces: tuple[Component | Scatter, ...], last: int) -> tuple[Co
 
     Args:
         pieces: Components, and scatters of one id for the run or one for each repeat.
-        last: Highest id that there may be; runs that would need higher ones keep theirs.
+        last: Highest id allowed; runs that would need higher ones keep theirs.
     """
     used = [piece.instance_ids if isinstance(piece, Scatter) else (piece.instance_id,) for piece in pieces]
     number = 1 + max((max(ids, default=0) for ids in used), default=0)
@@ -61,7 +61,7 @@ def instance_name(scatter: Scatter, row: int) -> str:
 
     Args:
         scatter: A run of native instances.
-        row: Which of them.
+        row: Its row.
     """
     return f"{scatter.name}_{row:03d}"
 
@@ -73,7 +73,7 @@ def author_instances(layer: Sdf.Layer, path: str, scatter: Scatter, material: Ca
         layer: Layer in memory that has the prim.
         path: Path of the run, an Xform.
         scatter: The run.
-        material: Gives the path of a material by its role or recipe.
+        material: Returns the path of a material by its role or recipe.
     """
     shapes = f"{path}/{scatter.name}_Prototypes"
     prim_spec(layer, shapes, "Scope").specifier = Sdf.SpecifierClass
@@ -106,7 +106,7 @@ def author_instancer(stage: Usd.Stage, path: str, scatter: Scatter, material: Ca
         stage: Stage of a layer in memory.
         path: Path of the run.
         scatter: The run.
-        material: Gives the path of a material by its role or recipe.
+        material: Returns the path of a material by its role or recipe.
     """
     layer = stage.GetRootLayer()
     instancer = UsdGeom.PointInstancer.Define(stage, path)

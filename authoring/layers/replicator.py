@@ -14,8 +14,8 @@ _LABELS = "SemanticsLabelsAPI:"
 def replicator_layer(stage: Usd.Stage) -> Sdf.Layer:
     """Write every LabelsAPI label of a stage as a label of the older schema.
 
-    The taxonomy `class` is written as the table in force has it, since the older schema knows no table. Labels of a
-    background stand inside its own variant, so that they come and go with it.
+    The class is written from the active table, because the older schema has no tables. Labels of a background are
+    inside its own variant, so that they are only present with it.
 
     Args:
         stage: Composed stage; its session layer is used and left empty.

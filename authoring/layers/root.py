@@ -22,8 +22,8 @@ def root_layer(
         background: Selected background.
         backgrounds: File of each background relative to this layer; an empty string for an empty world.
         images: Number of images of the longest survey.
-        frame: Least and largest corner of what a viewport frames [m], shape (2, 3), float64: the land goes on to the
-            horizon, too far to find the bridge.
+        frame: Least and largest corner of the region shown in viewports [m], shape (2, 3), float64: the land extends to
+            the horizon, too far to find the bridge.
 
     Returns:
         A layer in memory, to be written as `scene.usda`.
@@ -83,7 +83,7 @@ def _frame(spec: Sdf.PrimSpec, frame: NDArray[np.float64]) -> None:
 
 
 def _label_background(spec: Sdf.PrimSpec) -> None:
-    # An imported world brings no labels; what it does not label itself is background.
+    # An imported world has no labels; unlabeled prims are background.
     spec.SetInfo("apiSchemas", Sdf.TokenListOp.Create([f"SemanticsLabelsAPI:{tokens.CLASS_TAXONOMY}"]))
     label = Sdf.AttributeSpec(spec, f"semantics:labels:{tokens.CLASS_TAXONOMY}", Sdf.ValueTypeNames.TokenArray)
     label.default = Vt.TokenArray(["background"])

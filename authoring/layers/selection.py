@@ -22,7 +22,7 @@ def offered(stage: Usd.Stage) -> dict[str, tuple[str, ...]]:
 
 
 def selected(stage: Usd.Stage) -> dict[str, str]:
-    """List what is chosen on a stage: axis to name.
+    """List the selections of a stage: axis to name.
 
     Args:
         stage: Stage of a scene.
@@ -42,10 +42,10 @@ def select_in(layer: Sdf.Layer, selections: dict[str, str]) -> None:
 
 
 def choose(scene: Path, selections: dict[str, str]) -> None:
-    """Choose among what a scene offers.
+    """Select among the choices of a scene.
 
-    The selections go into the root layer itself. It is where a DCC writes them, and stronger than every sublayer, so
-    that no earlier choice stands against them.
+    The selections are written to the root layer itself, where other programs write them, and which is stronger than
+    every sublayer, so that no earlier selection overrides them.
 
     Args:
         scene: Root layer.
@@ -70,7 +70,7 @@ def unknown_choice(scene: Path, axis: str, name: str, allowed: tuple[str, ...]) 
         scene: Root layer.
         axis: Axis.
         name: Requested name.
-        allowed: Names that there are.
+        allowed: Allowed names.
     """
     return InputError(f"unknown {axis}", where=scene, field=axis, value=name, allowed=", ".join(allowed) or "none")
 

@@ -1,4 +1,4 @@
-"""Semantics layer: only the labels of leaf prims, so that another table is another file."""
+"""Semantics layer: only the labels of leaf prims, so that other tables are other files."""
 
 from collections.abc import Iterator
 
@@ -16,7 +16,7 @@ def semantics_layer(asset: Asset, pieces: tuple[Component | Scatter, ...]) -> Sd
     """Author the labels of an asset as overrides of its leaf prims.
 
     Args:
-        asset: Where it stands.
+        asset: Paths of its parts.
         pieces: Components and scatters.
 
     Returns:
@@ -33,7 +33,7 @@ def semantics_layer(asset: Asset, pieces: tuple[Component | Scatter, ...]) -> Sd
 
 
 def _labeled(asset: Asset, piece: Component | Scatter) -> Iterator[tuple[str, int]]:
-    """List the prims that carry the label of a piece, each with its id; 0 for a PointInstancer of many."""
+    """List the prims with the label of a piece, each with its id; 0 for a PointInstancer of many."""
     path = asset.prim(piece)
     if isinstance(piece, Component):
         yield path, piece.instance_id

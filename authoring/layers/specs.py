@@ -1,4 +1,4 @@
-"""Prims and attributes written directly into a layer: for thousands of prims, where a stage would compose each step."""
+"""Prims and attributes written directly into a layer: for many prims, because a stage recomposes after each step."""
 
 from collections.abc import Iterable
 from functools import lru_cache
@@ -55,8 +55,8 @@ def attribute(
         name: Name of an attribute that it does not have yet.
         kind: Type of its value.
         value: Its value.
-        custom: No schema declares it.
-        uniform: It may never change with time.
+        custom: Whether no schema declares it.
+        uniform: Whether it must not change with time.
     """
     variability = Sdf.VariabilityUniform if uniform else Sdf.VariabilityVarying
     spec = Sdf.AttributeSpec(prim, name, kind, variability, custom)

@@ -1,4 +1,4 @@
-"""Survey layers: one time-sampled Camera a survey, one integer time code an image."""
+"""Survey layers: one time-sampled Camera per survey, one integer time code per image."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +53,7 @@ def survey_layer(path: CameraPath) -> Sdf.Layer:
 
 
 def surveys_layer(surveys: list[str]) -> Sdf.Layer:
-    """Author the layer that gathers the surveys.
+    """Author the layer with all surveys as sublayers.
 
     Args:
         surveys: Survey ids.

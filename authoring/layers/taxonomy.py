@@ -1,9 +1,9 @@
 """Taxonomy layer: another active table of classes, added and removed as a sublayer.
 
-The layer contains no opinion about any prim. It stores classes and the map from labels to them on the semantic render
-variable; readers of the stage derive each class from the prim's `component`. So labels are unchanged, one file fits
-every scene, and later backgrounds and edits are classified as well, also prims that a DCC exported with nothing but the
-`userProperties:` mirrors.
+The layer contains no opinions about other prims. It stores classes and the map from labels to them on the semantic
+render variable; readers of the stage derive each class from the prim's `component`. So labels are unchanged, one file
+fits every scene, and backgrounds and edits that are added later are classified as well, including prims that another
+program exported with only the `userProperties:` copies.
 """
 
 from pxr import Sdf

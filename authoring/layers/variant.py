@@ -1,4 +1,4 @@
-"""Scene variant: a small layer over `scene.usda` that selects a look, a background, a light."""
+"""Scene variant: a small layer over `scene.usda` that selects a look, a background and a light."""
 
 from pxr import Sdf
 
@@ -9,7 +9,7 @@ def variant_layer(scene: Sdf.Layer, name: str, selections: dict[str, str]) -> Sd
     """Author a scene variant.
 
     Args:
-        scene: Root layer of the scene; its metadata are repeated, since those of a sublayer do not count.
+        scene: Root layer of the scene; its metadata are repeated, because those of a sublayer are not used.
         name: File name of that layer.
         selections: Axis (`look`, `background`, `light`) to name.
 

@@ -48,13 +48,13 @@ class VariantSettings(Settings):
         return {"look": self.look, "background": self.background, "light": lights}
 
     def combinations(self) -> dict[str, Selections]:
-        """List the variants: each name, such as `clean_none`, and what it selects on each axis that is varied."""
+        """List the variants: each name, such as `clean_none`, and its selection on each varied axis."""
         axes = {axis: names for axis, names in self.names().items() if names}
         chosen = [dict(zip(axes, names, strict=True)) for names in product(*axes.values())] if axes else []
         return {"_".join(selection.values()): selection for selection in chosen}
 
     def lights(self, base: LightSettings) -> dict[str, LightSettings]:
-        """List every light of the scene, the base light among them.
+        """List every light of the scene, including the base light.
 
         Args:
             base: The section `[light]`.

@@ -1,8 +1,8 @@
-"""The clear sky as the air makes it: sunlight scattered once by air and haze, and about how much is scattered again.
+"""The clear sky: sunlight scattered once by air and haze, and an estimate of multiple scattering.
 
-The earth is a ball, so that the sky of the evening, the glow over a sun that has just set and the shadow of the earth
-come by themselves. What is scattered along a line of sight is kept apart from the phase functions, which depend on the
-angle to the sun alone: it varies slowly, and a coarse grid of directions is enough.
+The earth is a sphere, so that the evening sky, the glow above a sun that has just set and the shadow of the earth
+result from the model. Light scattered along a line of sight is computed separately from the phase functions, which
+depend only on the angle to the sun: it varies slowly, so that a coarse grid of directions is enough.
 """
 
 from dataclasses import dataclass
@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 F64 = NDArray[np.float64]
 
 _EARTH, _TOP = 6.36e6, 6.0e4  # radius, and height above which the air is ignored [m]
-_EYE = 30.0  # [m] above the ground
+_EYE = 30.0  # [m] height of the observer above the ground
 _RAYLEIGH = np.array([5.802e-6, 13.558e-6, 33.1e-6])  # scattering by air at the ground [1/m]
-_OZONE = np.array([1.9e-6, 1.881e-6, 0.15e-6])  # absorption where it is densest, of the same wide bands as `sun` [1/m]
-_AIR_HEIGHT, _HAZE_HEIGHT = 8.0e3, 1.25e3  # [m] over which air and haze thin out to a 2.7th
+_OZONE = np.array([1.9e-6, 1.881e-6, 0.15e-6])  # absorption at its densest height, in the bands of `sun` [1/m]
+_AIR_HEIGHT, _HAZE_HEIGHT = 8.0e3, 1.25e3  # [m] over which air and haze decrease to 1/e
 _OZONE_MIDDLE, _OZONE_REACH = 2.5e4, 1.5e4  # [m]
 _WAVES = np.array([0.610, 0.550, 0.465])  # [um] that represent red, green and blue, as in `sun`
-_BRIGHT_HAZE = 0.93  # share of what haze takes from a ray that it scatters [1]
-_FORWARD = 0.76  # mean cosine of what haze scatters [1]
+_BRIGHT_HAZE = 0.93  # share of the haze's extinction that is scattering [1]
+_FORWARD = 0.76  # mean cosine of scattering by haze [1]
 _SUN = 128.0  # [klx] above the air
 _GROUND = 0.2  # albedo of the ground that lights the air from below [1]
-_LOWEST_SUN = np.sin(np.radians(-4.0))  # darker than this, the sky keeps its colours
+_LOWEST_SUN = np.sin(np.radians(-4.0))  # with a lower sun, the colors of the sky do not change
 _STEPS = 36  # along a line of sight
 _TABLE = (40, 96)  # heights and cosines of the tables
 _ELEVATIONS, _AZIMUTHS = 56, 37  # directions of the grid, denser towards the horizon
@@ -31,17 +31,17 @@ _ELEVATIONS, _AZIMUTHS = 56, 37  # directions of the grid, denser towards the ho
 
 @dataclass(frozen=True)
 class _Air:
-    """Haze of the air, by turbidity."""
+    """Haze of the air for a turbidity."""
 
     haze: F64  # extinction by haze at the ground [1/m]
 
     def scattering(self, height: F64) -> tuple[F64, F64]:
-        """What air and haze scatter at heights [m]: [1/m], each of shape (..., 3)."""
+        """Compute scattering by air and by haze at heights [m]: [1/m], each of shape (..., 3)."""
         air = np.exp(-np.maximum(height, 0) / _AIR_HEIGHT)[..., None] * _RAYLEIGH
         return air, _BRIGHT_HAZE * np.exp(-np.maximum(height, 0) / _HAZE_HEIGHT)[..., None] * self.haze
 
     def extinction(self, height: F64) -> F64:
-        """What is lost at heights [m]: [1/m], shape (..., 3)."""
+        """Compute extinction at heights [m]: [1/m], shape (..., 3)."""
         air, haze = self.scattering(height)
         ozone = np.maximum(1 - np.abs(height - _OZONE_MIDDLE) / _OZONE_REACH, 0)[..., None] * _OZONE
         return air + haze / _BRIGHT_HAZE + ozone
@@ -83,7 +83,7 @@ def scattered_sky(directions: F64, sun: F64, turbidity: float) -> F64:
 
 
 def _sight(air: _Air, up: F64, turn: F64, sun_height: float) -> tuple[F64, F64, F64]:
-    """What reaches the eye: scattered once by air, by haze, without their phase functions, and scattered more often.
+    """Compute the light at the eye: scattered once by air and by haze, without phase functions; and multiply scattered.
 
     Args:
         air: The air.
@@ -117,14 +117,14 @@ def _sight(air: _Air, up: F64, turn: F64, sun_height: float) -> tuple[F64, F64, 
 
 
 def _tables(air: _Air) -> tuple[F64, F64]:
-    """By height and the cosine of the sun's angle from the zenith: what the air lets through, and what it scatters on.
+    """Tabulate transmittance and multiple scattering by height and the cosine of the sun's zenith angle.
 
     Returns:
         Transmittance [1] and, isotropic, the light scattered twice or more [1/sr], both of shape (*_TABLE, 3).
     """
     height = ((np.arange(_TABLE[0]) / (_TABLE[0] - 1)) ** 2 * _TOP)[:, None]
     cosine = np.linspace(-1, 1, _TABLE[1])[None, :]
-    cosine = np.sign(cosine) * cosine**2  # denser about the horizon
+    cosine = np.sign(cosine) * cosine**2  # denser near the horizon
     through = _passed(air, height, cosine)
     rays = 8
     ups = np.polynomial.legendre.leggauss(rays)
@@ -155,7 +155,7 @@ def _tables(air: _Air) -> tuple[F64, F64]:
 
 
 def _passed(air: _Air, height: F64, cosine: F64) -> F64:
-    """Share of the sun's light that arrives at heights [m] from cosines of its angle from the zenith [1]."""
+    """Compute the share of the sun's light that arrives at heights [m] from cosines of zenith angles [1]."""
     radius = _EARTH + height
     reach = -radius * cosine + np.sqrt((radius * cosine) ** 2 + (_EARTH + _TOP) ** 2 - radius**2)
     depth, before = np.zeros((*np.broadcast_shapes(height.shape, cosine.shape), 3)), 0.0
@@ -177,7 +177,7 @@ def _table_at(table: F64, height: F64, cosine: F64) -> F64:
 
 
 def _between(table: F64, row: F64, column: F64) -> F64:
-    """Look a table up between its entries, shape (..., 3)."""
+    """Interpolate in a table, shape (..., 3)."""
     top, left = np.minimum(row.astype(int), len(table) - 2), np.minimum(column.astype(int), table.shape[1] - 2)
     down, right = (row - top)[..., None], (column - left)[..., None]
     upper = table[top, left] * (1 - right) + table[top, left + 1] * right

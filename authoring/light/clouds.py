@@ -1,4 +1,4 @@
-"""Clouds: heaps with flat bases and lit tops on one level, thin ice clouds far above them."""
+"""Clouds: cumulus with flat bases at one level and lit tops, thin cirrus far above them."""
 
 from dataclasses import dataclass
 
@@ -13,18 +13,18 @@ F32 = NDArray[np.float32]
 
 _SIDE, _TILE = 1024, 24_000.0  # texels and metres after which the field of clouds repeats
 _BASE = 1250.0  # [m] above the ground
-_HIGHEST = 1100.0  # [m] of a heap over its base
-_ICE, _ICE_TILE = 8500.0, 60_000.0  # height of the ice clouds, and metres after which they repeat [m]
+_HIGHEST = 1100.0  # [m] largest height of a cumulus above its base
+_ICE, _ICE_TILE = 8500.0, 60_000.0  # height of the cirrus, and metres after which they repeat [m]
 _EARTH = 6.36e6  # [m]
-_STEPS = 16  # through a heap
-_EXTINCTION = 0.009  # of a heap [1/m]
-_FAR = 4.0e4  # [m] over which heaps sink into the haze
-_LOW = 0.24  # share of the rows over the horizon that are marched twice as finely [1]
-_STRETCH = 3.2  # length of a wisp of ice over its width [1]
+_STEPS = 16  # through a cumulus
+_EXTINCTION = 0.009  # of a cumulus [1/m]
+_FAR = 4.0e4  # [m] over which cumulus fade into the haze
+_LOW = 0.24  # share of the rows above the horizon that are sampled twice as finely [1]
+_STRETCH = 3.2  # ratio of length to width of the cirrus [1]
 
 
 def clouded(sky: F64, directions: F64, sun: F64, cover: float, rng: np.random.Generator) -> F64:
-    """Draw clouds before a sky; they sink into the haze towards the horizon.
+    """Draw clouds over a sky; they fade into the haze towards the horizon.
 
     Args:
         sky: Clear sky, linear sRGB [kcd/m2], shape (H, W, 3), float64.
@@ -45,12 +45,12 @@ def clouded(sky: F64, directions: F64, sun: F64, cover: float, rng: np.random.Ge
     behind = behind * (1 - seen[..., None]) + seen[..., None] * (0.55 * behind + 0.45 * shine * glow[..., None])
     if cover > 0:
         opacity, lit, away = _march(heaps, above, sun, cover, drift[2:])
-        low = len(rows) - int(len(rows) * _LOW)  # far heaps are finer than texels
+        low = len(rows) - int(len(rows) * _LOW)  # distant cumulus are finer than texels
         fine = sky_directions(2 * len(sky))[2 * (rows[0] + low) : 2 * (rows[-1] + 1)]
         for part, finer in zip((opacity, lit, away), _means(*_march(heaps, fine, sun, cover, drift[2:])), strict=True):
             part[low:] = finer
         ambient = 0.5 * np.median(sky[: len(sky) // 2].reshape(-1, 3), axis=0) + 0.5 * behind.mean(axis=(0, 1))
-        edge = 0.35 + 0.65 * np.exp(-2.0 * angle) + 3.0 * np.exp(-9.0 * angle)  # a heap before the sun glows at its rim
+        edge = 0.35 + 0.65 * np.exp(-2.0 * angle) + 3.0 * np.exp(-9.0 * angle)  # bright rims in front of the sun
         light = lit * (0.75 + 0.5 * (1 - opacity) * edge)
         shade = 1 - 0.45 * np.clip((cover - 0.5) / 0.5, 0, 1)
         color = (0.55 + 0.25 * lit[..., None]) * ambient * shade * 1.5 + light[..., None] * shine
@@ -62,7 +62,7 @@ def clouded(sky: F64, directions: F64, sun: F64, cover: float, rng: np.random.Ge
 
 
 def _means(opacity: F64, lit: F64, away: F64) -> tuple[F64, F64, F64]:
-    """Average 2x2 texels, what is seen in them by its opacity; three of shape (H, W)."""
+    """Average 2x2 texels, weighted by opacity; three of shape (H, W)."""
 
     def mean(values: F64) -> F64:
         return (values[::2, ::2] + values[1::2, ::2] + values[::2, 1::2] + values[1::2, 1::2]) / 4
@@ -73,7 +73,7 @@ def _means(opacity: F64, lit: F64, away: F64) -> tuple[F64, F64, F64]:
 
 
 def _shine(sky: F64, sun: F64) -> F64:
-    """Colour of a cloud in the sun, as bright as it is beside that sky, shape (3,)."""
+    """Compute the color of a sunlit cloud, with its brightness relative to that sky, shape (3,)."""
     height = max(float(sun[2]), 0.0)
     level = float(np.median((sky @ LUMINANCE)[: len(sky) // 2]))
     warm = np.exp(-np.array([0.06, 0.13, 0.30]) / (height + 0.06))
@@ -83,10 +83,10 @@ def _shine(sky: F64, sun: F64) -> F64:
 
 
 def _march(heaps: tuple[F32, F32], directions: F64, sun: F64, cover: float, drift: F64) -> tuple[F64, F64, F64]:
-    """Follow lines of sight through the heaps, whose bases are level and whose tops rise where they are thick.
+    """March rays through the cumulus, whose bases are level and whose tops are higher where they are thick.
 
     Returns:
-        Opacity [1], how much of the sun reaches what is seen (0 none, 1 all), and its distance [m], each (H, W).
+        Opacity [1], the share of sunlight at the visible part (0 none, 1 all), and its distance [m], each (H, W).
     """
     broad, fine = heaps
     ordered = np.sort(broad.ravel())
@@ -121,9 +121,9 @@ def _march(heaps: tuple[F32, F32], directions: F64, sun: F64, cover: float, drif
 
 @dataclass(frozen=True, eq=False)
 class _Heaps:
-    """A field of heaps: where they stand and the buds on them, each 0 to 1, (side, side).
+    """A field of cumulus: density and small-scale shape, each 0 to 1, (side, side).
 
-    They begin at `edge` of `broad`, are `spread` of it higher where they are thick, and `closed` of the gaps are.
+    They begin at the value `edge` of `broad`, grow by `spread` of it, and a share `closed` of the gaps is filled.
     """
 
     broad: F32
@@ -134,7 +134,7 @@ class _Heaps:
 
 
 def _tops(heaps: _Heaps, place: F64, blur: F64) -> F64:
-    """Height of the heaps over their base [m], shape (H, W); 0 and below where there are none."""
+    """Compute the height of cumulus above their base [m], shape (H, W); 0 or less where there are none."""
     body = (_lookup(heaps.broad, place) - heaps.edge) / heaps.spread
     swell = np.clip(body, 0, 1) ** 0.6
     grain = _lookup(heaps.fine, 5.0 * place) * (1 - blur)
@@ -142,7 +142,7 @@ def _tops(heaps: _Heaps, place: F64, blur: F64) -> F64:
 
 
 def _ice(wisps: F32, directions: F64, angle: F64, drift: F64, cover: float) -> tuple[F64, F64]:
-    """Opacity of the ice clouds [1], and how they shine about the sun [1], each (H, W)."""
+    """Compute the opacity of the cirrus [1], and its brightening near the sun [1], each (H, W)."""
     reach = _distance(np.maximum(directions[..., 2], 1e-3), _ICE)
     place = directions[..., :2] * reach[..., None] / _ICE_TILE + drift
     field = _lookup(wisps, place)
@@ -151,12 +151,12 @@ def _ice(wisps: F32, directions: F64, angle: F64, drift: F64, cover: float) -> t
 
 
 def _distance(up: F64, height: float) -> F64:
-    """Length of a line of sight to a height over the round earth [m], by the sine of its elevation."""
+    """Compute the length of a line of sight to a height above the round earth [m], by the sine of its elevation."""
     return np.sqrt((_EARTH * up) ** 2 + 2 * _EARTH * height + height**2) - _EARTH * up
 
 
 def _heaps(rng: np.random.Generator) -> tuple[F32, F32]:
-    """Where heaps stand, and the buds on them, each 0 to 1, (side, side)."""
+    """Draw the density of cumulus and their small-scale shape, each 0 to 1, (side, side)."""
     broad = _octaves(rng, (6, 11, 23, 47, 95), 0.62)
     fine = np.zeros((_SIDE, _SIDE), np.float32)
     for count, share in ((17, 0.5), (37, 0.3), (79, 0.2)):  # round upwards, with creases between
@@ -165,7 +165,7 @@ def _heaps(rng: np.random.Generator) -> tuple[F32, F32]:
 
 
 def _wisps(rng: np.random.Generator) -> F32:
-    """Threads of ice, 0 to 1, (side, side): noise, drawn out along another one's slopes."""
+    """Draw the fibers of cirrus, 0 to 1, (side, side): noise, stretched along the slopes of another one."""
     field = _octaves(rng, (9, 21, 44, 90), 0.6)
     bend = 0.06 * _octaves(rng, (3, 7), 0.5)
     grid = (np.arange(_SIDE) + 0.5) / _SIDE
@@ -186,7 +186,7 @@ def _octaves(rng: np.random.Generator, counts: tuple[int, ...], fall: float) -> 
 
 
 def _lattice(rng: np.random.Generator, count: int) -> F32:
-    """Smooth noise that repeats, with `count` knots along a side, (side, side)."""
+    """Draw smooth noise that repeats, with `count` knots along a side, (side, side)."""
     knots = (rng.integers(0, 1 << 16, (count, count)) / 65_536).astype(np.float32)
     at = np.arange(_SIDE) * (count / _SIDE)
     cell = at.astype(int)
@@ -198,7 +198,7 @@ def _lattice(rng: np.random.Generator, count: int) -> F32:
 
 
 def _lookup(field: F32, place: F64) -> F64:
-    """Look a field that repeats after 1 up between its texels, (H, W)."""
+    """Interpolate in a field that repeats after 1, (H, W)."""
     at = place * _SIDE
     cell = np.floor(at).astype(np.int64)
     part = at - cell

@@ -2,13 +2,13 @@
 
 Light units. Radiance is linear and without a physical unit: colour * intensity * 2^exposure. The sky's texel times
 the DomeLight's intensity (1) is the radiance of that direction. The DistantLight is normalized (UsdLux), so that its
-colour times intensity is the irradiance E_sun on a surface that faces it. A Lambert surface sends out
-albedo * (E_sun * cos / pi * visibility + E_sky / pi). Sun and sky are scaled together so that level open ground sends
-out `LightSettings.brightness` times its albedo: at 1, a level card of 18 % grey renders at 0.18 at exposure 0.
+colour times intensity is the irradiance E_sun on a surface that faces it. A Lambert surface reflects
+albedo * (E_sun * cos / pi * visibility + E_sky / pi). Sun and sky are scaled together so that level open ground
+reflects `LightSettings.brightness` times its albedo: at 1, a level card of 18 % grey renders at 0.18 at exposure 0.
 
 Orientation. World: +x east, +y north, +z up. UsdLux DomeLight follows OpenEXR: in the dome's own frame the pole is +y,
 the middle of the image looks along +z, and +x lies a quarter of the width from the left edge. The prim carries
-`xformOp:rotateX:orientToStageUpAxis` = 90, which turns the pole to +z: (x, y, z) of the dome is (x, -z, y) of the
+`xformOp:rotateX:orientToStageUpAxis` = 90, which rotates the pole to +z: (x, y, z) of the dome is (x, -z, y) of the
 world. So the image's top row is the zenith, its middle is south (-y), a quarter from the left is east (+x), its left
 and right edges are north.
 """
@@ -39,8 +39,8 @@ F64 = NDArray[np.float64]
 _SUN_ANGLE = 0.53  # [deg] seen from the earth
 _GROUND = np.array([0.150, 0.150, 0.110])  # mean albedo of meadow and soil, for the light from below
 _AIR = 1.16e-5  # extinction by air alone at 550 nm, at sea level [1/m]
-_AIR_HEIGHT, _HAZE_HEIGHT = 8400.0, 1250.0  # heights over which air and haze thin out to a 2.7th [m]
-_FREE_SUN = 0.5  # cloud cover up to which the sun stands in a gap
+_AIR_HEIGHT, _HAZE_HEIGHT = 8400.0, 1250.0  # heights over which air and haze decrease to 1/e [m]
+_FREE_SUN = 0.5  # cloud cover up to which the sun is in a gap of the clouds
 
 
 class LightSettings(Settings):
@@ -112,7 +112,7 @@ class Lighting:
 def bake_light(
     settings: LightSettings, folder: Path, rng: np.random.Generator, picture: Path | None = None
 ) -> Lighting:
-    """Write `textures/sky.exr` (half floats, without the sun that the DistantLight carries), and weigh sun against sky.
+    """Write `textures/sky.exr` (half floats, without the sun, which is the DistantLight), and balance sun and sky.
 
     Args:
         settings: Time, place and weather.
@@ -121,7 +121,7 @@ def bake_light(
         picture: Photographed sky to use instead of a computed one.
 
     Raises:
-        InputError: The picture is missing or no sky.
+        InputError: The image is missing or is not a sky.
     """
     make = _computed(settings, rng) if picture is None else _photographed(settings, picture)
     radiance, sun, irradiance = make
@@ -139,7 +139,8 @@ def bake_light(
 def clear_air_visibility(turbidity: float) -> float:
     """Compute the visibility at sea level for a turbidity [m], in whole hundreds.
 
-    Turbidity is the optical thickness of air with haze over that of air alone; both thin out with height, haze faster.
+    Turbidity is the optical thickness of air with haze divided by that of air alone; both decrease with height, haze
+    faster.
     Source: McCartney, Optics of the Atmosphere, 1976; Koschmieder 1924 for the 2 % of contrast.
 
     Args:
@@ -176,7 +177,7 @@ def _computed(settings: LightSettings, rng: np.random.Generator) -> tuple[F64, F
 
 
 def _photographed(settings: LightSettings, picture: Path) -> tuple[F64, F64, F64]:
-    """Take the sun out of a picture of the sky, and scale both."""
+    """Separate the sun from an image of the sky, and scale both."""
     whole = reduce_panorama(turned(read_panorama(picture), settings.sky_turn), 2 * settings.sky_height)
     parted = separate_sun(whole.astype(np.float64))
     sky = reduce_panorama(parted.sky.astype(np.float32), settings.sky_height).astype(np.float64)
@@ -202,7 +203,7 @@ def author_lighting(stage: Usd.Stage, lighting: Lighting, environment: str = tok
     sun.CreateIntensityAttr(round(intensity, 6))
     sun.CreateColorAttr(Gf.Vec3f(*(float(value) for value in np.round(irradiance / max(intensity, 1e-9), 6))))
     sun.CreateAngleAttr(_SUN_ANGLE)
-    sun.CreateNormalizeAttr(True)  # intensity is irradiance, whatever the angle
+    sun.CreateNormalizeAttr(True)  # intensity is irradiance, independent of the angle
     turn = Gf.Rotation(Gf.Vec3d(0, 0, 1), Gf.Vec3d(*lighting.sun_direction)).GetQuat()
     parts = [round(part, 9) for part in (turn.GetReal(), *turn.GetImaginary())]
     sun.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd(*parts))

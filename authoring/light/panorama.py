@@ -17,10 +17,10 @@ F64 = NDArray[np.float64]
 
 PANORAMAS = (".exr", ".hdr")
 _MOST_ROWS = 4096
-_BRIGHTEST = 6.0e4  # half floats end at 65,504
-_DISC, _RING = 4.0, (5.0, 9.0)  # [deg] from the brightest texel: where the sun may be, and the sky beside it
+_BRIGHTEST = 6.0e4  # the largest float16 is 65,504
+_DISC, _RING = 4.0, (5.0, 9.0)  # [deg] from the brightest texel: extent of the sun, and of the sky beside it
 _OVER_THE_SKY = 4.0  # a texel this much brighter than the sky beside it is part of the sun
-_LEAST_SUN = 0.05  # share of the light on level ground below which a sun casts no shadow worth a light of its own
+_LEAST_SUN = 0.05  # share of the light on level ground below which a sun is not made a separate light
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,9 @@ class SeparatedSky:
 
     Attributes:
         sky: Linear radiance [1], shape (R, 2 R, 3), float64, oriented as `sky_directions`.
-        direction: Unit vector towards the sun [1], shape (3,), float64; up where there is none.
-        irradiance: What was cut out, on a surface that faces it [1], shape (3,), float64; zeros where there is none.
+        direction: Unit vector towards the sun [1], shape (3,), float64; up if there is none.
+        irradiance: Irradiance of the removed sun on a surface that faces it [1], shape (3,), float64; zeros if there is
+            none.
     """
 
     sky: F64
@@ -81,7 +82,7 @@ def reduce_panorama(panorama: F32, rows: int) -> F32:
 
 
 def turned(panorama: F32, turn: float) -> F32:
-    """Turn a panorama about the vertical, counter-clockwise seen from above, by whole texels.
+    """Rotate a panorama about the vertical, counter-clockwise seen from above, by whole texels.
 
     Args:
         panorama: Linear radiance [1], shape (R, 2 R, 3), float32.
@@ -94,11 +95,11 @@ def turned(panorama: F32, turn: float) -> F32:
 
 
 def separate_sun(panorama: F64) -> SeparatedSky:
-    """Cut the sun out of a sky, where one shines, and put the sky beside it in its place.
+    """Remove the sun from a sky, if there is one, and replace it by the sky beside it.
 
-    The sun is what lies within 4 degrees of the brightest texel and is four times as bright as the sky beside it. What
-    is taken away is the irradiance of a distant light: a surface that faces the sun receives as much as before. A sun
-    that gives less than 5 % of the light on level ground casts no shadow to consider: it stays in the picture.
+    The sun is the texels within 4 degrees of the brightest one that are four times as bright as the sky beside it. The
+    removed irradiance becomes a distant light: a surface that faces the sun receives as much as before. A sun that
+    gives less than 5 % of the light on level ground casts no visible shadow: it is not removed.
 
     Args:
         panorama: Linear radiance [1], shape (R, 2 R, 3), float64.

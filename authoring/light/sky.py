@@ -1,4 +1,4 @@
-"""The texture of the sky: which way its texels look, and how much of the sphere each of them is."""
+"""The texture of the sky: direction and solid angle of its texels."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""The sun: where it stands at a date and place, and what the air leaves of its light."""
+"""The sun: its position at a date and place, and its light after extinction by the air."""
 
 from datetime import UTC, datetime
 
@@ -16,7 +16,7 @@ _OZONE_DEPTH = 0.35  # [cm]
 
 
 def sun_position(date: datetime, latitude: float, longitude: float) -> tuple[float, float]:
-    """Find the sun; good to a few hundredths of a degree, refraction left out.
+    """Compute the position of the sun to a few hundredths of a degree, without refraction.
 
     Source: Meeus, Astronomical algorithms, 2nd edition, chapters 12, 13 and 25 (low accuracy), which the solar
     calculator of NOAA's Global Monitoring Laboratory follows too.
@@ -49,7 +49,7 @@ def sun_position(date: datetime, latitude: float, longitude: float) -> tuple[flo
 
 
 def direction(height: float, azimuth: float) -> F64:
-    """Turn a height and an azimuth into a direction.
+    """Convert a height and an azimuth to a direction.
 
     Args:
         height: Height above the horizon [deg].
@@ -65,7 +65,7 @@ def direction(height: float, azimuth: float) -> F64:
 
 
 def air_mass(height: float) -> float:
-    """Find how much more air the sun's light crosses than from overhead.
+    """Compute the relative air mass of the sun's light.
 
     Source: Kasten and Young, Revised optical air mass tables and approximation formula, Applied Optics 28, 1989.
 
@@ -73,7 +73,7 @@ def air_mass(height: float) -> float:
         height: Height above the horizon [deg]; below it counts as on it.
 
     Returns:
-        Length of the way through the air, as a multiple of that from overhead [1].
+        Length of the path through the air, as a multiple of that from overhead [1].
     """
     over = max(height, 0.0)
     return float(1 / (np.sin(np.radians(over)) + 0.50572 * (over + 6.07995) ** -1.6364))
@@ -83,7 +83,7 @@ def sun_illuminance(height: float, turbidity: float) -> F64:
     """Find the sun's light on a surface that faces it, after air, haze and ozone.
 
     Source: Preetham, Shirley and Smits, A practical analytic model for daylight, SIGGRAPH 1999, appendix A.1 (Rayleigh,
-    Angstrom haze with exponent 1.3, ozone; water vapour and mixed gases hardly touch visible light).
+    Angstrom haze with exponent 1.3, ozone; water vapour and mixed gases hardly affect visible light).
 
     Args:
         height: Height above the horizon [deg].

@@ -1,4 +1,4 @@
-"""How far each texel of the `st1` atlas lies from the nearest sharp edge of its component."""
+"""Distance of each texel of the `st1` atlas to the nearest sharp edge of its component."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +10,13 @@ from authoring.shapes.component import Component, Mesh
 ROADS = ("Role_DeckAsphalt", "Role_RoadMarking")
 
 _SHARP = 0.85  # cosine of the angle between two faces, some 30 degrees
-_WELD = 1e-3  # [m]; faces that meet may have vertices of their own
+_WELD = 1e-3  # [m]; adjacent faces may have separate vertices
 _ALONG = 0.7  # cosine between a road and its longer edges; its ends are skewed by less than 45 degrees
 _SUBTEXEL = 4  # bits behind the point in the coordinates of lines
 
 
 def arris_distance(components: list[Component], pixels: int) -> Floats:
-    """Measure the distance to the nearest arris; seams of charts on a round member are none, nor is the end of a road.
+    """Measure the distance to the nearest arris; seams of charts on round members, and ends of a road, do not count.
 
     Args:
         components: Components with `st1`.
@@ -43,7 +43,7 @@ def arris_distance(components: list[Component], pixels: int) -> Floats:
 
 
 def _sharp_sides(mesh: Mesh) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Corners at the two ends of every side of a face that is an arris."""
+    """Find the corners at the two ends of every side of a face that is an arris."""
     starts = np.cumsum(mesh.face_counts) - mesh.face_counts
     face = np.repeat(np.arange(len(mesh.face_counts)), mesh.face_counts)
     one = np.arange(len(mesh.corners))

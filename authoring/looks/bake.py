@@ -26,7 +26,7 @@ from usd_schemas.tokens import ROLES
 NO_FOLDERS: Mapping[str, Path] = MappingProxyType({})
 
 _PATCHES_SEED = 20_532
-_FEW_YEARS = 0.5  # what is nearly even needs no finer macro texture than its tones
+_FEW_YEARS = 0.5  # weathering below which a coarse macro texture is enough
 
 
 class LookSettings(Settings):
@@ -72,8 +72,8 @@ def bake_look(
         folder: Folder of the look's layer; receives `textures/`.
         components: Parts of the bridge; their charts on `st1` are weathered.
         rng: Random stream of the look.
-        given: Users' folders of surfaces by the names that the settings have for them.
-        library: Where sheets are kept; the user's cache folder when not given.
+        given: Users' folders of surfaces by their names in the settings.
+        library: Folder of the library of sheets; the user's cache folder when not given.
 
     Returns:
         One recipe for each role in use, in the order of `usd_schemas.tokens.ROLES`.
@@ -117,11 +117,11 @@ def bake_surface(
     """Bake one surface of a site or background.
 
     Args:
-        sheet: Which sheet of which surface.
+        sheet: Surface and number of the sheet.
         folder: Folder of the layer that will use it; receives `textures/`.
-        prefix: Put before the names of its files: a DCC gathers those of all assets in one folder.
-        library: Where sheets are kept; the user's cache folder when not given.
-        patches: Which patches lie on open ground: those of a site and of its background are the same.
+        prefix: Put before the names of its files: other programs collect those of all assets in one folder.
+        library: Folder of the library of sheets; the user's cache folder when not given.
+        patches: Number of the patches on open ground: the same for a site and its background.
 
     Raises:
         InputError: There is no such surface.
@@ -142,11 +142,11 @@ def bake_surface(
 
 
 def open_ground(texels: int, patches: int) -> Floats:
-    """Draw the patches that lie on open ground.
+    """Draw the patches on open ground.
 
     Args:
         texels: Texels along a side of a bridge's sheets [px].
-        patches: Which.
+        patches: Their number.
 
     Returns:
         Factors with mean 1 [1], shape (texels / 4, texels / 4, 3), float32.
@@ -175,7 +175,7 @@ def _recipe(surface: str, detail: str, macro: str, sheets: dict[int, SheetFiles]
 
 
 def _picture_recipe(pictures: MapSet, settings: LookSettings, folder: Path, detail: str, macro: str) -> MaterialRecipe:
-    """Place a user's own surface beside the layer."""
+    """Write a user's own surface beside the layer."""
     files, metallic = place_set(pictures, folder, settings.picture_side, settings.texels)
     return MaterialRecipe(
         name=pictures.name,
@@ -200,7 +200,7 @@ def worn_sheets(pieces: tuple[Component | Scatter, ...]) -> dict[str, set[int]]:
         pieces: Parts of a bridge.
 
     Returns:
-        Numbers of the sheets of each role in use; 0 is always among them.
+        Numbers of the sheets of each role in use; always including 0.
     """
     numbers = sheet_numbers(pieces)
     worn: dict[str, set[int]] = {}
@@ -227,7 +227,7 @@ def _bake_macro(
 
 
 def write_texture(folder: Path, name: str, image: U8) -> str:
-    """Write a texture of this layer's own.
+    """Write a texture that only this layer uses.
 
     Args:
         folder: Folder of the layer; receives `textures/`.
@@ -235,7 +235,7 @@ def write_texture(folder: Path, name: str, image: U8) -> str:
         image: Grey or RGB values, shape (H, W) or (H, W, 3), uint8.
 
     Returns:
-        The file, as the layer names it.
+        The file, as the layer refers to it.
     """
     textures = folder / "textures"
     textures.mkdir(parents=True, exist_ok=True)

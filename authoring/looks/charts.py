@@ -1,4 +1,4 @@
-"""Which point of the bridge each texel of the `st1` atlas lies on."""
+"""The point of the bridge at each texel of the `st1` atlas."""
 
 from dataclasses import dataclass, replace
 
@@ -19,7 +19,7 @@ class Charts:
         triangle: Number of the triangle at each texel, -1 outside all charts, shape (pixels, pixels), int32.
         owner: Number of the component of each triangle, shape (T,), int32.
         normal: Unit normal of each triangle, world axes [1], shape (T, 3), float32.
-        place: World position at the atlas corner (0, 0) in texels, as if the triangle reached so far [m], shape (T, 3).
+        place: World position at the atlas corner (0, 0) in texels, extrapolated from the triangle [m], shape (T, 3).
         across: Change of the position by texel to the right [m], shape (T, 3), float32.
         down: Change of the position by texel downwards [m], shape (T, 3), float32.
     """
@@ -61,7 +61,7 @@ def draw_charts(components: list[Component], pixels: int) -> Charts:
 
 
 def spread(image: Floats, covered: NDArray[np.bool_]) -> Floats:
-    """Fill the gaps between charts with the nearest value, so that no filter mixes in anything else.
+    """Fill the gaps between charts with the nearest value, so that filters do not mix in other values.
 
     Args:
         image: Values [any unit], shape (H, W, 3), float32.

@@ -1,4 +1,4 @@
-"""The worn ground near a bridge: one picture for each square, at 4 cm a texel, without repetition.
+"""The worn ground near a bridge: one image for each square, at 4 cm per texel, without repetition.
 
 It multiplies the tiled surfaces: a footpath, the ruts of a service vehicle, wet earth and a line of silt by the water,
 dust under the deck and the drip line at its edges, leaves, and mottle without a period.
@@ -17,21 +17,21 @@ from authoring.site.site import Site
 F64 = NDArray[np.float64]
 B = NDArray[np.bool_]
 
-LEAST, MOST = 0.2, 1.99  # factors; two is what a texel can hold [1]
-COARSE = 4  # texels of the picture to one of what is computed exactly
+LEAST, MOST = 0.2, 1.99  # factors; a texel can store at most 2 [1]
+COARSE = 4  # texels of the image per texel of the exact computation
 # covers of gravel and soil; the others are green
 _BARE = ("verge", "shoulder", "shore", "bank", "worn", "ploughed", "ripe", "lot_asphalt", "lot_paved", "lot_gravel")
-_FADE = 5.0  # [m] at the outer borders, on which the picture fades into the ground beyond
-_SEAM = 4.0  # [m] beside the next square, on which both show the same mottle
-_FAR = 50.0  # distance used where there is none [m]
+_FADE = 5.0  # [m] at the outer borders, over which the image fades into the ground beyond
+_SEAM = 4.0  # [m] beside the next square, where both have the same mottle
+_FAR = 50.0  # distance used if there is none [m]
 _PATH = 0.42  # half the width of a footpath [m]
 _RUTS = 0.80, 0.19  # from the middle to each rut, and half its width [m]
-_ROWS = 64  # of the picture worked on at once
+_ROWS = 64  # of the image processed at once
 
 
 @dataclass(frozen=True)
 class Enlarged:
-    """A coarse field that is enlarged by linear interpolation, some rows at a time: they stay in the cache.
+    """A coarse field that is enlarged by linear interpolation, some rows at a time, so that they stay in the cache.
 
     Attributes:
         coarse: Values [any unit], shape (N, N), float32.
@@ -47,7 +47,7 @@ class Enlarged:
         """Interpolate some rows.
 
         Args:
-            wanted: Which, of the enlarged field.
+            wanted: Rows of the enlarged field.
 
         Returns:
             Values; with limits, ramps from 0 to 1 [any unit], shape (rows, pixels), float32.
@@ -68,7 +68,7 @@ class Enlarged:
 
 @dataclass(frozen=True)
 class _Lie:
-    """What the texels of a picture lie on: shares [1], distances [m], heights over water [m], factors [1]."""
+    """The ground at the texels of an image: shares [1], distances [m], heights over water [m], factors [1]."""
 
     fade: Enlarged
     green: Enlarged
@@ -86,10 +86,10 @@ def ground_photo(site: Site, square: PhotoSquare, patches: Floats, pixels: int, 
     Args:
         site: The site.
         square: One of its squares.
-        patches: Factors over the whole strip [1], shape (P, P, 3), float32, which the picture begins and ends with.
+        patches: Factors over the whole strip [1], shape (P, P, 3), float32, to which the image fades at its borders.
         pixels: Texels along its side.
-        seed: Of the pictures of this site.
-        bank: Fields shared between pictures.
+        seed: Seed of the images of this site.
+        bank: Fields shared between images.
 
     Returns:
         Factors [1], the first row at the highest left, shape (pixels, pixels, 3), float32.
@@ -117,7 +117,7 @@ def ground_photo(site: Site, square: PhotoSquare, patches: Floats, pixels: int, 
 
 
 def _worn(lie: _Lie, rows: slice, mid: Floats, fine: Floats, speck: Floats) -> Floats:
-    """Factors of some rows before they are levelled, shape (3, rows, pixels), float32."""
+    """Compute factors of some rows before normalization, shape (3, rows, pixels), float32."""
     green = lie.green.rows(rows)
     ragged = np.float32(0.16) * mid + np.float32(0.10) * fine
     ground = 1 + np.float32(0.06) * mid + np.float32(0.21) * np.clip(fine, -2.6, 2.6) + np.float32(0.09) * speck
@@ -143,7 +143,7 @@ def _worn(lie: _Lie, rows: slice, mid: Floats, fine: Floats, speck: Floats) -> F
 
 
 def _tint(factors: Floats, share: Floats, green: Floats, grass: tuple[float, ...], bare: tuple[float, ...]) -> None:
-    """Multiply in place by a colour of grass where it is green, of bare ground elsewhere, as far as a share says."""
+    """Multiply in place by a color of grass where it is green, and of bare ground elsewhere, weighted by a share."""
     reached = np.flatnonzero(share)
     if not len(reached):
         return
@@ -154,8 +154,8 @@ def _tint(factors: Floats, share: Floats, green: Floats, grass: tuple[float, ...
 
 
 def _mottle(square: PhotoSquare, pixels: int, waves: tuple[float, float], seed: tuple[int, int], bank: Bank) -> Floats:
-    """Draw noise that is another one in each square, and the same where two meet, shape (pixels, pixels), float32."""
-    longest = max(waves[0], 4.0 * square.side / pixels)  # a coarse picture has no finer ones
+    """Draw noise that differs between squares, and is equal at their common border, shape (pixels, pixels), float32."""
+    longest = max(waves[0], 4.0 * square.side / pixels)  # a coarse image has no finer ones
     streams = (np.random.default_rng(seed), np.random.default_rng((*seed, 7 + square.number)))
     shared, own = (fractal(Tile(pixels, square.side, stream, bank), longest, waves[1], slope=0.7) for stream in streams)
     station = square.corner[0] + (np.arange(pixels) + 0.5) * square.side / pixels
@@ -214,7 +214,7 @@ def _survey(site: Site, square: PhotoSquare, patches: Floats, pixels: int, seed:
 
 
 def _look_up(image: Floats, across: F64, up: F64) -> Floats:
-    """Interpolate a picture at places from 0 to 1 across and up, same shape, float32."""
+    """Interpolate an image at positions from 0 to 1 across and up, same shape, float32."""
     count = len(image)
     column, row = (np.clip(value * count - 0.5, 0, count - 1) for value in (across, 1.0 - up))
     j, i = (np.minimum(value.astype(np.int64), count - 2) for value in (column, row))

@@ -1,4 +1,4 @@
-"""The marks of weather, each with its cause: on concrete, on steel, on a road."""
+"""Marks of weathering, each with its cause: on concrete, on steel, on a road."""
 
 import numpy as np
 
@@ -25,8 +25,8 @@ def on_concrete(spots: Spots, members: Members, wet: Floats, rusty: Floats, age:
     Args:
         spots: Texels.
         members: Facts of the members.
-        wet: How much dirty water has dripped on each [1], shape (N,), float32.
-        rusty: The same of rust [1], shape (N,), float32.
+        wet: Amount of dirty water that dripped on each [1], shape (N,), float32.
+        rusty: The same for rust [1], shape (N,), float32.
         age: 0 for new, 1 for decades of weather, more for many [1].
 
     Returns:
@@ -38,9 +38,9 @@ def on_concrete(spots: Spots, members: Members, wet: Floats, rusty: Floats, age:
     rise, depth = spots.place[:, 2] - members.low[owner], members.high[owner] - spots.place[:, 2]
     old = min(age, 1.6)
     tone = 1 + members.tone[owner] + old * (0.045 * clouds + 0.04 * patches + 0.045 * spots.stains)
-    tone += 0.05 * old * wall * streaks  # what every rain leaves a little of
+    tone += 0.05 * old * wall * streaks  # deposits of every rain
     factors = np.repeat((tone * _lifts(rise, owner, members, age))[None], 3, axis=0)
-    share = 1.25 - 0.75 * old  # the older, the more of a wall has a run
+    share = 1.25 - 0.75 * old  # with age, more of a wall has runs
     run = wall * ramp(depth, np.maximum(1.5 + 1.2 * old + 1.2 * clouds, 0.4), 0.0)
     _toward(factors, 0.85 * old * run * ramp(streaks, share, share + 1.3), _SOOT)
     _toward(factors, 0.7 * old * run * ramp(-streaks, share + 0.5, share + 1.5), _LIME)
@@ -62,7 +62,7 @@ def on_concrete(spots: Spots, members: Members, wet: Floats, rusty: Floats, age:
 
 
 def _grown(factors: Floats, spots: Spots, members: Members, lie: tuple[Floats, Floats, Floats], old: float) -> None:
-    """Moss where water stands and on the foot of what faces north, lichen on copings; in place."""
+    """Add moss where water stands and at the foot of north faces, and lichen on copings; in place."""
     (wall, above, rise), owner, patches = lie, spots.owner, spots.patches
     moist = ramp(patches + 0.9 * ramp(spots.edge, 0.4, 0.05), 0.9, 2.2)
     _toward(factors, old * above * (0.10 + 0.55 * moist), _MOSS)
@@ -78,8 +78,8 @@ def on_steel(spots: Spots, members: Members, wet: Floats, rusty: Floats, age: fl
     Args:
         spots: Texels.
         members: Facts of the members.
-        wet: How much dirty water has dripped on each [1], shape (N,), float32.
-        rusty: The same of rust [1], shape (N,), float32.
+        wet: Amount of dirty water that dripped on each [1], shape (N,), float32.
+        rusty: The same for rust [1], shape (N,), float32.
         age: 0 for new, 1 for decades of weather, more for many [1].
 
     Returns:
@@ -112,8 +112,8 @@ def on_road(spots: Spots, members: Members, wet: Floats, rusty: Floats, age: flo
     Args:
         spots: Texels.
         members: Facts of the members.
-        wet: How much dirty water has dripped on each [1], shape (N,), float32.
-        rusty: The same of rust [1], shape (N,), float32.
+        wet: Amount of dirty water that dripped on each [1], shape (N,), float32.
+        rusty: The same for rust [1], shape (N,), float32.
         age: 0 for new, 1 for decades of traffic, more for many [1].
 
     Returns:
@@ -147,7 +147,7 @@ def on_road(spots: Spots, members: Members, wet: Floats, rusty: Floats, age: flo
 
 
 def _toward(factors: Floats, amount: Floats, goal: tuple[float, float, float]) -> None:
-    """Colour texels by an amount, in place: most causes reach few of them."""
+    """Tint texels by an amount, in place: most causes affect few of them."""
     reached = np.flatnonzero(amount > _FAINTEST)
     if len(reached):
         share = np.minimum(amount[reached], 1)
@@ -156,7 +156,7 @@ def _toward(factors: Floats, amount: Floats, goal: tuple[float, float, float]) -
 
 
 def _lifts(rise: Floats, owner: I32, members: Members, age: float) -> Floats:
-    """Lifts of 2.4 m with a tone of their own and a dark line between them."""
+    """Compute lifts of 2.4 m with separate tones and a dark line between them."""
     lift = np.maximum(rise, 0) * (1 / _LIFT)
     number = np.minimum(lift.astype(np.int32), 63)
     line = ramp(np.abs(lift - np.round(lift)) * _LIFT, 0.05, 0.02) * (lift > 0.5)

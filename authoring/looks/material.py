@@ -11,12 +11,12 @@ from usd_schemas.registration import register_schemas
 register_schemas()
 
 _TYPES = Sdf.ValueTypeNames
-_SOLID = 0.5  # opacity from which on what is cut out is there [1]
+_SOLID = 0.5  # opacity from which on a cut-out surface is visible [1]
 
 
 @dataclass(frozen=True)
 class MaterialRecipe:
-    """What one material consists of; files are given relative to the layer that holds it, as `./textures/x.png`.
+    """The parts of one material; files are given relative to the layer that holds it, as `./textures/x.png`.
 
     Attributes:
         name: Name of the surface, e.g. `board_concrete`.
@@ -31,7 +31,7 @@ class MaterialRecipe:
         periods: Size of one tile of the detail for each octave [m].
         amplitudes: Contrast of each octave [1].
         macro_file: RGB texture on `st1`, mean 0.5; empty for none.
-        cut_out: The opacity of `albedo_file` cuts out what is seen.
+        cut_out: The opacity of `albedo_file` cuts out the visible part.
         others: Further sheets of the same surface by their number.
     """
 
@@ -57,7 +57,7 @@ def author_material(stage: Usd.Stage, path: str, recipe: MaterialRecipe) -> UsdS
     Args:
         stage: Stage whose edit target receives it; that layer must lie beside the recipe's `textures` folder.
         path: Path of the material prim.
-        recipe: What it consists of.
+        recipe: Its parts.
     """
     material = UsdShade.Material.Define(stage, path)
     surface = _shader(material, "Surface", "UsdPreviewSurface")
@@ -92,14 +92,14 @@ def author_material(stage: Usd.Stage, path: str, recipe: MaterialRecipe) -> UsdS
 
 
 def author_sheets(stage: Usd.Stage, path: str, recipe: MaterialRecipe) -> None:
-    """Define a material for each further sheet: all that the first one is, with other files.
+    """Define a material for each further sheet: the same as the first one, with other files.
 
-    It specializes the first, so that whatever a stronger layer makes of a role holds for all of its sheets.
+    It specializes the first, so that overrides of a role in a stronger layer apply to all of its sheets.
 
     Args:
         stage: Stage whose edit target receives it.
         path: Path of the material of the first sheet.
-        recipe: What it consists of.
+        recipe: Its parts.
     """
     for number, files in sorted(recipe.others.items()):
         place = sheet_material(path, number)

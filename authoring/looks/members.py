@@ -17,23 +17,23 @@ _STANDING = ("column", "wall_pier", "abutment_wall", "wing_wall", "pier_footing"
 
 @dataclass(frozen=True)
 class Members:
-    """Facts of each component, one row a component.
+    """Facts of each component, one row per component.
 
     Attributes:
         low: Lowest height [m], shape (M,), float32.
         high: Highest height [m], shape (M,), float32.
-        tone: How much lighter than its role it is [1], shape (M,), float32.
-        shift: Where it begins in the fields [texels], shape (M, 2), int32.
+        tone: Difference of its tone from its role's [1], shape (M,), float32.
+        shift: Its origin in the fields [texels], shape (M, 2), int32.
         lifts: Drawn from -0.5 to 0.5 for each lift, bay or patch of it [1], shape (M, 64), float32.
         steel: 1 for steel [1], shape (M,), float32.
         cast: 1 for concrete below the bearings, which is cast in lifts [1], shape (M,), float32.
         foot: 1 for concrete that stands in the ground [1], shape (M,), float32.
         road: 1 for surfacing and its markings [1], shape (M,), float32.
         deck: 1 for slabs and parapets [1], shape (M,), float32.
-        girder: 1 for what has flanges [1], shape (M,), float32.
+        girder: 1 for members with flanges [1], shape (M,), float32.
         lane: A quarter of the width [m], shape (M,), float32.
         along: The longer direction in plan [1], shape (M, 2), float32.
-        start: Where it begins in that direction [m], shape (M,), float32.
+        start: Its start in that direction [m], shape (M,), float32.
     """
 
     low: Floats
@@ -63,7 +63,7 @@ class Spots:
         edge: Distance to the nearest arris [m], shape (N,), float32.
         clouds: Slow changes of tone over 1 to 12 m [1], shape (N,), float32.
         patches: Changes over 0.1 to 2.5 m [1], shape (N,), float32.
-        streaks: Noise that is drawn out along the way of the water [1], shape (N,), float32.
+        streaks: Noise stretched along the direction of runoff [1], shape (N,), float32.
         stains: Few and ragged marks of 0.2 to 1 m, dark below 0 and pale above [1], shape (N,), float32.
     """
 
@@ -135,7 +135,7 @@ def read_members(components: list[Component], age: float, rng: np.random.Generat
 
 
 def draw_fields(rng: np.random.Generator) -> Fields:
-    """Draw the noise that marks are broken by.
+    """Draw the noise that makes the edges of stains irregular.
 
     Args:
         rng: Random stream.
@@ -153,7 +153,7 @@ def draw_fields(rng: np.random.Generator) -> Fields:
 def read_spots(
     charts: Charts, members: Members, fields: Fields, texels: tuple[I32, np.ndarray, np.ndarray], edges: Floats
 ) -> Spots:
-    """Return what is known of some texels.
+    """Return the data of some texels.
 
     Args:
         charts: The atlas.
@@ -173,7 +173,7 @@ def read_spots(
 
 
 def _look_up(fields: Fields, members: Members, owner: I32, normal: Floats, place: Floats) -> tuple[Floats, ...]:
-    """Values of each field: on a wall along it and up, else across the member and along it."""
+    """Look up each field: on a wall along it and up, else across the member and along it."""
     side = np.maximum(np.sqrt(normal[:, 0] ** 2 + normal[:, 1] ** 2), np.float32(0.05))
     upright = np.abs(normal[:, 2]) < np.float32(0.6)
     axis = members.along[owner]
@@ -188,7 +188,7 @@ def _look_up(fields: Fields, members: Members, owner: I32, normal: Floats, place
 
 
 def _width(component: Component) -> float:
-    """Extent in plan across the longer direction [m]; for a bend, only that within a chord."""
+    """Compute the width in plan across the longer direction [m]; on a curve, only that within a chord."""
     points = component.mesh.points
     x, y = direction(points)
     aside, along = points[:, :2] @ np.array([-y, x]), points[:, :2] @ np.array([x, y])

@@ -11,7 +11,7 @@ from usd_schemas.tokens import ROLES
 
 RANDOM = "random"
 
-_GOLDEN = 0.6180339887498949  # its multiples leave neighbours in different thirds of the unit interval
+_GOLDEN = 0.6180339887498949  # its multiples put neighbors in different thirds of the unit interval
 
 _USUAL: dict[str, str] = {
     "Role_AbutmentConcrete": "board_concrete",
@@ -39,7 +39,8 @@ _STONE = ("masonry", "granite", "sandstone", "rubble", "brickwork")
 _PAINTED = tuple(f"paint_{name}" for name in PAINTS)
 _BALLAST = ("ballast", "ballast_basalt", "ballast_limestone", "ballast_rusty")
 
-# What a bridge owner could have built the role from. Source: Random Bridge Generator draws from such families too.
+# Surfaces that a bridge owner could have chosen for the role. Source: Random Bridge Generator draws from such families
+# too.
 SUITS: dict[str, tuple[str, ...]] = {
     "Role_AbutmentConcrete": (*_WALLS, *_STONE),
     "Role_PierConcrete": (*_WALLS, "granite", "brickwork"),
@@ -69,7 +70,7 @@ class Look:
 
     Attributes:
         suffix: Age of its surfaces; None draws surface and age of each role.
-        years: How far the weather has come on the bridge as a whole: 0 for new, 1 for decades, more for many [1].
+        years: Weathering of the whole bridge: 0 for new, 1 for decades, more for many [1].
     """
 
     suffix: str | None
@@ -116,7 +117,7 @@ def sheet_numbers(pieces: tuple[Component | Scatter, ...]) -> dict[int, int]:
         pieces: Components of a bridge.
 
     Returns:
-        Number of the sheet by instance id; the first component of each role wears sheet 0.
+        Number of the sheet by instance id; the first component of each role uses sheet 0.
     """
     first: dict[str, int] = {}
     numbers: dict[int, int] = {}
@@ -138,7 +139,7 @@ def sheet_material(role: str, number: int) -> str:
 
 
 def sheet_role(material: str) -> str:
-    """Find the role that a material is a sheet of; it is its own where it is the first one.
+    """Find the role that a material is a sheet of; for the first sheet, the material itself.
 
     Args:
         material: Name of a material of a look.

@@ -1,4 +1,4 @@
-"""Where water leaves a bridge: what stands below its joints, scuppers, bearings and cap ends is stained."""
+"""Stains by water from a bridge: below its joints, scuppers, bearings and cap ends."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,10 +10,10 @@ from authoring.looks.noise import Floats, ramp
 from authoring.shapes.component import Component, Scatter
 
 _CELL = 0.15  # [m]
-_NOWHERE = -1e4  # [m], below everything
-_CAP_END = 0.5  # [m] of a cap at either end that drips
+_NOWHERE = -1e4  # [m], a height below everything
+_CAP_END = 0.5  # [m] length of a cap at either end from which water drips
 
-# Kind: how far the water spreads to each side, how far down the stain reaches [m], and how strong it is [1].
+# Kind: spread of the water to each side, length of the stain downwards [m], and its strength [1].
 _WET: dict[str, tuple[float, float, float]] = {
     "expansion_joint": (0.75, 6.0, 0.9),
     "scupper": (0.30, 5.0, 1.0),
@@ -31,13 +31,13 @@ _RUSTY: dict[str, tuple[float, float, float]] = {
 
 @dataclass(frozen=True)
 class Stains:
-    """A map in plan of what drips from above.
+    """A map in plan of water that drips from above.
 
     Attributes:
         corner: Lower corner of the map [m], shape (2,), float64.
-        height: Height that the stain begins at [m], shape (rows, columns), float32.
+        height: Height at which the stain begins [m], shape (rows, columns), float32.
         reach: Length downwards [m], shape (rows, columns), float32.
-        strength: How strong it is [1], shape (rows, columns), float32.
+        strength: Its strength [1], shape (rows, columns), float32.
     """
 
     corner: NDArray[np.float64]
@@ -46,7 +46,7 @@ class Stains:
     strength: Floats
 
     def below(self, place: Floats) -> Floats:
-        """Compute how much of a stain each place has.
+        """Compute the strength of the stain at each position.
 
         Args:
             place: World positions [m], shape (N, 3), float32.
@@ -67,10 +67,10 @@ class Stains:
 
 
 def map_stains(pieces: Iterable[Component | Scatter]) -> tuple[Stains, Stains]:
-    """Map what drips: dirty water, and rust.
+    """Map dripping dirty water and rust.
 
     Args:
-        pieces: Parts of a bridge, its scuppers among them.
+        pieces: Parts of a bridge, including its scuppers.
     """
     pieces = tuple(pieces)
     plan = [piece.mesh.points if isinstance(piece, Component) else piece.positions for piece in pieces]
@@ -114,7 +114,7 @@ def _distance(own: Floats) -> Floats:
 
 
 def _drips(piece: Component | Scatter) -> list[NDArray[np.float64]]:
-    """Points of what drips: a component's own, those of the ends of a cap, a spot below each repeat."""
+    """List dripping points: a component's own, those of the ends of a cap, a point below each repeat."""
     if isinstance(piece, Scatter):
         square = np.array([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.1, 0.1, 0.0], [-0.1, 0.1, 0.0]])
         return [position + square for position in piece.positions]

@@ -1,4 +1,4 @@
-"""What shows through shallow water: one picture of the bed over a site's stretch of river."""
+"""The river bed as seen through shallow water: one image for a site's stretch of river."""
 
 import numpy as np
 
@@ -6,11 +6,11 @@ from authoring.looks.noise import Floats, Tile, fractal, ramp
 from authoring.site.roads import water_half
 from authoring.site.site import Site
 
-_MOST = 1.99  # factor; two is what a texel can hold [1]
-_BED = (2.00, 1.42, 1.24)  # wet silt and gravel over what deep water scatters back [1]
+_MOST = 1.99  # factor; a texel can store at most 2 [1]
+_BED = (2.00, 1.42, 1.24)  # wet silt and gravel relative to the light that deep water scatters back [1]
 _WEED = (1.05, 1.12, 0.80)
-_CLEAR = (2.3, 1.9, 2.6)  # light that a metre of the water takes on its way down and up, red, green, blue [1/m]
-_FADE = 8.0  # [m] before the site's edge, on which the picture fades into the river beyond
+_CLEAR = (2.3, 1.9, 2.6)  # extinction over one meter of depth, down and up, red, green, blue [1/m]
+_FADE = 8.0  # [m] before the site's edge, over which the image fades into the river beyond
 
 
 def shallows(site: Site, pixels: int, rng: np.random.Generator) -> Floats:

@@ -1,4 +1,4 @@
-"""Pictures of surfaces in users' folders and zips, found by the names that the usual collections give them."""
+"""Pictures of surfaces in users' folders and zips, found by the file names of common collections."""
 
 import re
 import zipfile
@@ -14,7 +14,7 @@ _DEEPEST = 4  # folders below the one that was named
 _MOST_FILES = 20_000
 MOST_PICTURE_BYTES = 256_000_000
 
-# Last word of a file's name that says what it shows. Sources: ambientCG (Rock029_2K-JPG_Color), Poly Haven
+# Last word of a file's name that states its kind. Sources: ambientCG (Rock029_2K-JPG_Color), Poly Haven
 # (rock_05_diff_2k), the Random Bridge Generator (albedo, roughness, height, metallic).
 _WORDS: dict[str, str] = {
     "albedo": "albedo",
@@ -45,7 +45,7 @@ class Picture:
 
     Attributes:
         file: The file, or the zip that holds it.
-        member: Its name in the zip; empty for a file of its own.
+        member: Its name in the zip; empty for a separate file.
     """
 
     file: Path
@@ -53,7 +53,7 @@ class Picture:
 
     @property
     def where(self) -> str:
-        """Names it in errors."""
+        """Its name in errors."""
         return f"{self.file}: {self.member}" if self.member else str(self.file)
 
     @property
@@ -91,7 +91,7 @@ class MapSet:
     Attributes:
         family: Name of the folder above it; empty where it stands alone.
         name: Its own name.
-        maps: Picture of each kind: albedo, and of roughness, height, metallic, normal, arm what is there.
+        maps: Picture of each kind: albedo, and those of roughness, height, metallic, normal, arm that exist.
     """
 
     family: str
@@ -109,7 +109,7 @@ def find_sets(root: Path) -> tuple[MapSet, ...]:
         Sets with an albedo, sorted by family and name.
 
     Raises:
-        MissingError: There is nothing of that name.
+        MissingError: There is no such file or folder.
         InputError: An unsafe zip, too many files, or no set at all.
     """
     if not root.exists():
@@ -163,7 +163,7 @@ def _packed(family: str, archive: Path) -> Iterator[tuple[str, str, Picture]]:
 
 
 def _kind(name: str) -> str:
-    """What a picture shows, from the last telling word of its name; empty for what is of no use."""
+    """Find the kind of an image from the last known word of its name; empty if it is not used."""
     words = [word for word in re.split(r"[^a-z0-9]+", Path(name).stem.lower()) if word]
     if "nor" in words:
         return "normal" if "gl" in words else ""
@@ -171,7 +171,7 @@ def _kind(name: str) -> str:
 
 
 def _best(found: list[Picture]) -> Picture:
-    """Of several, one that is not OpenEXR, and the first by name."""
+    """Choose one of several images: not OpenEXR if possible, and the first by name."""
     return min(found, key=lambda picture: (Path(picture.name).suffix.lower() == ".exr", picture.where))
 
 

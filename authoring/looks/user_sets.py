@@ -19,7 +19,7 @@ U8 = NDArray[np.uint8]
 
 _MOST_PIXELS = 300_000_000
 _RELIEF = 0.01  # [m] between the lowest and the highest value of a height map
-_ROUGHNESS = 0.8  # of a surface without a map of it [1]
+_ROUGHNESS = 0.8  # of a surface without a roughness map [1]
 
 _CONCRETE = tuple(role for role in ROLES if "Concrete" in role)
 _STEEL = ("Role_GirderSteel", "Role_RailingSteel", "Role_CableSteel")
@@ -44,7 +44,7 @@ def suitable(sets: Iterable[MapSet]) -> dict[str, tuple[MapSet, ...]]:
         sets: Users' surfaces.
 
     Returns:
-        Sets of each role that any of them suits, in the order of `usd_schemas.tokens.ROLES`.
+        Sets of each role for which there is one, in the order of `usd_schemas.tokens.ROLES`.
     """
     suits = [(one, _roles(one)) for one in sets]
     found = {role: tuple(one for one, roles in suits if role in roles) for role in ROLES}
@@ -77,16 +77,16 @@ def read_sets(folders: Iterable[Path]) -> dict[str, tuple[MapSet, ...]]:
 
 
 def place_set(one: MapSet, folder: Path, metres: float, texels: int) -> tuple[SheetFiles, float]:
-    """Write a user's surface beside a look's layer, as square pictures of a side that is a power of two.
+    """Write a user's surface beside a look's layer, as square images with a power of two as side.
 
     Args:
         one: The surface.
         folder: Folder of the look; receives `textures/`.
         metres: Length of the pictures' sides [m].
-        texels: Longest side that is kept [px].
+        texels: Largest side; larger ones are reduced [px].
 
     Returns:
-        Its files, and how metallic it is [1].
+        Its files, and its metallic value [1].
 
     Raises:
         InputError: A picture that cannot be read.
@@ -130,7 +130,7 @@ def _roles(one: MapSet) -> tuple[str, ...]:
 
 
 def _decode(picture: Picture) -> U8:
-    """A picture as RGB values, shape (H, W, 3), uint8."""
+    """Decode an image as RGB values, shape (H, W, 3), uint8."""
     import cv2
 
     data = picture.read()
@@ -149,7 +149,7 @@ def _decode(picture: Picture) -> U8:
 
 
 def _decode_exr(data: bytes, where: str) -> U8:
-    """An OpenEXR picture of numbers from 0 to 1; Poly Haven packs normals and roughness so."""
+    """Decode an OpenEXR image of numbers from 0 to 1, as Poly Haven stores normals and roughness."""
     import OpenEXR
 
     with tempfile.TemporaryDirectory() as scratch:
@@ -179,7 +179,7 @@ def _stated_size(data: bytes) -> tuple[int, int] | None:
 
 
 def _cut_short(data: bytes) -> bool:
-    """Decoders fill the missing rows of a truncated picture with grey; its end marker tells."""
+    """Tell whether an image lacks its end marker: decoders fill the missing rows of a truncated image with gray."""
     if data[:4] == b"\x89PNG":
         return b"IEND" not in data[-64:]
     return data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-1024:]

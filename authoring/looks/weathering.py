@@ -1,4 +1,4 @@
-"""What years of weather do to a bridge as a whole: the macro texture on the `st1` atlas, and patches on open ground."""
+"""Weathering of a bridge as a whole: the macro texture on the `st1` atlas, and patches on open ground."""
 
 from collections.abc import Callable, Iterable
 
@@ -15,12 +15,12 @@ from authoring.shapes.component import Component, Scatter
 Marking = Callable[[Spots, Members, Floats, Floats, float], Floats]
 
 _FLECKS = 20.0, 2.4  # longest and shortest wave [texels]
-_COARSE = 512  # texels of an atlas that has nothing else for features far off to hold on to
-_ROWS = 128  # rows of the atlas worked on at once, so that they stay in the cache
+_COARSE = 512  # side of an atlas below which it has no other details for distant features
+_ROWS = 128  # rows of the atlas processed at once, so that they stay in the cache
 
 
 def weather(pieces: Iterable[Component | Scatter], pixels: int, age: float, rng: np.random.Generator) -> Floats:
-    """Draw the factors that age multiplies the base colour with; their mean over the surface of each role is 1.
+    """Draw the factors by which age multiplies the base color; their mean over the surface of each role is 1.
 
     Args:
         pieces: Parts of a bridge; those with charts on `st1` are weathered, all may drip.
@@ -51,7 +51,7 @@ def weather(pieces: Iterable[Component | Scatter], pixels: int, age: float, rng:
             mine = role[spots.owner]
             total += np.bincount(mine, marked.sum(axis=0), len(roles))
             count += np.bincount(mine, minlength=len(roles))
-    # One mean for the three channels: a mossy top must not turn the soffit of the same role violet.
+    # One mean for the three channels: otherwise a mossy top would make the soffit of the same role violet.
     scale = np.append(3 * np.maximum(count, 1) / np.where(total > 0, total, 3), 1.0).astype(np.float32)
     of_triangle = np.append(role[charts.owner], len(roles))  # outside all charts: number -1, the last one
     flecks = _flecks(pixels, age, rng)
@@ -64,9 +64,9 @@ def weather(pieces: Iterable[Component | Scatter], pixels: int, age: float, rng:
 
 
 def _flecks(pixels: int, age: float, rng: np.random.Generator) -> Floats:
-    """Draw a soft mottle that is nowhere the same, so that each place of a bridge differs from all others.
+    """Draw a soft mottle without repetition, so that each place of a bridge is different.
 
-    A coarse atlas has nothing finer, and features far off need it; in a fine one the grain shows what is small.
+    A coarse atlas has nothing finer, and distant features need it; in a fine one the grain has the small details.
     """
     tile, longest = Tile(pixels, 1.0, rng), _FLECKS[0] / pixels
     field = mottle(tile, (longest, _FLECKS[1] / pixels), (8 * longest, longest), 4.5)
@@ -75,7 +75,7 @@ def _flecks(pixels: int, age: float, rng: np.random.Generator) -> Floats:
 
 
 def _sorted(block: I32, owner: I32, members: Members) -> Iterable[tuple[np.ndarray, np.ndarray, Marking]]:
-    """Rows and columns of the texels of a block that are concrete, steel and road, with what marks them."""
+    """Group the texels of a block by concrete, steel and road: rows and columns, and the function that marks them."""
     kind = np.append(np.where(members.road > 0, 2, np.where(members.steel > 0, 1, 0))[owner], 3).astype(np.int8)[block]
     for number, mark in enumerate((on_concrete, on_steel, on_road)):
         row, column = np.nonzero(kind == number)

@@ -17,10 +17,10 @@ from authoring.shapes.sections import area, cut_corners, rectangle
 from authoring.solids.extrusion import Prism
 from groundwork.settings import Settings
 
-_SIDE_STEP = 0.012  # [m] backwall behind the wall's side faces
-_LAP = 0.02  # [m] backwall between the wing walls, and into the wall
-_LOWER = 0.003  # [m] backwall below the wing walls, so that their tops do not lie in one plane
-_LEAST_WALL = 1.0  # [m] between seat and footing
+_SIDE_STEP = 0.012  # [m] distance of the backwall's sides behind the wall's side faces
+_LAP = 0.02  # [m] embedment of the backwall in the wing walls and the wall
+_LOWER = 0.003  # [m] depth of the backwall's top below the wing walls' tops, so that their tops are not coplanar
+_LEAST_WALL = 1.0  # [m] least height between seat and footing
 
 
 class AbutmentSettings(Settings):
@@ -57,11 +57,11 @@ class Abutments:
         front: From the bearing line to the wall's front face [m].
         wing_length: Wing walls behind the wall [m].
         wing_thickness: Thickness of the wing walls [m].
-        founding: Walls below the lowest ground at them [m].
+        founding: Depth of the walls below the lowest ground at them [m].
         chamfer: Leg of chamfers [m].
         footing_toe: Footing in front of the wall [m]; 0 for none.
         footing_top: Footing above the highest ground before it; below zero under the lowest [m].
-        batter: Lean of the wall's front [1].
+        batter: Batter of the wall's front [1].
     """
 
     front: float
@@ -78,8 +78,8 @@ def draw_abutments(settings: AbutmentSettings, bearings: Bearings, draws: Draws)
     """Draw the abutments.
 
     Args:
-        settings: What the user fixed.
-        bearings: What stands on the seats.
+        settings: Values set by the user.
+        bearings: Bearings on the seats.
         draws: Random stream and profile of the bridge.
     """
     front = round(0.5 * bearings.plinth_length + draw(settings, "seat_margin", draws), 3)
@@ -133,7 +133,7 @@ def abutment_parts(
 
 @dataclass(frozen=True)
 class _Stand:
-    """Where one abutment stands: its support, that support's station [m], which way is back, and the grade [1]."""
+    """Position of one abutment: its support, that support's station [m], which way is back, and the grade [1]."""
 
     support: int
     station: float

@@ -11,9 +11,9 @@ from authoring.shapes.sections import cut_corners
 from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, joined
 
-SUNK = 0.010  # [m] sleeves and saddles into what they stand on
-HELD = 0.12  # [m] of a cable's end inside its anchorage
-_BORE = 0.001  # [m] clamp into cable
+SUNK = 0.010  # [m] embedment of sleeves and saddles in their support
+HELD = 0.12  # [m] length of a cable's end inside its anchorage
+_BORE = 0.001  # [m] embedment of a clamp in the cable
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,11 @@ def sleeves(feet: F64, faces: F64, towards: F64, radius: float, lengths: F64) ->
         faces: Unit normals of the faces, outward [1], shape (N, 3), float64.
         towards: Unit vectors along the cables, away from the faces [1], shape (N, 3), float64.
         radius: Of the collars [m].
-        lengths: Of the sleeves beyond where their whole girth has left the face [m], shape (N,), float64.
+        lengths: Lengths of the sleeves beyond the point where their full section is outside the face [m], shape (N,),
+            float64.
     """
     cosines = np.sum(towards * faces, axis=1)
-    clear = radius * np.sqrt(np.maximum(1.0 - cosines**2, 0.0)) / cosines  # the collar's far side leaves the face here
+    clear = radius * np.sqrt(np.maximum(1.0 - cosines**2, 0.0)) / cosines  # here the collar's far side leaves the face
     reach = clear[:, None] + lengths[:, None] * np.array([0.0, 0.25, 0.25, 1.0])
     reach[:, 0] = 0.0
     radii = radius * np.array([1.0, 1.0, 0.70, 0.62])
@@ -147,7 +148,7 @@ def anchor_block(
 
 
 def _pipes(begin: F64, end: F64, inner: float, outer: float, sides: int) -> list[Surface]:
-    """Build pipes: each two tubes, the inner one turned inside out, and the rings that join their ends."""
+    """Build pipes: each two tubes, the inner one with inverted faces, and the rings that join their ends."""
     shells = tubes(np.stack([begin, begin, end, end], axis=1), np.array([inner, outer, outer, inner]), sides)
     quads = 3 * sides
     # The two end faces are cut out for the bore.

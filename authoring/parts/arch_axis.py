@@ -80,7 +80,7 @@ class ArchAxis:
         Returns:
             Distances from the first springing, symmetric about mid-span [m], shape (N,), float64.
         """
-        # Half a turn of the cosine crowds the table at the springings, where the axis is steepest.
+        # Cosine spacing makes the table dense at the springings, where the axis is steepest.
         table = 0.5 * self.span * (1.0 - np.cos(np.linspace(0.0, np.pi, 2001)))
         steps = np.hypot(np.diff(table), np.diff(self.height(table)))
         length = np.concatenate([[0.0], np.cumsum(steps)])
@@ -91,17 +91,17 @@ class ArchAxis:
 
 @dataclass(frozen=True)
 class Rib:
-    """An arch axis with a depth, standing on the bridge's axis; heights count from the finished surface at mid-span.
+    """An arch axis with a depth, along the bridge's axis; heights count from the finished surface at mid-span.
 
     Attributes:
         axis: The line of its section's centres.
         start: Station of the first springing [m].
         base: Height of the springings at mid-span [m].
-        slope: Rise of the line between the springings per metre of station [1]; where the arch goes with the road's
-            grade, it is sheared and stays symmetric about the road.
-        depth: At the crown, square to the axis [m].
+        slope: Rise of the line between the springings per meter of station [1]; on a road with a grade, the arch is
+            sheared and stays symmetric about the road.
+        depth: At the crown, perpendicular to the axis [m].
         springing_depth: At the springings [m].
-        level_feet: The ends are cut level, not square to the axis.
+        level_feet: The ends are cut level, not perpendicular to the axis.
     """
 
     axis: ArchAxis
@@ -119,14 +119,14 @@ class Rib:
 
     @cached_property
     def polygon(self) -> tuple[F64, F64, F64]:
-        """Give the axis as straight pieces.
+        """Return the axis as straight pieces.
 
-        The cut halves the angle between two neighbouring sides, so that every side is a straight piece; a point at the
-        distance n from the axis lies at node + n * way.
+        The cut bisects the angle between two neighboring sides, so that every side is a straight piece; a point at the
+        distance n from the axis is at node + n * way.
 
         Returns:
-            Nodes (station, height) [m], shape (N, 2); the way of the cut through each [1], shape (N, 2); and the depths
-            [m], shape (N,); all float64.
+            Nodes (station, height) [m], shape (N, 2); the direction of the cut through each [1], shape (N, 2); and the
+            depths [m], shape (N,); all float64.
         """
         x = self.axis.nodes()
         if self.level_feet:

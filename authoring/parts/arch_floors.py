@@ -1,4 +1,4 @@
-"""The floor of a bridge under an arch: floor beams, tie girders, and the blocks that carry the ties."""
+"""The floor of a bridge under an arch: floor beams, tie girders, and the blocks under the ties."""
 
 from dataclasses import dataclass, replace
 
@@ -14,7 +14,7 @@ from authoring.solids.extrusion import Prism
 
 EMBEDDED = 0.008  # [m] floor beam into slab
 _FLANGE = (0.45, 0.035)  # [m] width and thickness of a steel floor beam's flanges
-_TIE_GAP = 0.05  # [m] between a tie's end and the wall behind it
+_TIE_GAP = 0.05  # [m] gap between a tie's end and the wall behind it
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def tie_seat_parts(
     seat: float,
     founding: Founding,
 ) -> list[Part]:
-    """Build the four blocks beside the abutments that the ties' bearings stand on.
+    """Build the four blocks beside the abutments under the ties' bearings.
 
     Args:
         floor: Dimensions.
@@ -110,7 +110,7 @@ def tie_seat_parts(
         supports: Stations of the bearing lines [m].
         front: From a bearing line to the front face [m].
         seat: Height of the seats [m].
-        founding: How deep they stand, from the axis of the bridge.
+        founding: Depth of their foundation, from the axis of the bridge.
     """
     parts = []
     half = 0.5 * floor.tie_width
@@ -146,7 +146,7 @@ def tie_seat_parts(
 
 
 def brace_places(low: float, high: float, pitch: float) -> list[float]:
-    """Place braces evenly about the middle of a range, none outside it.
+    """Place braces evenly about the middle of a range, all inside it.
 
     Args:
         low: Station from which there is room [m].

@@ -15,9 +15,9 @@ from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, sweep
 
 EMBEDDED = 0.010  # [m] rib into its block, strut into rib
-_FLAT = 1e-8  # [m] that a face may leave its plane
+_FLAT = 1e-8  # [m] largest distance of a corner from its face's plane
 _LOCAL = Alignment(0.0)
-_FACE_MARGIN = 0.25  # [m] block beyond the rib on the face that the rib springs from
+_FACE_MARGIN = 0.25  # [m] margin of a block around the rib, on the face of the springing
 _FLANGE_OVERHANG = 0.05  # [m] of a steel box's flanges over its webs
 
 
@@ -85,7 +85,7 @@ def rib_surface(rib: Rib, section: RibSection, line: float, place: Alignment) ->
 
 
 def _rib_texture(flat: Surface, rib: Rib, first: F64, last: F64) -> F64:
-    """Undo what oblique ends do to the texture of a rib that was swept straight."""
+    """Correct the distortion of the texture by the oblique ends of a rib."""
     ways, st = rib.polygon[1], flat.st.copy()
     chart = np.repeat(flat.chart, flat.face_counts)
     size = len(flat.points) // len(ways)
@@ -103,7 +103,7 @@ def _shaded(surface: Surface) -> Surface:
 
 
 def _halved(surface: Surface) -> Surface:
-    """Halve the chamfers of a rib that thickens, whose four corners lie in no plane."""
+    """Halve the chamfers of a rib that thickens, whose four corners are not coplanar."""
     quads = int(np.sum(surface.chart == 0))
     corners, st = surface.corners[: 4 * quads].reshape(-1, 4), surface.st[: 4 * quads].reshape(-1, 4, 2)
     a, b, c, d = (surface.points[corners[:, k]] for k in range(4))
@@ -171,7 +171,7 @@ def facetted(surface: Surface) -> Surface:
 
 
 def skewback_face(rib: Rib, end: int) -> tuple[F64, F64]:
-    """Find the corners of the face that a rib springs from.
+    """Find the corners of the face of a rib's springing.
 
     Args:
         rib: Axis and depths.
@@ -187,7 +187,7 @@ def skewback_face(rib: Rib, end: int) -> tuple[F64, F64]:
 
 
 def skewback_part(rib: Rib, end: int, name: str, left: tuple[float, float], back: float, founding: Founding) -> Part:
-    """Build a block with an inclined face that a rib thrusts against; it reaches down into the ground.
+    """Build a block with an inclined face for the thrust of a rib; it extends into the ground.
 
     Args:
         rib: Axis and depths.
@@ -195,7 +195,7 @@ def skewback_part(rib: Rib, end: int, name: str, left: tuple[float, float], back
         name: Name of the part.
         left: From and to, to the left of the axis [m].
         back: Length of its top behind the face [m].
-        founding: How deep it stands, in the level frame at mid-span.
+        founding: Depth of its foundation, in the level frame at mid-span.
     """
     upper, lower = skewback_face(rib, end)
     away = -1.0 if end == 0 else 1.0
@@ -247,7 +247,7 @@ def rib_direction(rib: Rib, station: float) -> tuple[F64, F64]:
 
     Args:
         rib: Axis and depths.
-        station: Where [m].
+        station: Station [m].
 
     Returns:
         Middle (station, height) [m] and unit direction [1], shape (2,) each, float64.

@@ -18,16 +18,16 @@ from authoring.solids.extrusion import Prism, extruded
 from authoring.solids.sweep import Surface, joined, sweep
 from groundwork.settings import Settings
 
-PAD_EMBEDDED = 0.002  # [m] into plinth and girder: loaded rubber leaves no gap
-PLINTH_EMBEDDED = 0.010  # [m] into the cap
+PAD_EMBEDDED = 0.002  # [m] embedment in plinth and girder: loaded rubber has no gap
+PLINTH_EMBEDDED = 0.010  # [m] embedment in the cap
 _SOLE = 0.020  # [m] of a sole plate at its middle on a level bridge
-_IN_PLANE = 0.006  # [m] by which sides that stand over each other must differ, so that they do not flicker
+_IN_PLANE = 0.006  # [m] smallest offset between the sides of stacked plates, against z-fighting
 _SOLE_EDGE = 0.006  # [m] of a sole plate at its thinnest corner
-_SOLE_MARGIN = 0.015  # [m] of the sole plate beyond what it lies on
+_SOLE_MARGIN = 0.015  # [m] margin of the sole plate beyond the bearing
 _BULGE = 0.003  # [m] of the rubber between two steel laminates
 _LAYER = 0.022  # [m] of rubber between two laminates
 _POT_SIDES = 24
-_POT_EMBEDDED = 0.002  # [m] of the pot's pieces into each other
+_POT_EMBEDDED = 0.002  # [m] embedment of the pot's pieces in each other
 
 
 class BearingSettings(Settings):
@@ -86,7 +86,7 @@ def draw_bearings(settings: BearingSettings, draws: Draws) -> Bearings:
     """Draw bearings and plinths.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         draws: Random stream and profile of the bridge.
     """
     width, length, height = (draw(settings, key, draws) for key in ("pad_width", "pad_length", "pad_height"))
@@ -100,7 +100,7 @@ def draw_bearings(settings: BearingSettings, draws: Draws) -> Bearings:
 
 @dataclass(frozen=True)
 class _Row:
-    """The bearings at one end of one span, which are all alike: heights above each one's own level frame, and slopes.
+    """The equal bearings at one end of one span: heights above each one's own level frame, and slopes.
 
     Attributes:
         plinth_top: Height of the plinths [m].
@@ -152,7 +152,7 @@ def bearing_parts(
 
 
 def _standing(level: Alignment, station: float, left: float) -> F64:
-    """Find the frame of a copy that stands on one spot of a level frame, shape (4, 4), float64."""
+    """Find the frame of a copy at one point of a level frame, shape (4, 4), float64."""
     cosine, sine = float(np.cos(level.heading)), float(np.sin(level.heading))
     frame = np.eye(4)
     frame[:2, :2] = (cosine, -sine), (sine, cosine)
@@ -161,7 +161,7 @@ def _standing(level: Alignment, station: float, left: float) -> F64:
 
 
 def _askew(bearings: Bearings, skew: float) -> Bearings:
-    """Shrink a bearing that is turned against its girder until it stays under the soffit."""
+    """Shrink a bearing that is rotated relative to its girder until it is under the soffit."""
     w, length = bearings.pad_width, bearings.pad_length
     share = w / (w * np.cos(skew) + length * np.sin(abs(skew)))
     if share >= 1.0:
@@ -178,7 +178,7 @@ def _askew(bearings: Bearings, skew: float) -> Bearings:
 
 
 def _beside(bearings: Bearings, soffit: tuple[float, float]) -> Bearings:
-    """Trim a bearing whose sole plate would end in the very plane in which the flange over it ends."""
+    """Trim a bearing whose sole plate would be coplanar with the end of the flange above it."""
     sizes = []
     for size, over in zip((bearings.pad_width, bearings.pad_length), soffit, strict=True):
         flush = abs(size + 2.0 * _SOLE_MARGIN - over) <= _IN_PLANE
@@ -220,12 +220,12 @@ def _plinth_part(
 
 
 def _plate(size: tuple[float, float]) -> F64:
-    """Draw a rectangle along and across the bridge around the spot: [m], shape (4, 2), float64."""
+    """Draw a rectangle along and across the bridge around the origin: [m], shape (4, 2), float64."""
     return rectangle((-0.5 * size[0], -0.5 * size[1]), (0.5 * size[0], 0.5 * size[1]))
 
 
 def sole_thickness(bearings: Bearings, slope: Slope) -> float:
-    """Find the thickness of a sole plate at its middle [m]: more under a sloping girder, so that no corner vanishes.
+    """Find the thickness of a sole plate at its middle [m]: more under a sloping girder, so that no corner has none.
 
     Args:
         bearings: Dimensions.
@@ -236,7 +236,7 @@ def sole_thickness(bearings: Bearings, slope: Slope) -> float:
 
 
 def _sole_plate(plan: tuple[float, float], row: _Row, low: float, high: float) -> Surface:
-    """Build a plate, level below and as steep as the girder above."""
+    """Build a plate, level below and parallel to the girder above."""
     outline = _plate(plan)
     heights = np.stack([np.full(4, low), high + outline @ np.array(row.above)])
     return sweep(

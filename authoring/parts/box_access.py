@@ -10,18 +10,18 @@ from authoring.shapes.sections import circle, cut_corners, rectangle
 from authoring.solids.extrusion import Prism, extruded
 from authoring.solids.sweep import joined
 
-_HATCH = (0.90, 0.70)  # [m] along and across: a stretcher passes
-_FROM_END = 5.0  # [m] from the deck's ends to a hatch: in front of the abutment's seat, over a ladder's foot
-_INTO, _BELOW = 0.004, 0.030  # [m] frame into the soffit, and below it
-_COVER, _DEEPER = 0.06, 0.012  # [m] cover inside its frame, and below that
-_PIPE, _HUNG = 0.16, 0.09  # [m] diameter of the services' pipe, and its crown below the cantilever
-_LEAST = 0.75  # [m] of cantilever that services need
+_HATCH = (0.90, 0.70)  # [m] along and across: wide enough for a stretcher
+_FROM_END = 5.0  # [m] from the deck's ends to a hatch: in front of the abutment's seat, above a ladder
+_INTO, _BELOW = 0.004, 0.030  # [m] embedment of the frame in the soffit, and height below it
+_COVER, _DEEPER = 0.06, 0.012  # [m] clearance of the cover in its frame, and depth below it
+_PIPE, _HUNG = 0.16, 0.09  # [m] diameter of the services' pipe, and depth of its top below the cantilever
+_LEAST = 0.75  # [m] least cantilever for services
 _STRAP, _STRAP_PITCH = 0.05, 4.0  # [m] width of the straps that hold the pipe, and between them
-_END = 0.6  # [m] services before the deck's ends
+_END = 0.6  # [m] distance of services from the deck's ends
 
 
 def box_access_parts(deck: CableDeck, low: float, high: float, levels: Levels, place: Alignment) -> list[Part]:
-    """Build hatches and services of a box; none on decks without one, or without the details of their edges.
+    """Build hatches and services of a box; none for decks without a box, or without details of their edges.
 
     Args:
         deck: Cross-section.

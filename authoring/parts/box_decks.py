@@ -17,17 +17,17 @@ from authoring.solids.sweep import turned
 
 DeckKind = Literal["edge_beam", "concrete_box", "steel_box", "plate_girder"]
 
-EMBEDDED = 0.010  # [m] members into each other
+EMBEDDED = 0.010  # [m] embedment of members in each other
 _LONGEST = 36.0  # [m] of a piece of deck between two construction joints
 _JOINT = 0.004  # [m] open between two pieces
-_SHORTER = 0.012  # [m] than the slab at the deck's ends, so that end faces do not lie in one plane
+_SHORTER = 0.012  # [m] shorter than the slab at the deck's ends, so that end faces are not coplanar
 _CHAMFER = 0.025  # [m] of concrete edges
-_GROOVE, _LEAST_FREE = 0.12, 0.30  # [m] drip groove from the slab's edge, and free slab that has one
+_GROOVE, _LEAST_FREE = 0.12, 0.30  # [m] drip groove from the slab's edge, and least free slab with one
 _FLANGE, _WEB = 0.04, 0.02  # [m] of plate girders and steel floor beams
 _EDGE_HEIGHT = 0.40  # [m] upright edge of a steel box
 _FLOOR_PITCH = 4.6  # [m] largest distance between floor beams
 _CROWDED = 0.7  # [m] no two floor beams are closer
-_ROOF = 0.005  # [m] between slab and floor beams: they end below the girders' flanges
+_ROOF = 0.005  # [m] gap between slab and floor beams, which end below the girders' flanges
 
 
 @dataclass(frozen=True)
@@ -54,13 +54,13 @@ class CableDeck:
 
     @property
     def bearing_lines(self) -> tuple[float, float]:
-        """Where bearings stand, distance to the left of the axis [m]."""
+        """Positions of bearings, distance to the left of the axis [m]."""
         line = self.edge if self.kind in ("edge_beam", "plate_girder") else round(self.edge - 0.6, 3)
         return -line, line
 
     @property
     def cantilever(self) -> float:
-        """Free slab outside the members that carry it [m]."""
+        """Cantilever of the slab outside its supporting members [m]."""
         outer = {
             "steel_box": 0.5 * self.width,
             "concrete_box": min(self.edge + 0.35 * self.depth, 0.5 * self.width - 0.5) + 0.35,
@@ -252,7 +252,7 @@ def _floor_beam(deck: CableDeck, number: int, station: float, levels: Levels, pl
 def bracket_parts(
     deck: CableDeck, tip: float, stations: tuple[float, ...], levels: Levels, place: Alignment
 ) -> list[Part]:
-    """Build the brackets that carry the deck's weight out to hangers beside it.
+    """Build the brackets between the deck and the hangers beside it.
 
     Args:
         deck: Cross-section, any but `concrete_box`.
@@ -281,7 +281,7 @@ def bracket_parts(
 
 
 def bracket_top(levels: Levels) -> float:
-    """Find the height of the face that the hangers' sockets stand on [m].
+    """Find the height of the face under the hangers' sockets [m].
 
     Args:
         levels: Levels of the deck.

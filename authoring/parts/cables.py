@@ -1,4 +1,4 @@
-"""Round members in space: cables, stays and hangers, and the sleeves that hold their ends."""
+"""Round members in space: cables, stays and hangers, and the sleeves at their ends."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,7 +10,7 @@ from authoring.shapes.topology import cross
 from authoring.solids.sweep import Surface
 
 MAIN_SIDES, STAY_SIDES, HANGER_SIDES = 16, 12, 8
-CHORD_SAG = 0.010  # [m] that a cable's chords may leave its curve
+CHORD_SAG = 0.010  # [m] largest distance of a cable's chords from its curve
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ def tube(points: F64, radius: float | F64, sides: int, cut: Plane | None = None)
         points: World positions along the axis [m], shape (N, 3), float64.
         radius: Of the whole member, or at each point [m], shape (N,), float64.
         sides: Corners of a ring.
-        cut: Plane that the first end is cut along instead of square to the axis; meant for straight members.
+        cut: Plane that the first end is cut along instead of perpendicular to the axis; meant for straight members.
 
     Returns:
         Closed surface, normals outward, `st` along the axis and round it.
@@ -44,14 +44,14 @@ def tube(points: F64, radius: float | F64, sides: int, cut: Plane | None = None)
 def tubes(points: F64, radius: float | F64, sides: int, cut: Plane | None = None) -> list[Surface]:
     """Sweep round sections along lines in space and close both ends.
 
-    The rings stand square to the line, in a frame that is carried along without turning about it. Points may repeat
-    where the radius changes: that makes a step.
+    The rings are perpendicular to the line, in a frame that does not rotate about it. Points may repeat where the
+    radius changes: this makes a step.
 
     Args:
         points: World positions along the axis of each member [m], shape (M, N, 3), float64; the same ones repeat.
         radius: Of all members, or at each point [m], shape (N,), float64.
         sides: Corners of a ring.
-        cut: Plane that the first ends are cut along instead of square to the axis; meant for straight members.
+        cut: Plane that the first ends are cut along instead of perpendicular to the axis; meant for straight members.
 
     Returns:
         For each a closed surface, normals outward, `st` along the axis and round it.
@@ -101,12 +101,12 @@ def chords(sag: float, share: float = 1.0) -> int:
 
 
 def _frames(points: F64) -> tuple[F64, F64, F64]:
-    """Find the tangent and two normals at every point of each line, carried along by the least turn."""
+    """Find the tangent and two normals at every point of each line, transported with the least rotation."""
     run = np.diff(points, axis=1)
     length = np.sqrt(np.sum(run * run, axis=2))
     real = length[0] > 0.0
     unit = run[:, real] / length[:, real][..., None]
-    before = np.concatenate([[0], np.cumsum(real)])  # of the real chords, how many end at each point
+    before = np.concatenate([[0], np.cumsum(real)])  # number of chords with a length that end at each point
     low, high = np.clip(before - 1, 0, unit.shape[1] - 1), np.clip(before, 0, unit.shape[1] - 1)
     repeated = np.concatenate([~real, [False]]) | np.concatenate([[False], ~real])
     low = np.where(repeated, high, low)
@@ -132,7 +132,7 @@ def _sides(radial: F64, tangents: F64, slope: F64, lengths: F64, radii: F64) -> 
     i, there = ring[:, 0], spoke % size
     away, rise = slope[:, i, 0][..., None, None], slope[:, i, 1][..., None, None]
     normals = away * radial[:, ring, there] + rise * tangents[:, ring]
-    # The larger ring's girth holds on both sides of a taper, so that the texture is not squeezed.
+    # The larger ring's circumference is used on both sides of a taper, so that the texture is not compressed.
     reach = np.maximum(radii[i], radii[i + 1]) * (2.0 * np.sin(np.pi / size))
     st = np.empty((*normals.shape[:3], 2))
     st[..., 0], st[..., 1] = lengths[:, ring, there], -spoke * reach[:, None]
@@ -154,7 +154,7 @@ def _ends(
     st[:, 0], st[:, 1] = flat[::-1] * (-radii[0], radii[0]), flat * radii[-1]
     begin = -tangents[:, 0]
     if cut is not None:
-        # The cut face is an ellipse: its texture is laid in its own plane.
+        # The cut face is an ellipse: its texture is mapped in its own plane.
         begin = -cut.normal * np.sign(np.sum(tangents[:, 0] * cut.normal, axis=1))[:, None]
         beside = np.abs(np.einsum("md,md->m", begin, first[:, 0])) < 0.9
         across = cross(begin, np.where(beside[:, None], first[:, 0], second[:, 0]))

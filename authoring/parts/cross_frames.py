@@ -1,4 +1,4 @@
-"""What joins steel girders: cross-frames of angles, solid and pierced plates, floor beams, and bracing in plan."""
+"""Connections of steel girders: cross-frames of angles, solid and pierced plates, floor beams, and plan bracing."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -29,8 +29,8 @@ from groundwork.settings import Settings
 
 _FLOOR_BEAM_PITCH = (3.5, 4.5)  # [m]
 _FROM_SPLICE = 0.60  # [m] from a splice's end to the nearest cross-frame
-_THICKER = 0.003  # [m] web of a floor beam than the stiffeners that it ends at
-_BOX_PANELS = 2  # boxes are joined at every second frame
+_THICKER = 0.003  # [m] extra thickness of a floor beam's web over the stiffeners at its ends
+_BOX_PANELS = 2  # boxes are connected at every second frame
 
 
 class CrossFrameSettings(Settings):
@@ -63,7 +63,7 @@ class CrossFrameSettings(Settings):
 
 @dataclass(frozen=True)
 class CrossFrames:
-    """What joins the girders of a bridge.
+    """The connections between the girders of a bridge.
 
     Attributes:
         kind: `x`, `k`, `solid` or `plate`.
@@ -85,11 +85,11 @@ class CrossFrames:
 
 
 def draw_cross_frames(settings: CrossFrameSettings, girders: PlateGirders, draws: Draws) -> CrossFrames:
-    """Draw what joins the girders.
+    """Draw the connections between the girders.
 
     Args:
-        settings: What the user fixed.
-        girders: What they join.
+        settings: Values set by the user.
+        girders: The girders.
         draws: Random stream and profile of the bridge.
     """
     paper = draws.profile == "paper"
@@ -136,10 +136,10 @@ def cross_frame_parts(
     """Build the cross-frames, one part for each bay and station, and the bracing in plan, one for each panel.
 
     Args:
-        frames: What was drawn.
-        girders: What they join.
+        frames: The drawn record.
+        girders: The girders.
         spans: Stations.
-        stations: Where they stand, rising [m].
+        stations: Stations of the cross-frames, rising [m].
         levels: Levels of the deck.
         place: Axis of the bridge.
     """
@@ -229,7 +229,7 @@ def _lateral_parts(
             depth = girders.depths(spans, np.array(ends))
             for bay in bays:
                 lefts = np.array(girders.lines[bay : bay + 2])
-                falling = (panel % 2 == 1) != (lefts.sum() > 0.0)  # both outer bays lean towards the axis together
+                falling = (panel % 2 == 1) != (lefts.sum() > 0.0)  # outer bays are symmetric about the axis
                 size = (ends[1] - ends[0], lefts[1] - lefts[0])
                 key = (*np.round([*size, *depth], 9).tolist(), falling)
                 if key not in made:

@@ -1,4 +1,4 @@
-"""Everything that lies and stands on a deck, whatever carries the deck: road or railway, and the parapets beside it."""
+"""Everything on a deck of any family: road or railway, and the parapets beside it."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -18,9 +18,9 @@ from authoring.parts.terminals import terminal_parts
 from authoring.parts.tracks import Tracks, TrackSettings, draw_tracks, side_parts, track_parts
 from groundwork.settings import Settings
 
-_KERB_SHORTER, _PARAPET_SHORTER = 0.008, 0.004  # [m] than the slab, so that no two end faces lie in one plane
+_KERB_SHORTER, _PARAPET_SHORTER = 0.008, 0.004  # [m] shorter than the slab, so that no two end faces are coplanar
 APPROACH = "Approach_"  # begins the names of runs on the wing walls
-_EDGE = 0.008  # [m] walkway behind the deck's edge
+_EDGE = 0.008  # [m] distance of a walkway behind the deck's edge
 _ROAD_UNDERLAY = 0.07  # [m] from the finished surface down to the ground under an approach road
 _RAIL_UNDERLAY = 0.01  # [m] ground on an approach above the underside of the ballast
 
@@ -43,7 +43,7 @@ class DeckTopSettings(Settings):
 
 @dataclass(frozen=True)
 class DeckTop:
-    """What lies on a deck: heights count from the asphalt on a road, from the rails' top on a railway.
+    """Everything on a deck: heights count from the asphalt on a road, from the rails' top on a railway.
 
     Attributes:
         service: `road` or `rail`.
@@ -92,7 +92,7 @@ class DeckTop:
 
     @property
     def walk_level(self) -> float:
-        """Height of what lies right beside the parapets: footway, verge, walkway, or bare deck [m]."""
+        """Height of the surface beside the parapets: footway, verge, walkway, or bare deck [m]."""
         if self.roadway is not None:
             return self.roadway.kerb_height if self.roadway.footway_width else 0.0
         assert self.tracks is not None
@@ -100,7 +100,7 @@ class DeckTop:
 
     @property
     def parapet_foot(self) -> float:
-        """Height of what parapets stand on: the structural deck of a road, the walkway of a railway [m]."""
+        """Height of the surface under the parapets: the structural deck of a road, the walkway of a railway [m]."""
         return -self.surfacing if self.tracks is None else self.tracks.walk_level
 
     @property
@@ -115,7 +115,7 @@ class DeckTop:
 
     @property
     def takes_skew(self) -> bool:
-        """Whether its joints may lie askew: track slabs end square to their track."""
+        """Whether its joints may be skewed: track slabs end perpendicular to their track."""
         return self.tracks is None or self.tracks.section.bed == "ballast"
 
     @property
@@ -125,10 +125,10 @@ class DeckTop:
 
 
 def road_section(top: DeckTop, walls: float) -> RoadSection | None:
-    """Return what the approaches of a road bridge continue; None for a railway.
+    """Return the parts of a road that the approaches continue; None for a railway.
 
     Args:
-        top: What lies on the deck.
+        top: Surfacing, parapets and fittings of the deck.
         walls: Length of the wing walls behind the abutments' back faces [m].
     """
     way = top.roadway
@@ -141,10 +141,10 @@ def road_section(top: DeckTop, walls: float) -> RoadSection | None:
 
 
 def draw_deck_top(settings: DeckTopSettings, draws: Draws) -> DeckTop:
-    """Draw what lies on a deck.
+    """Draw the cross-section on a deck.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         draws: Random stream and profile of the bridge.
     """
     service = draw_option(settings, "service", draws)
@@ -162,7 +162,7 @@ def deck_runs(spans: Spans, abutments: Abutments) -> Runs:
 
     Args:
         spans: Stations of the decks' ends.
-        abutments: Their wing walls carry the approaches' edges.
+        abutments: Abutments, whose wing walls support the approaches' edges.
 
     Returns:
         Ending of the names, and stations from and to [m], of every run.
@@ -173,12 +173,12 @@ def deck_runs(spans: Spans, abutments: Abutments) -> Runs:
 
 
 def deck_top_parts(top: DeckTop, spans: Spans, runs: Runs, place: Alignment) -> list[Part]:
-    """Build what lies and stands on a deck.
+    """Build everything on a deck.
 
     Args:
-        top: What lies on it.
+        top: Surfacing, parapets and fittings of the deck.
         spans: Stations; the joints lie at their supports.
-        runs: What `deck_runs` lists.
+        runs: Result of `deck_runs`.
         place: Axis of the bridge.
     """
     parts = [] if top.roadway is None else surfacing_parts(top.roadway, spans, place)

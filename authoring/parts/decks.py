@@ -51,7 +51,7 @@ def draw_deck_edge(settings: DeckEdgeSettings, draws: Draws) -> DeckEdge:
     """Draw the edges of a slab.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         draws: Random stream and profile of the bridge.
     """
     return DeckEdge(draw(settings, "groove", draws), draw(settings, "chamfer", draws))
@@ -59,7 +59,7 @@ def draw_deck_edge(settings: DeckEdgeSettings, draws: Draws) -> DeckEdge:
 
 @dataclass(frozen=True)
 class Haunches:
-    """Where a slab thickens down to the members under it.
+    """Haunches of a slab over the members under it.
 
     Attributes:
         lines: Distance of every member to the left of the axis [m], rising and symmetric.
@@ -128,7 +128,7 @@ def deck_parts(
     edge: DeckEdge = DeckEdge(),
     haunches: Haunches | None = None,
 ) -> list[Part]:
-    """Build the slab, one piece for every span or a single one that runs through.
+    """Build the slab, one piece for every span or a single continuous one.
 
     Args:
         width: Overall deck width [m].
@@ -136,7 +136,7 @@ def deck_parts(
         levels: Levels of the deck.
         place: Axis of the bridge.
         edge: Edges of the slab.
-        haunches: Members under the slab that it thickens down to.
+        haunches: Haunches over the members under the slab.
     """
     parts = []
     outline = deck_outline(width, -levels.surfacing, levels.soffit, edge, haunches)

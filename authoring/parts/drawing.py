@@ -1,4 +1,4 @@
-"""Parameters that a user may fix and that are drawn otherwise: their ranges stand in the settings themselves."""
+"""Declaration of parameters that a user may set and that are otherwise drawn at random."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ from groundwork.settings import Settings
 
 @dataclass(frozen=True)
 class Draws:
-    """Source of the open parameters of a bridge.
+    """Source of the parameters that the user did not set.
 
     Attributes:
         rng: Random stream of the bridge.
-        profile: `default`: ranges of engineering practice; `paper`: what is known of the paper's generator.
+        profile: `default`: ranges of engineering practice; `paper`: known ranges of the paper's generator.
     """
 
     rng: np.random.Generator
@@ -46,14 +46,14 @@ def drawn(
     le: float | None = None,
     paper: tuple[float, float] | None = None,
 ) -> Any:
-    """Declare an optional setting that is drawn from a range when the user leaves it out.
+    """Declare an optional setting that is drawn from a range if the user does not set it.
 
     Args:
         low: Least value drawn [any unit].
         high: Largest value drawn [any unit].
         description: What it is, with its unit in brackets.
-        ge: Least value that a user may fix [any unit]; default `low`.
-        le: Largest value that a user may fix [any unit]; default `high`.
+        ge: Least value that a user may set [any unit]; default `low`.
+        le: Largest value that a user may set [any unit]; default `high`.
         paper: Range that the profile `paper` draws from [any unit]; default: the same.
 
     Returns:
@@ -70,10 +70,10 @@ def drawn(
 
 
 def draw(settings: Settings, key: str, draws: Draws) -> float:
-    """Take the value that the user fixed, or draw one: likeliest in the middle of the range, rounded to 1/1000.
+    """Take the value that the user set, or draw one: likeliest in the middle of the range, rounded to 1/1000.
 
-    The generator advances by the same amount either way, so that fixing one value changes no other. The triangular
-    law takes only sums of uniform numbers, which are the same on every platform.
+    The generator advances by the same amount in both cases, so that setting one value changes no other. The triangular
+    distribution needs only sums of uniform numbers, which are the same on every platform.
 
     Args:
         settings: Model whose field `key` was declared with `drawn`.
@@ -90,7 +90,7 @@ def draw(settings: Settings, key: str, draws: Draws) -> float:
 
 
 def draw_whole(settings: Settings, key: str, draws: Draws) -> int:
-    """Take the whole number that the user fixed, or draw one; every number of the range is equally likely.
+    """Take the whole number that the user set, or draw one; every number of the range is equally likely.
 
     Args:
         settings: Model whose field `key` was declared with `drawn`.
@@ -112,15 +112,15 @@ def chosen(
     ge: int | None = None,
     le: int | None = None,
 ) -> Any:
-    """Declare an optional choice that is drawn when the user leaves it out.
+    """Declare an optional choice that is drawn if the user does not set it.
 
     Args:
         weights: How often each option is drawn, any scale [1]; True comes before False.
         description: What it is.
         among: Which bridges the shares apply to, such as " of those with several spans"; default: all.
         paper: How often the profile `paper` draws each option [1]; default: the same.
-        ge: Least number that a user may fix [any unit].
-        le: Largest number that a user may fix [any unit].
+        ge: Least number that a user may set [any unit].
+        le: Largest number that a user may set [any unit].
 
     Returns:
         The pydantic field, default None; its description ends with the shares.
@@ -138,7 +138,7 @@ def chosen_by(
     """Declare an optional choice whose shares depend on the bridge.
 
     Args:
-        tables: How often each option is drawn, any scale [1], by where: "on roads", "under one plane of stays".
+        tables: How often each option is drawn, any scale [1], by condition: "on roads", "under one plane of stays".
         description: What it is.
         paper: How often the profile `paper` draws each option [1]; default: those of `tables`.
 
@@ -154,7 +154,7 @@ def chosen_by(
 def option_at(
     settings: Settings, key: str, share: float, profile: str, weights: Mapping[Any, float] | None = None
 ) -> Any:
-    """Take the option that the user fixed, or the one that lies at a share of all weights.
+    """Take the option that the user set, or the one at a cumulative share of all weights.
 
     Args:
         settings: Model whose field `key` was declared with `chosen` or `chosen_by`.
@@ -173,7 +173,7 @@ def option_at(
 
 
 def draw_option(settings: Settings, key: str, draws: Draws, weights: Mapping[Any, float] | None = None) -> Any:
-    """Take the option that the user fixed, or draw one; the generator advances by the same amount either way.
+    """Take the option that the user set, or draw one; the generator advances by the same amount in both cases.
 
     Args:
         settings: Model whose field `key` was declared with `chosen` or `chosen_by`.
@@ -202,11 +202,11 @@ def drawn_range(model: type[Settings], key: str, profile: str = "default") -> tu
 
 
 def check_depth(field: str, depth: float, span: float, ratios: tuple[float, float]) -> None:
-    """Refuse a fixed depth that does not go with the span.
+    """Refuse a given depth that does not fit the span.
 
     Args:
         field: Key of the depth.
-        depth: Depth that was fixed [m].
+        depth: The given depth [m].
         span: Longest span [m].
         ratios: Least and largest span over depth [1].
 

@@ -1,4 +1,4 @@
-"""What is fixed to a road bridge besides its members: lamp posts, scuppers with drain pipes, conduits."""
+"""Fittings of a road bridge: lamp posts, scuppers with drain pipes, conduits."""
 
 from dataclasses import dataclass
 
@@ -16,17 +16,17 @@ from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, joined, sweep
 from groundwork.settings import Settings
 
-_EMBEDDED = 0.005  # [m] grates into asphalt, conduits and pipes into the deck's edge
-CLEAR = 1.0  # [m] between a fitting and a joint
+_EMBEDDED = 0.005  # [m] embedment of grates in asphalt, of conduits and pipes in the deck's edge
+CLEAR = 1.0  # [m] least distance between a fitting and a joint
 _LAMP_BASE, _LAMP_SEAT = 0.22, 0.20  # [m] side of the base plate, and from its middle to the parapet's foot
-_LEAST_VERGE = 0.33  # [m] beside the carriageway that a lamp post needs
-_WIDE = 9.0  # [m] carriageway that is lit from both sides
+_LEAST_VERGE = 0.33  # [m] least width beside the carriageway for a lamp post
+_WIDE = 9.0  # [m] width of carriageway from which on it is lit from both sides
 _GRATE = (0.45, 0.15)  # [m] along and across the road
 _GRATE_LEFT = 0.10  # [m] from the kerb to the middle of a grate
-_LEAST_SHOULDER = 0.28  # [m] between kerb and edge line that a grate needs
+_LEAST_SHOULDER = 0.28  # [m] least width between curb and edge line for a grate
 _OUTLET, _CONDUIT = 0.07, 0.14  # [m] below the structural deck's top
 _PIPE_OUT = 0.16  # [m] from the deck's edge to the middle of a drain pipe
-_PIPE_BELOW = 0.15  # [m] that a drain pipe ends under the girders
+_PIPE_BELOW = 0.15  # [m] depth of a drain pipe's end below the girders
 
 
 class FittingSettings(Settings):
@@ -74,7 +74,7 @@ def draw_fittings(settings: FittingSettings, draws: Draws) -> Fittings:
     """Draw the fittings.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         draws: Random stream and profile of the bridge.
     """
     lamps, drainage, conduits = (draw_option(settings, key, draws) for key in ("lamps", "drainage", "conduits"))
@@ -96,7 +96,7 @@ class FittedDeck:
     """A deck with fittings.
 
     Attributes:
-        fittings: What there is.
+        fittings: The fittings.
         roadway: Cross-section of the road, None on a railway.
         width: Overall deck width [m].
     """
@@ -114,10 +114,10 @@ def fitting_parts(
     Args:
         deck: The deck.
         spans: Stations of the deck's pieces and joints.
-        soffit: Lowest underside of the superstructure, above the finished surface [m]; None where the deck's edges are
-            not free, and nothing may hang there.
+        soffit: Lowest underside of the superstructure, above the finished surface [m]; None if the deck's edges are not
+            free, so that nothing may be attached there.
         place: Axis of the bridge.
-        clear: Least distance between a lamp post and a support [m]: the legs of pylons reach over the deck.
+        clear: Least distance between a lamp post and a support [m]: the legs of pylons extend over the deck.
     """
     fittings, roadway, width = deck.fittings, deck.roadway, deck.width
     if roadway is None:
@@ -133,7 +133,7 @@ def fitting_parts(
 
 
 def fitting_stations(pitch: float, spans: Spans) -> F64:
-    """Space fittings evenly over every span, no further apart than a pitch and clear of the joints.
+    """Space fittings evenly over every span, at most a pitch apart and away from the joints.
 
     Args:
         pitch: Largest distance [m].
@@ -150,7 +150,7 @@ def fitting_stations(pitch: float, spans: Spans) -> F64:
 
 
 def lamp_stations(pitch: float, spans: Spans, clear: float = CLEAR) -> F64:
-    """Space lamp posts evenly from end to end; one that would stand on a joint moves beside it.
+    """Space lamp posts evenly from end to end; one on a joint is moved beside it.
 
     Args:
         pitch: Largest distance [m].
@@ -190,7 +190,7 @@ def _lamp_parts(fittings: Fittings, roadway: Roadway, spans: Spans, place: Align
 def _copies(
     template: Surface, stations: F64, sign: float, left: float, above: float, place: Alignment
 ) -> list[Surface]:
-    """Stand a template at stations of one side; its +y looks away from the axis."""
+    """Place a template at stations of one side; its +y points away from the axis."""
     frames = frames_along(place, stations, sign * left, above, upright=True)
     frames[:, :3, :2] *= sign
     return [copied(template, frame) for frame in frames]
@@ -255,7 +255,7 @@ def _scupper_parts(fittings: Fittings, roadway: Roadway, spans: Spans, place: Al
 def _pipe_parts(
     fittings: Fittings, roadway: Roadway, width: float, spans: Spans, soffit: float, place: Alignment
 ) -> list[Part]:
-    """Pipes that leave the deck's edge beside each scupper and turn down past the girders."""
+    """Build pipes from the deck's edge beside each scupper, which bend down past the girders."""
     outlet = -roadway.surfacing - _OUTLET
     length = outlet - soffit + _PIPE_BELOW
     d = fittings.pipe_diameter

@@ -1,4 +1,4 @@
-"""Spread footings: blocks in the ground, with bottoms below it everywhere; their tops are visible on request."""
+"""Spread footings: blocks in the ground, with bottoms below it everywhere and tops that may be visible."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,13 +13,13 @@ from authoring.solids.sweep import Surface
 
 Ground = Callable[[F64], F64]
 
-_LEAST_SHAFT = 0.5  # [m] that stays between a footing and what its shafts carry
+_LEAST_SHAFT = 0.5  # [m] least height between a footing and the member on its shafts
 _BESIDE = 0.3  # [m] around a block where the ground is sampled
 
 
 @dataclass(frozen=True)
 class Founding:
-    """How deep a block of an arch bridge stands in the ground.
+    """Foundation depth of a block of an arch bridge.
 
     Attributes:
         place: Level frame, or axis of the bridge, that heights count in.
@@ -55,7 +55,7 @@ class Founding:
         Args:
             stations: From and to [m].
             left: From and to, to the left of the axis [m].
-            ceiling: The highest that the ground counts, so that a block keeps a height of its own [m].
+            ceiling: Upper limit of the ground's height, so that the block has some height [m].
         """
         return min(self.ground_range(stations, left)[0], ceiling) - self.depth
 
@@ -79,7 +79,7 @@ def footing_heights(
     Args:
         half: Half its size along and across the bridge [m], shape (2,), float64.
         station: Its middle [m].
-        ceiling: Underside of what its shafts carry [m].
+        ceiling: Underside of the member on its shafts [m].
         level: Level frame of the support.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
         reach: Its top above the highest ground at it, below zero under the lowest; its bottom below the lowest ground

@@ -1,4 +1,4 @@
-"""Shapes of what joins two steel girders; left counts from the right one, heights from the top of the steel."""
+"""Shapes of the connections between two steel girders; left from the right one, heights from the top of the steel."""
 
 import numpy as np
 
@@ -8,16 +8,16 @@ from authoring.shapes.sections import rectangle
 from authoring.solids.setting_out import plates, prisms
 from authoring.solids.sweep import Surface, joined
 
-_INTO = 0.004  # [m] plates into webs and flanges
+_INTO = 0.004  # [m] embedment of plates in webs and flanges
 _LEG, _ANGLE = 0.10, 0.010  # [m] leg and thickness of an angle
-_GUSSET, _LAP = 0.012, 0.002  # [m] thickness of gusset plates; members into what they are bolted to
+_GUSSET, _LAP = 0.012, 0.002  # [m] thickness of gusset plates; embedment of bolted members
 _GUSSET_SIZE = 0.32  # [m]
-_CLEAR = 0.14  # [m] between flanges and the chords
+_CLEAR = 0.14  # [m] distance between flanges and chords
 _BEAM_SHARE, _BEAM_FLANGE, _BEAM_WIDTH = 0.68, 0.018, 0.22  # rolled beam over the girder's depth [1], its flange [m]
 _BORDER = 0.16  # of the smaller side of a pierced plate [1]
 _FLOOR_SHARE, _FLOOR_WIDTH = 0.075, 0.28  # floor beam's depth over its span [1], its flange [m]
 _LATERAL_ABOVE = 0.05  # [m] bracing in plan over the bottom flange
-_NARROWER = 0.003  # [m] concrete under concrete, so that no two faces lie in one plane
+_NARROWER = 0.003  # [m] difference of widths of concrete on concrete, so that no two faces are coplanar
 
 Ends = tuple[tuple[float, float], tuple[float, float]]
 
@@ -27,10 +27,10 @@ def angle_frame(kind: str, girders: PlateGirders, depth: float, width: float, ar
 
     Args:
         kind: `x` or `k`.
-        girders: What it joins.
+        girders: The girders.
         depth: Of the steel there [m].
         width: Between the lines [m].
-        arm: How far the connecting stiffeners stand out from the webs [m].
+        arm: Projection of the connecting stiffeners from the webs [m].
         face: From the middle of these stiffeners to their face [m].
     """
     low, high = girders.flange + _CLEAR - depth, -girders.flange - _CLEAR - _LEG
@@ -41,7 +41,7 @@ def angle_frame(kind: str, girders: PlateGirders, depth: float, width: float, ar
     corners += [(left, high + _LEG + 0.02 - size) for left, _ in corners]
     front, back = face + _GUSSET - _LAP, face - 2.0 * _LAP
     gussets = _gussets(corners, size, face)
-    reach = inner + 0.35 * size  # where members that leave a corner begin
+    reach = inner + 0.35 * size  # where members from a corner begin
     chords = [((near, low), (far, low)), ((near, high), (far, high))]
     if kind == "x":
         rising = [((reach, low + 0.25 * size), (width - reach, high - 0.25 * size))]
@@ -60,10 +60,10 @@ def beam_frame(girders: PlateGirders, depth: float, width: float, arm: float, fa
     """Build a rolled beam bolted to the connecting stiffeners.
 
     Args:
-        girders: What it joins.
+        girders: The girders.
         depth: Of the steel there [m].
         width: Between the lines [m].
-        arm: How far these stiffeners stand out from the webs [m].
+        arm: Projection of these stiffeners from the webs [m].
         face: From their middle to their face [m].
     """
     tall = _BEAM_SHARE * min(depth, 1.6 * girders.depth)
@@ -86,9 +86,9 @@ def floor_beam(girders: PlateGirders, width: float, arm: float, thickness: float
     """Build a floor beam between the stiffeners of two girders, its top flange under the girders' top flanges.
 
     Args:
-        girders: What it joins.
+        girders: The girders.
         width: Between the lines [m].
-        arm: How far these stiffeners stand out from the webs [m].
+        arm: Projection of these stiffeners from the webs [m].
         thickness: Of its web [m].
     """
     tall = floor_beam_depth(girders, width)
@@ -107,7 +107,7 @@ def floor_beam_depth(girders: PlateGirders, width: float) -> float:
     """Find the depth of floor beams [m].
 
     Args:
-        girders: What they join.
+        girders: The girders.
         width: Between the lines [m].
     """
     return round(min(max(_FLOOR_SHARE * width, 0.40), 0.75 * girders.depth), 3)
@@ -153,7 +153,7 @@ def pierced_plate(girders: PlateGirders, depth: float, width: float, thickness: 
     Source: Random Bridge Generator, `bridge.py`: its floor beams.
 
     Args:
-        girders: What it joins.
+        girders: The girders.
         depth: Of the steel there [m].
         width: Between the lines [m].
         thickness: Of the plate [m].
@@ -175,10 +175,10 @@ def pierced_plate(girders: PlateGirders, depth: float, width: float, thickness: 
 def lateral_bar(girders: PlateGirders, size: tuple[float, float], depth: F64, *, falling: bool) -> Surface:
     """Build an angle in plan across a bay, over the bottom flanges, on two gusset plates at the webs.
 
-    It is laid from where the bay's right line meets the panel's first cross-frame.
+    It is built from the point where the bay's right line meets the panel's first cross-frame.
 
     Args:
-        girders: What it braces.
+        girders: The girders.
         size: Length of the panel and width of the bay [m].
         depth: Of the steel at both ends [m], shape (2,), float64.
         falling: Whether it runs from the left line to the right one.

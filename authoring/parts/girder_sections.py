@@ -1,4 +1,4 @@
-"""Sections of concrete girders: I, bulb-T, T, U, box and rectangle, and the faces that diaphragms meet."""
+"""Sections of concrete girders: I, bulb-T, T, U, box and rectangle, and the faces at diaphragms."""
 
 from dataclasses import dataclass
 
@@ -7,8 +7,8 @@ import numpy as np
 from authoring.shapes.component import F64
 from authoring.shapes.sections import cut_corners, mirrored
 
-EMBEDDED = 0.010  # [m] how far girders reach into the slab, and diaphragms into both
-HAUNCH_LEDGE = 0.02  # [m] of a girder's top that a haunch leaves free
+EMBEDDED = 0.010  # [m] embedment of girders in the slab, and of diaphragms in both
+HAUNCH_LEDGE = 0.02  # [m] width of a girder's top outside a haunch
 _U_SLOPE = 0.25  # of a U girder's webs, outward for each metre of height
 
 
@@ -18,7 +18,7 @@ class Girders:
 
     Attributes:
         shape: `i`, `bulb_t`, `t`, `u`, `box` or `rectangle`.
-        depth: Below slab and haunch [m]; 0 where the girders are left out.
+        depth: Below slab and haunch [m]; 0 if the girders are left out.
         lines: Distance of every girder line to the left of the axis [m], rising.
         top_width: Overall width at the slab [m].
         bottom_width: Width at the soffit [m].
@@ -55,7 +55,7 @@ def girder_outline(girders: Girders, thickening: float = 0.0) -> F64:
 
     Args:
         girders: Section.
-        thickening: How much of the web of an I or bulb-T has become an end block, 0 to 1 [1].
+        thickening: Degree of thickening of an I or bulb-T's web towards an end block, 0 to 1 [1].
 
     Returns:
         Outline [m], shape (P, 2), float64; the same P for every thickening.
@@ -96,7 +96,7 @@ def _outer_side(girders: Girders, thickening: float) -> list[tuple[float, float]
         case "i" | "bulb_t":
             block = 0.5 * min(g.top_width, g.bottom_width) - 0.03
             web = 0.5 * g.web + thickening * (block - 0.5 * g.web)
-            # A wide flange slopes as gently as its width asks, a narrow one steeply.
+            # The slope of a flange depends on its width: wide ones are flatter.
             under = 0.07 * g.depth if g.shape == "i" else 0.06 + 0.10 * (0.5 * g.top_width - 0.5 * g.web)
             return [
                 (bottom, 0.0),
@@ -158,7 +158,7 @@ def diaphragm_outline(girders: Girders, left_line: float, right_line: float, thi
     low, high = diaphragm_heights(girders)
     heights = np.concatenate([[low], side[(side[:, 1] > low) & (side[:, 1] < girders.depth), 1], [girders.depth]])
     reach = np.interp(heights, side[:, 1], side[:, 0]) - EMBEDDED
-    # Beside the haunch it follows the haunch's flank into the slab.
+    # Beside the haunch it follows the haunch's side into the slab.
     heights = np.append(heights, high)
     reach = np.append(reach, 0.5 * girders.top_width - HAUNCH_LEDGE + girders.haunch)
     rising = np.stack([right_line - reach, heights], axis=1)

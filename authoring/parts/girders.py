@@ -22,16 +22,16 @@ from groundwork.settings import Settings
 Shape = Literal["i", "bulb_t", "t", "u", "box", "rectangle"]
 
 SPAN_TO_DEPTH = (10.0, 30.0)  # [1] of girders that a user may set
-_SHORTER = 0.012  # [m] than the slab at either end, so that their end faces do not lie in one plane
+_SHORTER = 0.012  # [m] shorter than the slab at either end, so that their end faces are not coplanar
 _WIDE_SHAPES = ("u", "box")
 _CLOSE = (1.8, 3.0, 0.6, 1.2)  # [m] least and largest spacing, least and largest overhang
 _WIDE = (3.0, 5.0, 0.9, 1.8)  # [m] the same for U and box girders
-_NARROW_DECK = 7.5  # [m] where two U or box girders have no room
+_NARROW_DECK = 7.5  # [m] below which two U or box girders do not fit
 _BESIDE_TOP = 0.30  # [m] of slab beside a girder's top, at the edges
 _BETWEEN_TOPS = 0.45  # [m] of slab between two girders' tops
 _SHAPES = {"i": 30.0, "bulb_t": 20.0, "t": 18.0, "u": 12.0, "box": 10.0, "rectangle": 10.0}
 _SHORT_SPAN = 24.0  # [m] up to which beams are cast in place as T or rectangle
-_ONE_INNER, _TWO_INNER = 20.0, 30.0  # [m] spans over which one and two inner diaphragms stand
+_ONE_INNER, _TWO_INNER = 20.0, 30.0  # [m] spans from which on there are one and two inner diaphragms
 _PAPER_LINES = 5
 
 
@@ -98,7 +98,7 @@ def draw_girders(settings: GirderSettings, width: float, longest_span: float, dr
     """Draw the girders for a deck.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         width: Deck width [m].
         longest_span: Longest span [m].
         draws: Random stream and profile of the bridge.
@@ -107,7 +107,7 @@ def draw_girders(settings: GirderSettings, width: float, longest_span: float, dr
         Section and lines.
 
     Raises:
-        InputError: The fixed number of lines cannot carry this width, or the fixed depth does not go with the span.
+        InputError: The given number of lines does not fit this width, or the given depth does not fit the span.
     """
     paper = draws.profile == "paper"
     shape = draw_option(settings, "shape", draws, shape_weights(longest_span, width))
@@ -150,7 +150,7 @@ def shape_weights(longest_span: float, width: float) -> dict[str, float]:
         width: Deck width [m].
 
     Returns:
-        Weight of each section that suits [1].
+        Weight of each section that fits [1].
     """
     excluded = (() if longest_span <= _SHORT_SPAN else ("t", "rectangle")) + (
         () if width >= _NARROW_DECK else _WIDE_SHAPES

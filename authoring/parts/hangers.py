@@ -12,10 +12,10 @@ from authoring.shapes.sections import circle
 from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface
 
-GRIP = 0.020  # [m] rod into socket and anchorage
-EMBEDDED = 0.005  # [m] socket into what it stands on, anchorage into the rib
+GRIP = 0.020  # [m] embedment of the rod in socket and anchorage
+EMBEDDED = 0.005  # [m] embedment of the socket in its support, and of the anchorage in the rib
 SOCKET_HEIGHT, ANCHOR_HEIGHT = 0.35, 0.40  # [m]
-SHORTEST = 0.25  # [m] of rod that shows
+SHORTEST = 0.25  # [m] least visible length of the rod
 _SIDES = 12
 
 
@@ -37,7 +37,7 @@ class Hangers:
 
 
 def needed_height() -> float:
-    """Find the least height between deck and rib in which a hanger has room [m]."""
+    """Find the least height between deck and rib for a hanger [m]."""
     return SOCKET_HEIGHT + SHORTEST + ANCHOR_HEIGHT + 0.10
 
 
@@ -47,9 +47,9 @@ class RibAbove:
 
     Attributes:
         rib: Axis and depths.
-        station: Where [m].
+        station: Station [m].
         level: Level frame at the station.
-        lift: To be added to the rib's heights to count in that frame [m].
+        lift: Offset from the rib's heights to heights in that frame [m].
     """
 
     rib: Rib
@@ -77,7 +77,7 @@ def hanger_parts(hangers: Hangers, name: str, above: RibAbove, line: float, foot
         name: Ending of the names, e.g. `004_L`.
         above: Its upper support, and the position there.
         line: Distance to the left of the axis [m].
-        foot: Height of what the socket stands on [m].
+        foot: Height of the surface under the socket [m].
     """
     h, station, level = hangers, above.station, above.level
     center = np.array([station, line])
@@ -102,7 +102,7 @@ def bracket_surface(above: RibAbove, line: float, size: tuple[float, float], bot
     """Build a block under a rib: its top follows the rib's soffit.
 
     Args:
-        above: What it touches; its middle lies at that station.
+        above: The rib; the block's middle is at that station.
         line: Distance of its middle to the left of the axis [m].
         size: Along and across the bridge [m].
         bottom: Height of its underside [m].

@@ -16,13 +16,13 @@ from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, sweep
 
 ROLE = "Role_Masonry"
-PROUD = 0.02  # [m] ring in front of the spandrel walls
-_SPRINGER = 0.35  # [m] of a springer below the springing
-_EMBEDDED = 0.005  # [m] walls and fill into what they stand on
-_OFFSET = 0.06  # [m] pier beyond springer
-_SHORTER = 0.004  # [m] walls than the abutments' blocks below them
-_FILL_SHORTER = 0.010  # [m] than the walls beside it
-_FILL_LOWER = 0.002  # [m] fill below the top of the walls
+PROUD = 0.02  # [m] projection of the ring in front of the spandrel walls
+_SPRINGER = 0.35  # [m] height of a springer below the springing
+_EMBEDDED = 0.005  # [m] embedment of walls and fill in their support
+_OFFSET = 0.06  # [m] projection of the pier beyond the springer
+_SHORTER = 0.004  # [m] walls are shorter than the abutments' blocks below them
+_FILL_SHORTER = 0.010  # [m] shorter than the walls beside it
+_FILL_LOWER = 0.002  # [m] depth of the fill below the top of the walls
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Viaduct:
 
     @property
     def back(self) -> F64:
-        """The line that walls and fill stand on, from back face to back face (station, height) [m], shape (N, 2)."""
+        """The lower line of walls and fill, from back face to back face (station, height) [m], shape (N, 2)."""
         arches = [self.rib(number).edge(1.0) for number in range(len(self.starts))]
         line = np.concatenate(arches)
         return np.concatenate([[(self.ends[0] + _SHORTER, line[0, 1])], line, [(self.ends[1] - _SHORTER, line[-1, 1])]])
@@ -127,7 +127,7 @@ def masonry_support_parts(viaduct: Viaduct, founding: Founding) -> list[Part]:
 
     Args:
         viaduct: Dimensions.
-        founding: How deep they stand, in the level frame in the middle of the bridge.
+        founding: Depth of their foundation, in the level frame in the middle of the bridge.
     """
     v, half = viaduct, 0.5 * viaduct.width
     parts = []
@@ -154,7 +154,7 @@ def masonry_support_parts(viaduct: Viaduct, founding: Founding) -> list[Part]:
 
 
 def bank_surface(stations: F64, bottom: F64, top: F64, left: tuple[float, float], place: Alignment) -> Surface:
-    """Build a wall along the bridge between two lines in elevation; the texture of its faces runs level.
+    """Build a wall along the bridge between two lines in elevation; the texture of its faces is level.
 
     Args:
         stations: Rising [m], shape (S,), float64.

@@ -1,4 +1,4 @@
-"""The raised strip between the two directions of a road, from which stays and masts rise."""
+"""The raised strip between the two directions of a road, for stays and masts."""
 
 from dataclasses import replace
 
@@ -11,11 +11,11 @@ from authoring.shapes.sections import cut_corners, rectangle
 from authoring.solids.extrusion import Prism
 
 _BESIDE = 0.20  # [m] from its kerb to the inner edge lines
-_APART = 0.02  # [m] from a mast
-_NOSE_LOWER = 0.004  # [m] than the strip, so that their tops do not lie in one plane
-_LAP = 0.010  # [m] nose into strip
+_APART = 0.02  # [m] distance from a mast
+_NOSE_LOWER = 0.004  # [m] lower than the strip, so that their tops are not coplanar
+_LAP = 0.010  # [m] embedment of the nose in the strip
 _ARC = np.radians(np.linspace(-90.0, 90.0, 13))
-_SHORTER = 0.25  # [m] than the deck at either end: the expansion joints run through
+_SHORTER = 0.25  # [m] shorter than the deck at either end: the expansion joints are continuous
 
 
 def median_parts(
@@ -36,7 +36,7 @@ def median_parts(
         high: Station of its last end [m].
         masts: Station and half length along the bridge [m] of every mast, rising.
         place: Axis of the bridge.
-        name: What the parts' names have before their number, e.g. `000_`.
+        name: Prefix of the number in the parts' names, e.g. `000_`.
         noses: Whether its first and its last end are rounded towards the traffic.
     """
     half = 0.5 * roadway.median - _BESIDE
@@ -71,7 +71,7 @@ def _nose_part(roadway: Roadway, half: float, station: float, ahead: float, name
     round_ = width * np.stack([np.cos(_ARC), np.sin(_ARC)], axis=1)
     corners = np.concatenate([[(-_LAP, -width)], round_, [(-_LAP, width)]])
     corners = corners if ahead > 0.0 else (corners * (-1.0, 1.0))[::-1]
-    # As straight as a frame is, and along the end of the strip, which lies askew where the joints do.
+    # Built in a straight frame, along the end of the strip, which is skewed like the joints.
     level, grade = place.straight_at(station), float(place.grade_at(np.array([station]))[0])
     frame = replace(level, grade=grade, level=level.level - grade * station)
     surface = Prism(np.add(corners, (station, 0.0)), bottom, top, "above", frame).surface

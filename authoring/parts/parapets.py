@@ -1,4 +1,4 @@
-"""What closes a deck's edges: concrete parapets, New Jersey barriers, steel railings, low walls with a rail on top."""
+"""Parapets at a deck's edges: concrete parapets, New Jersey barriers, steel railings, low walls with a rail on top."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -13,8 +13,8 @@ from authoring.shapes.component import F64
 from authoring.shapes.sections import cut_corners, rectangle
 from authoring.solids.extrusion import Prism
 
-LEDGE = 0.03  # [m] of slab that shows outside a parapet
-EMBEDDED = 0.010  # [m] parapet into slab, coping onto parapet
+LEDGE = 0.03  # [m] width of slab outside a parapet
+EMBEDDED = 0.010  # [m] embedment of the parapet in the slab, and of the coping in the parapet
 _ROAD_WEIGHTS = {"wall": 0.40, "barrier": 0.15, "railing": 0.30, "wall_rail": 0.15}
 _RAIL_WEIGHTS = {"wall": 0.20, "barrier": 0.0, "railing": 0.65, "wall_rail": 0.15}
 _SAFETY_SHAPE = ((0.0, 0.075), (0.178, 0.330), (0.228, 0.810))  # [m] of a New Jersey barrier: behind the toe, above it
@@ -76,13 +76,13 @@ class Parapets:
         shape: `wall`, `barrier`, `railing` or `wall_rail`.
         thickness: At the foot [m].
         height: Top of the whole above the way beside it [m].
-        batter: How much thinner a wall is below its coping [m].
+        batter: Difference of a wall's thickness between its foot and its coping [m].
         coping_height: Height of the coping [m]; 0 for none.
         coping_overhang: Coping over the parapet's faces [m].
         joint_pitch: Largest distance between false joints [m].
         chamfer: Leg of chamfers [m].
         concrete: Top of the concrete above the way beside it [m].
-        railings: What stands on the concrete, where `shape` is `railing` or `wall_rail`.
+        railings: Railing on the concrete, if `shape` is `railing` or `wall_rail`.
         terminals: Whether they end in blocks on the approaches.
     """
 
@@ -103,7 +103,7 @@ def draw_parapets(settings: ParapetSettings, service: str, draws: Draws) -> Para
     """Draw the section of the parapets.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         service: `road` or `rail`.
         draws: Random stream and profile of the bridge.
     """
@@ -133,7 +133,7 @@ def draw_parapets(settings: ParapetSettings, service: str, draws: Draws) -> Para
 
 @dataclass(frozen=True)
 class DeckEdge:
-    """What the parapets of both sides stand on.
+    """The deck under the parapets of both sides.
 
     Attributes:
         foot: From the axis to the inner foot of the parapet [m].
@@ -153,7 +153,7 @@ def parapet_parts(
 
     Args:
         parapets: Section.
-        edge: What they stand on.
+        edge: The deck under them.
         name: Ending of the names, e.g. `000`.
         low: Station where they begin [m].
         high: Station where they end [m].
@@ -182,7 +182,7 @@ def concrete_outlines(parapets: Parapets, edge: DeckEdge) -> list[tuple[str, str
 
     Args:
         parapets: Section.
-        edge: What it stands on.
+        edge: The deck under it.
 
     Returns:
         Name, component kind and outline (left, above) [m], shape (P, 2), float64, of each.
@@ -190,7 +190,7 @@ def concrete_outlines(parapets: Parapets, edge: DeckEdge) -> list[tuple[str, str
     p, foot, slab_top, way = parapets, edge.foot, edge.slab_top, edge.way
     bottom, outer = slab_top - EMBEDDED, foot + p.thickness
     if p.shape == "barrier":
-        toe = max(p.thickness - _SAFETY_SHAPE[-1][0] - 0.15, 0.0)  # a wide foot makes the top wider, not the slopes
+        toe = max(p.thickness - _SAFETY_SHAPE[-1][0] - 0.15, 0.0)  # a wider foot widens the top, not the slopes
         face = [(foot + x, way + z) for x, z in _SAFETY_SHAPE[::-1]]
         crown = cut_corners(
             np.array([(foot, bottom), (outer, bottom), (outer - 0.3 * toe, way + p.concrete), *face]),

@@ -14,21 +14,21 @@ SUBSTRUCTURE = "Substructure"
 FURNITURE = "Furniture"
 
 _OFFSET_RANGE = 8.192  # [m]
-# The plastic number's powers: offsets of consecutive ids lie as far apart as they can (R2 sequence).
+# The plastic number's powers: offsets of consecutive ids are as far apart as possible (R2 sequence).
 _OFFSET_STEP = (0.7548776662466927, 0.5698402909980532)
 _FLIP_STEP = 0.41421356237309515
-_DIGITS = 9  # of parameters in metres
+_DIGITS = 9  # decimals of parameters in meters
 
 
 @dataclass(frozen=True)
 class Part:
-    """A member that has a place and a meaning, but no id yet.
+    """A member with position and labels, but without an id.
 
     Attributes:
         name: Leaf prim name, unique in the stage.
         kind: Component kind.
         role: Material role.
-        group: Name of the Xform that it stands under.
+        group: Name of its parent Xform.
         solid: Closed surface in world space, or a prism that is built together with all others.
         parameters: Dimensions [m] and counts.
     """
@@ -47,10 +47,10 @@ class Part:
 
 
 def number_parts(parts: list[Part]) -> tuple[Component, ...]:
-    """Give every part its id, its own texture offset and its place in the atlas.
+    """Assign to every part an id, a texture offset and a place in the atlas.
 
     Args:
-        parts: All members of a bridge in their lasting order.
+        parts: All members of a bridge in a fixed order.
 
     Returns:
         Components with ids from FIRST_BRIDGE_ID on.
@@ -75,7 +75,7 @@ def surfaces_of(parts: list[Part]) -> list[Surface]:
 
 
 def _rounded(parameters: dict[str, object]) -> dict[str, object]:
-    """Drop the digits of dimensions that only rounding makes: they are not the same on every CPU."""
+    """Round dimensions, because their last digits differ between CPUs."""
     return {key: round(value, _DIGITS) if isinstance(value, float) else value for key, value in parameters.items()}
 
 

@@ -10,8 +10,8 @@ from authoring.shapes.sections import cut_corners, mirrored
 from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, turned
 
-_KNEE = 0.35  # haunch between leg and beam of a frame, over the beam's depth
-_INTO_LEG = 0.005  # [m] that a haunch reaches into its leg
+_KNEE = 0.35  # ratio of the haunch between leg and beam of a frame to the beam's depth
+_INTO_LEG = 0.005  # [m] embedment of a haunch in its leg
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def cap_surface(cap: CapShape, station: float, top: float, rise: float, level: A
     Args:
         cap: Dimensions.
         station: Its middle [m].
-        top: Where bearings stand above the finished deck surface [m].
+        top: Height of the bearing seats above the finished deck surface [m].
         rise: Of an inverted T's stem above that [m].
         level: Level frame of the support.
     """

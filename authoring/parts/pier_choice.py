@@ -9,8 +9,8 @@ from groundwork.errors import InputError
 PierKind = Literal["wall", "single", "multi", "hammerhead", "pi_frame", "y", "v"]
 CapKind = Literal["drop", "tapered", "inverted_t", "cantilevered", "integral"]
 
-WIDEST_STEM = 13.0  # [m] cap length over one stem
-WIDEST_FRAME = 17.0  # [m] cap length over two legs
+WIDEST_STEM = 13.0  # [m] largest cap length on one stem
+WIDEST_FRAME = 17.0  # [m] largest cap length on two legs
 LEAST_UPSTAND = 0.15  # [m]
 
 _NARROW: dict[str, float] = {
@@ -36,13 +36,13 @@ _CAPS: dict[str, dict[str, float]] = {
 _PAPER_CAPS = {"drop": 50.0, "tapered": 50.0}
 PAPER_KINDS: tuple[PierKind, ...] = ("pi_frame",)
 PAPER_KINDS_UNDER_CONCRETE: tuple[PierKind, ...] = ("single", "multi")
-KINDS = {  # by where they are drawn
+KINDS = {  # by the bridges for which they are drawn
     f"for caps up to {WIDEST_STEM:g} m long": _NARROW,
     f"for longer caps (no pi_frame over {WIDEST_FRAME:g} m)": _WIDE,
     "in profile paper": dict.fromkeys(PAPER_KINDS, 1.0),
     "in profile paper under concrete girders": dict.fromkeys(PAPER_KINDS_UNDER_CONCRETE, 1.0),
 }
-CAPS = {  # by where they are drawn
+CAPS = {  # by the bridges for which they are drawn
     "on wall": _CAPS["wall"],
     "on single and multi": _COLUMN_CAPS,
     "on hammerhead": _CAPS["hammerhead"],
@@ -62,14 +62,14 @@ def choose_kind(
     """Take or draw the kind of pier and the kind of its cap.
 
     Args:
-        fixed: Kind, cap and number of columns that the user fixed.
+        fixed: Kind, cap and number of columns that the user set.
         cap_length: Length of the cap [m].
         upstand: Room for an inverted T's stem between the rows of plinths [m].
         draws: Random stream and profile of the bridge.
-        paper_kinds: Where not empty, the kinds to draw from.
+        paper_kinds: The kinds to draw from, if not empty.
 
     Raises:
-        InputError: The fixed values exclude each other, or the deck is too wide for them.
+        InputError: The given values exclude each other, or the deck is too wide for them.
     """
     kind, cap, columns = fixed
     weights = dict.fromkeys(map(str, paper_kinds), 1.0) or (_NARROW if cap_length <= WIDEST_STEM else _WIDE)
@@ -83,7 +83,7 @@ def choose_kind(
         raise _contradiction(kind, cap, columns)
     share = draws.random()
     chosen = weighted_choice(possible, share)
-    if chosen not in suited:  # only what does not go with a fixed value is drawn anew
+    if chosen not in suited:  # only kinds that do not fit the user's values are drawn again
         chosen = weighted_choice(suited, share)
     _check_width(chosen, kind, cap_length)
     caps = _PAPER_CAPS if paper_kinds and chosen in ("single", "multi") else _CAPS[chosen]

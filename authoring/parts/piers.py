@@ -19,13 +19,13 @@ from authoring.parts.spans import Levels, Spans, level_at
 from authoring.shapes.component import F64
 from groundwork.settings import Settings
 
-_COLUMN_PITCH = 7.0  # [m] no two columns stand further apart
-_CLEAR_PITCH = 2.2  # of their diameter: nor closer
-_COLUMNS = {"pi_frame": 2}  # of the kinds that have another fixed number than one
+_COLUMN_PITCH = 7.0  # [m] largest distance of columns
+_CLEAR_PITCH = 2.2  # least distance as a multiple of their diameter
+_COLUMNS = {"pi_frame": 2}  # number of columns of kinds with a fixed number other than one
 _LEG_SHARE = 0.29  # of a pi-frame's beam, from the axis to a leg
 _ARM_SHARE = 0.33  # of the cap's length, from the axis to the head of a Y's arm
-_FLUSH = 0.015  # [m] legs of a frame behind its beam's faces
-_LEAST_ASKEW = 0.10  # [m] a narrower stem of an inverted T is left out on a skewed bridge
+_FLUSH = 0.015  # [m] distance of a frame's legs behind its beam's faces
+_LEAST_ASKEW = 0.10  # [m] least width of an inverted T's stem on a skewed bridge
 
 
 class PierSettings(Settings):
@@ -142,14 +142,14 @@ class Piers:
 
     @property
     def shafts(self) -> Shafts:
-        """What carries the cap."""
+        """The shafts under the cap."""
         arm = _ARM_SHARE * self.cap_length if self.kind in ("y", "v") else 0.0
         size = self.column_width, self.column_length
         return Shafts(self.kind, self.column_shape, *size, self.column_lines, self.batter, arm, self.chamfer)
 
     @property
     def cap_shape(self) -> CapShape:
-        """The cap alone."""
+        """The dimensions of the cap."""
         flat = max(self.column_lines) + 0.5 * self.column_width + 0.10
         face = max(self.column_lines) - 0.5 * self.column_width if self.kind == "pi_frame" else 0.0
         size = self.cap_length, self.cap_width, self.cap_depth, self.cap_end_depth
@@ -163,7 +163,7 @@ class PierNeeds:
     Attributes:
         width: Deck width [m].
         outer_line: From the axis to the outermost line of bearings [m].
-        bearings: What stands on the caps.
+        bearings: Bearings on the caps.
         spans: Stations of the bearings' rows.
     """
 
@@ -179,10 +179,10 @@ def draw_piers(
     """Draw the piers under a deck.
 
     Args:
-        settings: What the user fixed.
-        needs: What the bridge asks of them.
+        settings: Values set by the user.
+        needs: Requirements of the bridge.
         draws: Random stream and profile of the bridge.
-        paper_kinds: Kinds that profile `paper` knows for this family, equally likely.
+        paper_kinds: Kinds of profile `paper` for this family, equally likely.
     """
     bearings, spans = needs.bearings, needs.spans
     paper = draws.profile == "paper"
@@ -199,7 +199,7 @@ def draw_piers(
     kind, cap = choose_kind(
         (settings.kind, settings.cap, settings.columns), cap_length, upstand, draws, paper_kinds if paper else ()
     )
-    room = max(2, int(cap_length / (_CLEAR_PITCH * several)))  # a short cap under a narrow box holds few
+    room = max(2, int(cap_length / (_CLEAR_PITCH * several)))  # a short cap under a narrow box has room for few
     number = settings.columns or _column_count(needs.width, share, room) if kind == "multi" else _COLUMNS.get(kind, 1)
     piers = Piers(
         kind,
@@ -225,7 +225,7 @@ def draw_piers(
 
 
 def _column_count(width: float, share: float, room: int) -> int:
-    """Take as many columns as the deck's width [m] needs, or one more, and no more than the cap has room for."""
+    """Take as many columns as the deck's width [m] needs, or one more, and no more than fit the cap."""
     least = max(2, int(np.ceil(0.8 * width / _COLUMN_PITCH)))
     return min(least + int(2.0 * share), 5, room)
 
@@ -233,7 +233,7 @@ def _column_count(width: float, share: float, room: int) -> int:
 def _with_shafts(
     piers: Piers, single: float, several: float, thickness: float, wall_share: float, paper: bool
 ) -> Piers:
-    """Size the shafts by their kind, and set them under the cap."""
+    """Choose the size of the shafts by their kind, and place them under the cap."""
     flat, length = piers.column_shape == "rectangular", piers.cap_length
     pitch = length / (piers.columns - 0.2)
     if paper and piers.kind == "multi" and piers.columns == 2:
@@ -260,7 +260,7 @@ def _with_shafts(
 
 
 def _with_cap(piers: Piers, taper: float) -> Piers:
-    """Size the cap by its kind and by what it spans."""
+    """Choose the size of the cap by its kind and its span."""
     depth, arm = piers.cap_depth, 0.5 * (piers.cap_length - piers.column_width)
     if piers.kind == "wall":
         depth = max(0.55 * depth, 0.5)
@@ -285,7 +285,7 @@ def pier_parts(
         levels: Levels of the deck.
         place: Axis of the bridge.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
-        besides: Stations of inner supports where something else stands, such as a pylon [m].
+        besides: Stations of inner supports with another member, such as a pylon [m].
     """
     inner = [support for support in range(1, spans.count) if spans.supports[support] not in besides]
     if not inner:
@@ -315,7 +315,7 @@ def pier_parts(
 
 
 def _as_stout_as_tall(piers: Piers, inner: F64, levels: Levels, place: Alignment, ground: Ground) -> Piers:
-    """Widen the shafts of the piers at some stations until the tallest is not too slender."""
+    """Widen the shafts of the piers at some stations until the tallest meets the slenderness limit."""
     axis = place.point(inner, np.zeros(len(inner)), np.full(len(inner), levels.seat - piers.cap_depth))
     tallest = float(np.max(axis[:, 2] - ground(axis[:, :2])))
     shafts = limit_slenderness(piers.shafts, tallest, piers.slenderness)
@@ -324,7 +324,7 @@ def _as_stout_as_tall(piers: Piers, inner: F64, levels: Levels, place: Alignment
 
 
 def _askew(piers: Piers, spans: Spans, skew: float) -> Piers:
-    """Keep the cap's width square to a skewed support line, where the rows of plinths lie closer together."""
+    """Measure the cap's width perpendicular to a skewed support line, where the rows of plinths are closer."""
     if skew == 0.0:
         return piers
     cosine = float(np.cos(skew))
@@ -339,7 +339,7 @@ def _askew(piers: Piers, spans: Spans, skew: float) -> Piers:
 
 
 def _cap_part(piers: Piers, support: int, station: float, levels: Levels, level: Alignment) -> Part:
-    # An upstand ends below the girders that pass over it.
+    # An upstand ends below the girders above it.
     rise = 0.6 * (levels.girder_soffit - levels.seat)
     surface = cap_surface(piers.cap_shape, station, levels.seat, rise, level)
     size: dict[str, object] = {

@@ -11,14 +11,14 @@ from authoring.shapes.component import F64
 from authoring.shapes.sections import mirrored
 from authoring.solids.sweep import sweep
 
-EMBEDDED = 0.010  # [m] how far girders reach into the concrete on them, and that into the slab
-_SHORTER = 0.012  # [m] than the slab at either end, so that their end faces do not lie in one plane
+EMBEDDED = 0.010  # [m] embedment of girders in the concrete on them, and of that in the slab
+_SHORTER = 0.012  # [m] shorter than the slab at either end, so that their end faces are not coplanar
 SPLICE_GAP = 0.008  # [m] between the two pieces of a spliced girder
 _WEB_LEAN = 0.22  # [1] of a box's webs: metres outward for each metre of height
-_BOX_LIP = 0.05  # [m] of a box's bottom plate beyond its webs
-_TWO_SPLICES = 30.0  # [m] inner spans that are longer have a splice beside either pier
-_RING = 1.5  # [m] between sections along a haunch
-_SEAT = 0.6  # [m] to either side of a pier the bottom of a haunched girder is level
+_BOX_LIP = 0.05  # [m] projection of a box's bottom plate beyond its webs
+_TWO_SPLICES = 30.0  # [m] longer inner spans have a splice beside each pier
+_RING = 1.5  # [m] distance of sections along a haunch
+_SEAT = 0.6  # [m] length on each side of a pier where the bottom of a haunched girder is level
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class PlateGirders:
         depth: Steel between the piers and at the abutments [m].
         pier_depth: Steel over the piers [m].
         haunch: `none`, `parabolic` or `straight`: how the depth grows towards the piers.
-        haunch_reach: Share of a span in which it grows [1].
+        haunch_reach: Share of a span over which it grows [1].
         top_width: Top flange [m]; of a box, over both top flanges.
         bottom_width: Bottom flange of a plate girder [m].
         flange: Thickness of the flanges [m].
@@ -65,7 +65,7 @@ class PlateGirders:
 
         Args:
             spans: Stations of the piers.
-            stations: Where [m], shape (N,), float64.
+            stations: Stations [m], shape (N,), float64.
         """
         growth = np.zeros(len(stations))
         for pier in range(1, spans.count if self.haunch != "none" else 0):
@@ -93,7 +93,7 @@ class PlateGirders:
 
     @property
     def bearing_lines(self) -> tuple[float, ...]:
-        """Where bearings stand, to the left of the axis [m]: one under a girder, two under a box."""
+        """Positions of bearings, to the left of the axis [m]: one under a girder, two under a box."""
         if not self.box:
             return self.lines
         foot = float(self.half_webs(np.array([self.pier_depth]))[0]) - 0.35
@@ -203,5 +203,5 @@ def _rings(girders: PlateGirders, spans: Spans, low: float, high: float) -> F64:
         stations += np.linspace(station - reaches[0], station - _SEAT, count[0] + 1).tolist()
         stations += np.linspace(station + _SEAT, station + reaches[1], count[1] + 1).tolist()
     along = np.unique(np.round(stations, 6))
-    # A ring closer to an end than this would make slivers.
+    # A ring closer to an end would make slivers.
     return np.array([low, *along[(along > low + 0.05) & (along < high - 0.05)], high])

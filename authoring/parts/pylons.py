@@ -1,4 +1,4 @@
-"""Pylons and towers: legs, heads and cross beams of concrete, and the pile cap that they stand on."""
+"""Pylons and towers: legs, heads and cross beams of concrete, and the pile cap under them."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -16,14 +16,14 @@ from authoring.solids.sweep import Surface, sweep, turned
 
 PylonShape = Literal["a", "h", "portal", "diamond", "mast"]
 
-EMBEDDED = 0.010  # [m] members into each other
-_APART = 0.02  # [m] between two legs where they meet
-_HEAD_TAPER = 0.25  # [1] of its width that a head loses on either side towards its top
-_FLUSH = 0.015  # [m] cross beams behind the legs' faces
+EMBEDDED = 0.010  # [m] embedment of members in each other
+_APART = 0.02  # [m] gap between two legs where they meet
+_HEAD_TAPER = 0.25  # [1] share of its width by which a head tapers on each side towards its top
+_FLUSH = 0.015  # [m] distance of cross beams behind the legs' faces
 _TAPER = 0.010  # growth of a leg along the bridge towards its foot, each side [1]
-_DEEP_WATER = -2.5  # [m] world height: ground below it lies under water
+_DEEP_WATER = -2.5  # [m] world height: lower ground is under water
 _CAP_DRY = 0.6  # [m] world height of a pile cap's top in deep water: visible to boats; piles are driven from above
-_CAP_SHOWN = 0.35  # [m] of a cap that shows on land
+_CAP_SHOWN = 0.35  # [m] visible height of a cap on land
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,11 @@ class Pylon:
         shape: `a`, `h`, `portal`, `diamond` or `mast`.
         top: Height of its top [m].
         seat: Top of the lower cross beam, or of a mast's pier [m].
-        knee: Where the legs begin to lean inward [m].
-        merge: Where the legs meet in a head, or where they stand upright again [m].
+        knee: Height above which the legs are inclined inward [m].
+        merge: Height at which the legs meet in a head, or are vertical again [m].
         knee_line: Middle of a leg at the knee, distance to the left of the axis [m]; of a mast, its pier's width.
         merge_line: Middle of a leg where they merge, and above it [m]; of a mast, half its pier's crosshead.
-        foot_lean: How far a leg's middle moves outward for each metre below the knee [1].
+        foot_lean: Inclination of a leg outward below the knee [1].
         width: Leg across the bridge [m].
         length: Leg along the bridge, at its top [m].
         beam_depth: Depth of the cross beams [m].
@@ -73,7 +73,7 @@ class Pylon:
 
     @property
     def lean(self) -> float:
-        """How far a leg's middle moves inward for each metre above the knee [1]."""
+        """Inclination of a leg inward above the knee [1]."""
         return (self.knee_line - self.merge_line) / (self.merge - self.knee)
 
     def line(self, above: float) -> float:
@@ -89,7 +89,7 @@ class Pylon:
 
     @property
     def bends(self) -> tuple[float, ...]:
-        """Heights where a leg changes its direction, rising [m]."""
+        """Heights at which a leg changes its direction, rising [m]."""
         if self.foot_lean < 0.0:
             drawn_in = self.knee + (self.knee_line - self.foot_line) / self.foot_lean
             return drawn_in, self.knee, self.merge
@@ -115,13 +115,13 @@ class Pylon:
 
 @dataclass(frozen=True)
 class PylonSite:
-    """Where a pylon stands.
+    """Position of a pylon.
 
     Attributes:
         support: Number of the support.
         station: Its axis [m].
-        deck: Height of the structural deck that a mast stands on [m].
-        rise: Of the piers' footings over the ground; below zero the pile cap, too, lies in the ground on land [m].
+        deck: Height of the structural deck under a mast [m].
+        rise: Of the piers' footings over the ground; if negative, the pile cap is also below ground on land [m].
     """
 
     support: int
@@ -135,7 +135,7 @@ def pylon_parts(pylon: Pylon, site: PylonSite, place: Alignment, ground: Ground)
 
     Args:
         pylon: Its elevation.
-        site: Where it stands.
+        site: Its position.
         place: Axis of the bridge.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
     """

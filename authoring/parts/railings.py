@@ -18,11 +18,11 @@ from groundwork.settings import Settings
 
 _PLATE = (0.16, 0.18, 0.015)  # [m] base plate along, across, up
 _POST = 0.060  # [m] post along
-_POST_WIDER = 0.026  # [m] post across than its top rail: on a curve the rail leaves the posts' middle by a chord's sag
-_HELD = 0.003  # [m] plate into concrete, post into plate and top rail
-_INTO_POST = 0.010  # [m] rails into posts: more than a chord's sag
+_POST_WIDER = 0.026  # [m] post wider than its top rail, which on a curve deviates by a chord's sag
+_HELD = 0.003  # [m] embedment of the plate in concrete, and of the post in plate and top rail
+_INTO_POST = 0.010  # [m] embedment of rails in posts: more than a chord's sag
 _END = 0.25  # [m] first and last post from the ends of a run
-_BAR, _BAR_PITCH = 0.020, 0.12  # [m] bars and the distance between them: no child's head fits between
+_BAR, _BAR_PITCH = 0.020, 0.12  # [m] bars and the distance between them: too narrow for a child's head
 
 
 class RailingSettings(Settings):
@@ -60,7 +60,7 @@ def draw_railings(settings: RailingSettings, draws: Draws) -> Railings:
     """Draw the railings.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         draws: Random stream and profile of the bridge.
     """
     infill, tubes = draw_option(settings, "infill", draws), draw_option(settings, "round_rails", draws)
@@ -74,7 +74,7 @@ def draw_railings(settings: RailingSettings, draws: Draws) -> Railings:
 
 
 def post_stations(railings: Railings, low: float, high: float) -> F64:
-    """Spread the posts of one run evenly.
+    """Distribute the posts of one run evenly.
 
     Args:
         railings: Dimensions.
@@ -90,11 +90,11 @@ def post_stations(railings: Railings, low: float, high: float) -> F64:
 
 @dataclass(frozen=True)
 class RailingRun:
-    """Where one railing stands.
+    """Position of one railing.
 
     Attributes:
         left: Center of the posts [m]; the rails below the top are fixed on the side towards the axis.
-        bottom: Top of the concrete that they stand on [m].
+        bottom: Top of the concrete under them [m].
         top: Top of the top rail [m].
         low: Station where it begins [m].
         high: Station where it ends [m].
@@ -110,11 +110,11 @@ class RailingRun:
 def railing_parts(railings: Railings, run: RailingRun, name: str, place: Alignment) -> list[Part]:
     """Build the railing of one side over one run: its posts are one component, its rails and bars another.
 
-    People who label scans mark a stretch of railing, never a single bar.
+    In labeled scans, a stretch of railing is one object, not a single bar.
 
     Args:
         railings: Dimensions.
-        run: Where it stands.
+        run: Its position.
         name: Ending of the names, e.g. `000_L`.
         place: Axis of the bridge.
     """
@@ -153,7 +153,7 @@ def _bar_solid(height: float) -> Surface:
 
 
 def _rail_solids(railings: Railings, run: RailingRun, place: Alignment) -> list[Surface]:
-    """Build the rails, and what fills the railing between them, on the side of the posts towards the axis."""
+    """Build the rails, and the infill between them, on the side of the posts towards the axis."""
     left, bottom, top, low, high = run.left, run.bottom, run.top, run.low, run.high
     rail = railings.rail_diameter
     section = circle(rail / np.cos(np.pi / 12), 12) if railings.round_rails else _square(rail)
@@ -171,7 +171,7 @@ def _rail_solids(railings: Railings, run: RailingRun, place: Alignment) -> list[
         outline = rectangle((middle - 0.5 * _BAR, level), (middle + 0.5 * _BAR, level + 0.04))
         rails.append(Prism(outline, low, high, "station", place))
     stations = np.arange(low + 0.04, high - 0.03, _BAR_PITCH)
-    lean = np.tan(place.skew) * (middle - left)  # along the road, by which skewed stations run away from the posts
+    lean = np.tan(place.skew) * (middle - left)  # offset along the road between skewed stations and the posts
     apart = np.abs(stations[:, None] + lean - post_stations(railings, low, high)).min(axis=1)
     stations = stations[apart > 0.5 * _POST + _BAR]  # none in front of a post
     bars = frames_along(place, stations, middle, sill, upright=True)

@@ -15,14 +15,14 @@ from authoring.solids.sweep import joined
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
-EMBEDDED = 0.005  # [m] how far asphalt, kerbs and joints reach into what they lie on
+EMBEDDED = 0.005  # [m] embedment of asphalt, curbs and joints in their support
 MARKING_HEIGHT = 0.006  # [m] above the asphalt
-_DEEPER = 0.0015  # [m] kerbs than asphalt
-_DIVIDED_LANES = 4  # of the roads that may have a raised strip, and more
+_DEEPER = 0.0015  # [m] additional embedment of curbs relative to asphalt
+_DIVIDED_LANES = 4  # least number of lanes of roads with a raised strip
 _SHORTEST_DASH = 0.4  # [m]
-_SHORTER = 0.003  # [m] footway and joints against kerb and asphalt, so that no two faces lie in one plane
+_SHORTER = 0.003  # [m] footway and joints are shorter than curb and asphalt, so that no two faces are coplanar
 _CROWN = 0.001  # [m]
-_MARKING_CLEAR = 0.03  # [m] from the asphalt's ends
+_MARKING_CLEAR = 0.03  # [m] distance from the asphalt's ends
 
 
 class RoadwaySettings(Settings):
@@ -70,7 +70,7 @@ class Roadway:
         dash_gap: Gap between dashes [m].
         joint_width: Expansion joint along the bridge [m].
         median: Strip between the two directions [m]; 0 for none.
-        divided: The strip is a raised kerb and nothing else stands on it.
+        divided: Whether the strip is a raised curb without anything on it.
     """
 
     lanes: int
@@ -107,7 +107,7 @@ def draw_roadway(settings: RoadwaySettings, draws: Draws) -> Roadway:
     """Draw the cross-section.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         draws: Random stream and profile of the bridge.
     """
     lanes, footway = (draw_option(settings, key, draws) for key in ("lanes", "footway"))
@@ -162,7 +162,7 @@ def asphalt_ranges(roadway: Roadway, spans: Spans) -> list[tuple[float, float]]:
 
 
 def surfacing_parts(roadway: Roadway, spans: Spans, place: Alignment) -> list[Part]:
-    """Build the asphalt with its markings, and the expansion joints that cut it.
+    """Build the asphalt with its markings, and the expansion joints between its pieces.
 
     Args:
         roadway: Cross-section.
@@ -190,13 +190,13 @@ def surfacing_parts(roadway: Roadway, spans: Spans, place: Alignment) -> list[Pa
 def _asphalt_outline(roadway: Roadway, half: float, depth: float, place: Alignment) -> F64:
     """Draw the asphalt's section; where the road's crossfall changes, its top has an edge under every line.
 
-    A wide quad that is twisted lies millimetres off the road in its middle: lines would dip into it.
+    A wide twisted quad is millimeters off the road in its middle: lines would partly be below it.
     """
     outline = rectangle((-half, -depth), (half, 0.0))
     if not place.falls:
         return outline
     under = _lane_lines(roadway)[0][::-1]
-    crown = _CROWN * (1.0 - (under / half) ** 2)  # too little to be visible, and the section stays convex
+    crown = _CROWN * (1.0 - (under / half) ** 2)  # too little to be visible, but the section stays convex
     return np.concatenate([outline[:3], np.column_stack([under, crown]), outline[3:]])
 
 
@@ -217,7 +217,7 @@ def _marking_parts(roadway: Roadway, number: int, low: float, high: float, place
 
 
 def _lane_lines(roadway: Roadway) -> tuple[F64, tuple[int, ...]]:
-    """Find the middle of every line on the road [m], and which of them run through."""
+    """Find the middle of every line on the road [m], and which of them are continuous."""
     lines: F64 = (np.arange(roadway.lanes + 1.0) - 0.5 * roadway.lanes) * roadway.lane_width
     if not roadway.median:
         return lines, (0, roadway.lanes)
@@ -263,7 +263,7 @@ def kerb_parts(roadway: Roadway, name: str, low: float, high: float, place: Alig
     bottom = -roadway.surfacing - EMBEDDED - _DEEPER
     for side, sign in (("L", 1.0), ("R", -1.0)):
         face, back = roadway.kerb_face, roadway.kerb_face + roadway.kerb_width
-        # Kerb and footway reach a little under what stands beside them: no face is shared, no light shines through.
+        # Curb and footway extend slightly under adjacent parts, so that there are neither shared faces nor gaps.
         behind = back + (0.0 if roadway.footway_width else 2.0 * EMBEDDED)
         kerb = cut_corners(rectangle((face, bottom), (behind, roadway.kerb_height)), np.array([0.0, 0.0, 0.0, 0.02]))
         surface = Prism(_sided(kerb, sign), low, high, "station", place)

@@ -11,12 +11,12 @@ from authoring.shapes.sections import circle, cut_corners, mirrored, rectangle
 from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, sweep, turned
 
-EMBEDDED = 0.010  # [m] into cap and footing
-APART = 0.3  # [m] between neighbouring shafts at their bases
+EMBEDDED = 0.010  # [m] embedment in cap and footing
+APART = 0.3  # [m] least distance between neighboring shafts at their bases
 SIDES = 48  # of a round column
 _NOSE_SIDES = 12  # of half a round nose
 _NOTCH = 0.10  # [m] half the flat bottom of a fork
-_LEAST_FORK = 0.4  # [m] a shallower fork is left out: the shaft only flares
+_LEAST_FORK = 0.4  # [m] if a fork would be shallower, the shaft only widens
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Shafts:
 
 
 def limit_slenderness(shafts: Shafts, height: float, slenderness: float) -> Shafts:
-    """Thicken shafts until a height over their least side meets a limit; neighbours stay apart down to their bases.
+    """Thicken shafts until height over least side meets a limit; the distance between their bases is kept.
 
     Args:
         shafts: Dimensions.
@@ -65,15 +65,15 @@ def limit_slenderness(shafts: Shafts, height: float, slenderness: float) -> Shaf
 
 
 def shaft_base(shafts: Shafts, height: float, skew: float = 0.0) -> F64:
-    """Find how far the bases of all shafts reach from the pier's middle.
+    """Compute the extent of the bases of all shafts from the pier's middle.
 
     Args:
         shafts: Dimensions.
         height: Of the shafts [m].
-        skew: Turn of the support line [rad].
+        skew: Skew of the support line [rad].
 
     Returns:
-        Half sizes square to the support line and along it [m], shape (2,), float64.
+        Half sizes perpendicular to the support line and along it [m], shape (2,), float64.
     """
     growth = shafts.batter * max(height, 0.0)
     across = max(shafts.lines) / np.cos(skew) + 0.5 * _along_support(shafts, skew).width
@@ -81,7 +81,7 @@ def shaft_base(shafts: Shafts, height: float, skew: float = 0.0) -> F64:
 
 
 def shaft_surfaces(shafts: Shafts, station: float, low: float, high: float, place: Alignment) -> list[Surface]:
-    """Build every shaft of one pier: right-angled on its level base, its head under the cap's slope.
+    """Build every shaft of one pier: with right angles on its level base, and a head along the cap's slope.
 
     Args:
         shafts: Dimensions.
@@ -106,7 +106,7 @@ def shaft_surfaces(shafts: Shafts, station: float, low: float, high: float, plac
 
 
 def _along_support(shafts: Shafts, skew: float) -> Shafts:
-    """Lengthen what reaches across the whole bridge as the skew lengthens the support line."""
+    """Lengthen walls across the whole bridge by the factor by which the skew lengthens the support line."""
     if shafts.kind != "wall" and shafts.arm == 0.0:
         return shafts
     stretch = 1.0 / float(np.cos(skew))
@@ -118,7 +118,7 @@ def shaft_outline(shafts: Shafts, growth: float = 0.0) -> F64:
 
     Args:
         shafts: Dimensions.
-        growth: How much wider than at the top every side stands [m].
+        growth: Widening of every side relative to the top [m].
 
     Returns:
         Outline (along, across) [m], shape (P, 2), float64; the same P for every growth.
@@ -147,7 +147,7 @@ def _upright(shafts: Shafts, low: float, high: float, level: Alignment) -> Surfa
 
 
 def fork_outline(shafts: Shafts, low: float, high: float) -> F64:
-    """Draw the elevation of a Y or V: a stem that opens into two arms; too low for that, it only flares.
+    """Draw the elevation of a Y or V: a stem that divides into two arms, or only widens if it is too low for that.
 
     Args:
         shafts: Dimensions.

@@ -18,7 +18,7 @@ from groundwork.settings import Settings
 
 LEAST_DEPTH = 0.25  # [m]
 SIMPLE, CONTINUOUS = 22.0, 25.0  # span over depth [1] of road slabs
-RAIL_SIMPLE, RAIL_CONTINUOUS = 15.0, 17.0  # of railway slabs, which carry several times the load
+RAIL_SIMPLE, RAIL_CONTINUOUS = 15.0, 17.0  # of railway slabs, which have several times the load
 SLENDERNESS = (0.6, 1.4)  # of the usual span over depth, that a user may set [1]
 _PAPER_DEPTH = 1.0  # [m]
 _TIP = 0.22  # [m] thickness of a cantilever at its edge
@@ -94,10 +94,10 @@ class Slab:
 
 
 def draw_section(settings: SlabSectionSettings, draws: Draws) -> str:
-    """Draw which section a slab has, before its spans: voids are economic on longer ones.
+    """Draw the kind of a slab's section, before its spans: voids are economical for longer ones.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         draws: Random stream and profile of the bridge.
     """
     return draw_option(settings, "section", draws)
@@ -124,10 +124,10 @@ def draw_slab_section(
     """Draw the section of a slab.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         section: Result of `draw_section`.
         needs: Deck width, longest span, and the usual depth for it.
-        bearings: What it stands on.
+        bearings: Bearings under it.
         draws: Random stream and profile of the bridge.
     """
     width = needs.width
@@ -162,8 +162,8 @@ def slab_outline(slab: Slab, top: float) -> F64:
     if slab.section == "hexagon":
         return mirrored([(foot, bottom), (half + _BULGE, top - 0.5 * slab.depth), (half, top)])
     tip = min(_TIP, 0.6 * slab.depth)
-    root = min(tip + 0.08, 0.8 * slab.depth)  # cantilevers grow towards the webs
-    # A PK section's sides slope at 60 degrees at most, so that its cantilevers stay what they are called.
+    root = min(tip + 0.08, 0.8 * slab.depth)  # cantilevers become thicker towards the webs
+    # A PK section's sides slope at 60 degrees at most, so that the cantilevers keep their length.
     lean = 0.0 if slab.section == "voided" else min(0.6 * (half - foot), 0.6 * (slab.depth - root))
     corners = [(foot, bottom), (foot + lean, top - root), (half, top - tip), (half, top)]
     legs = np.array([cut, 0.0, cut, 0.0])

@@ -15,8 +15,8 @@ from authoring.shapes.component import F64
 from authoring.shapes.sections import cut_corners, mirrored, rectangle
 from authoring.solids.extrusion import Prism
 
-_EMBEDDED = 0.010  # [m] beam into slab
-_SHORTER = 0.008  # [m] beam than slab
+_EMBEDDED = 0.010  # [m] embedment of a beam in the slab
+_SHORTER = 0.008  # [m] beams are shorter than the slab
 _FLANGE = (0.40, 0.03)  # [m] width and thickness of a steel beam's flanges
 
 
@@ -44,7 +44,7 @@ class SpandrelDeck:
         """Gather the thicknesses from the finished surface down to the seats.
 
         Args:
-            top: What lies on the deck.
+            top: Surfacing, parapets and fittings of the deck.
             bearings: Pads and plinths.
         """
         return Levels(top.surfacing, self.slab, self.girder, bearings.pad_height, bearings.plinth_height)
@@ -58,8 +58,8 @@ def draw_spandrel_deck(
     Args:
         form: `slab`, `beam_slab` or `box`.
         steel: Beams are of steel.
-        top: What lies on the deck.
-        bearings: Under its ends.
+        top: Surfacing, parapets and fittings of the deck.
+        bearings: Bearings under its ends.
         pitch: Distance of bents [m].
         draws: Random stream and profile.
     """

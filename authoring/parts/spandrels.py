@@ -1,4 +1,4 @@
-"""Bents: columns on an arch or on the ground, under a cross-head that carries the deck."""
+"""Bents: columns on an arch or on the ground, under a cross-head that supports the deck."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from authoring.shapes.topology import corner_normals
 from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, turned
 
-EMBEDDED = 0.010  # [m] column into cross-head, arch and footing
+EMBEDDED = 0.010  # [m] embedment of a column in cross-head, arch and footing
 _SIDES = 32  # of a round column
 _FOOTING_MARGIN = 0.6  # [m] beyond the columns
 _CAP_MARGIN = 0.12  # [m] beyond the columns, along the bridge
@@ -59,7 +59,7 @@ class Bents:
 
 @dataclass(frozen=True)
 class CapPlace:
-    """Where a cross-head lies.
+    """Position of a cross-head.
 
     Attributes:
         station: Its middle [m].
@@ -79,7 +79,7 @@ def cap_part(bents: Bents, name: str, kind: str, cap: CapPlace, level: Alignment
         bents: Dimensions.
         name: Name of the part.
         kind: `cross_head` or `pier_cap`.
-        cap: Where it lies.
+        cap: Its position.
         level: Level frame of the bent.
     """
     station, top, width = cap.station, cap.top, cap.width
@@ -142,7 +142,7 @@ def column_surface(
 def foot_on(
     back: Heights, station: float, length: float, level: Alignment, reference: Alignment
 ) -> tuple[float, float]:
-    """Find where a column stands on an arch: its foot follows the chord of the arch's back below it.
+    """Find the foot of a column on an arch: it follows the chord of the arch's extrados below it.
 
     Args:
         back: Finds heights of the arch's back [m] at stations [m], shape (N,), float64.
@@ -185,15 +185,15 @@ def spandrel_parts(
 def pier_bent_parts(
     bents: Bents, name: str, cap: CapPlace, foot: float, place: Alignment, support: int | None = None
 ) -> list[Part]:
-    """Build a pier: columns that stand on something level, and their cap.
+    """Build a pier: columns on a level surface, and their cap.
 
     Args:
         bents: Dimensions.
         name: Beginning of the names, e.g. `Pier_001`.
-        cap: Where its cap lies.
-        foot: Height of what the columns stand on [m].
+        cap: Position of its cap.
+        foot: Height of the surface under the columns [m].
         place: Axis of the bridge.
-        support: Number of the support where decks end on the pier: its cap is level; others follow the grade.
+        support: Number of the support if decks end on the pier: its cap is level; others follow the grade.
     """
     station = cap.station
     level = level_at(place, station)
@@ -215,15 +215,15 @@ def bent_footing(bents: Bents, name: str, station: float, ceiling: float, foundi
         bents: Dimensions.
         name: Name of the part.
         station: Its middle [m].
-        ceiling: Highest that its top may be [m].
-        founding: How deep it stands, in the level frame of the bent.
+        ceiling: Upper limit of its top [m].
+        founding: Depth of its foundation, in the level frame of the bent.
 
     Returns:
         The footing and the height of its top [m].
     """
     half = np.array([0.5 * bents.length, max(bents.lines) + 0.5 * bents.width]) + _FOOTING_MARGIN
     low, high = founding.ground_range((station - half[0], station + half[0]), (-half[1], half[1]))
-    # One that shows is cut into the upper side of a slope.
+    # A visible footing cuts into the upper side of a slope.
     top = min(footing_top(low, 0.5 * (low + high), bents.footing_top), ceiling)
     bottom = min(low, top) - founding.depth
     outline = cut_corners(rectangle((station - half[0], -half[1]), (station + half[0], half[1])), 0.025)
@@ -237,7 +237,7 @@ def grade_near(place: Alignment, station: float) -> float:
 
     Args:
         place: Axis of the bridge.
-        station: Where [m].
+        station: Station [m].
     """
     heights = place.point(np.array([station - 0.5, station + 0.5]), np.zeros(2), np.zeros(2))[:, 2]
     return float(heights[1] - heights[0])

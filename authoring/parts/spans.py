@@ -1,4 +1,4 @@
-"""Where spans begin and end along the axis, and the levels of a deck on girders."""
+"""Positions of spans along the axis, and the levels of a deck on girders."""
 
 from dataclasses import dataclass
 
@@ -9,14 +9,14 @@ ABUTMENT_BACK = 1.2  # [m] from the bearing line to the abutment's back face: wh
 
 @dataclass(frozen=True)
 class Spans:
-    """Spans in a row: stations of what happens at their ends.
+    """Spans in a row: stations of supports, ends and joints.
 
     Attributes:
         supports: Stations of the abutments' bearing lines and the piers' axes [m].
         overhang: From a bearing line to the end of girder and slab [m].
         gap: Expansion gap between two decks, and between deck and backwall [m].
-        continuous: The deck runs through over the piers: expansion joints lie at the abutments only.
-        one_row: Each pier has one row of bearings, on its axis, because the members on it run through as well.
+        continuous: Whether the deck is continuous over the piers, with expansion joints only at the abutments.
+        one_row: Whether each pier has one row of bearings, on its axis, because the members are continuous as well.
     """
 
     supports: tuple[float, ...]
@@ -31,7 +31,7 @@ class Spans:
         return len(self.supports) - 1
 
     def ends(self, span: int) -> tuple[float, float]:
-        """Find where the members of a span begin and end [m]; on the pier's axis where they run through.
+        """Find where the members of a span begin and end [m]; on the pier's axis if they are continuous.
 
         Args:
             span: Number of the span.
@@ -42,7 +42,7 @@ class Spans:
 
     @property
     def pieces(self) -> list[tuple[float, float]]:
-        """Stations from and to [m] of every piece of deck: one for each span, or a single one that runs through."""
+        """Stations from and to [m] of every piece of deck: one for each span, or a single continuous one."""
         if self.continuous:
             return [(self.ends(0)[0], self.ends(self.count - 1)[1])]
         return [self.ends(span) for span in range(self.count)]
@@ -71,7 +71,7 @@ class Spans:
 
     @property
     def pier_setback(self) -> float:
-        """From a pier's axis to either of its two rows of bearings [m]; 0 where it has one."""
+        """From a pier's axis to either of its two rows of bearings [m]; 0 if it has only one."""
         return 0.0 if self.one_row else self.row_setback
 
     @property
@@ -127,7 +127,7 @@ class Levels:
 
     @property
     def plinth_top(self) -> float:
-        """Where pads stand [m]."""
+        """Level of the pads' underside [m]."""
         return self.girder_soffit - self.pad
 
     @property
@@ -139,9 +139,9 @@ class Levels:
 def level_at(alignment: Alignment, station: float) -> Alignment:
     """Remove curve and grade from an alignment around one support: caps and walls are built straight.
 
-    `left` runs along the support line, skewed where the supports are, and lines of girders meet it where they do on
-    the bridge; a crossfall stays, so that caps slope under a superelevated road. What keeps its right angles there
-    (columns, pads, posts) is built in `alignment.frame_at(station, left, turn=-alignment.skew)`.
+    `left` runs along the support line, skewed like the supports, and lines of girders meet it at the same points as on
+    the bridge; a crossfall is kept, so that caps slope under a superelevated road. Members with right angles there
+    (columns, pads, posts) are built in `alignment.frame_at(station, left, turn=-alignment.skew)`.
 
     Args:
         alignment: Axis of the bridge.

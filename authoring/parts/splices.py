@@ -14,7 +14,7 @@ from authoring.solids.sweep import Surface, joined
 
 HALF_LENGTH = 0.42  # [m] of a splice, from the joint to the ends of its plates
 _PLATE = 0.014  # [m]
-_INTO = 0.002  # [m] plates into the girder, bolts into the plates
+_INTO = 0.002  # [m] embedment of plates in the girder, and of bolts in the plates
 _HEAD, _ACROSS = 0.020, 0.044  # [m] height of a bolt's head, width over its corners
 _PITCH = 0.16  # [m] largest, between bolts
 _EDGE = 0.055  # [m] least, from a bolt to its plate's edge

@@ -19,20 +19,20 @@ from authoring.shapes.topology import cross
 Run = tuple[float, float]
 Arrangement = Literal["fan", "semi_fan", "harp"]
 
-_BETWEEN = 0.06  # [m] between two collars on a pylon
-_SOCKET, _HEAD = 0.9, 0.5  # [m] sleeves at the deck and at the pylon, of a stay 0.1 m thick
+_BETWEEN = 0.06  # [m] least gap between two collars on a pylon
+_SOCKET, _HEAD = 0.9, 0.5  # [m] lengths of sleeves at the deck and at the pylon, for a stay 0.1 m thick
 STEEPEST = 3.0  # tangent of the innermost stay's slope
 
 
 @dataclass(frozen=True)
 class Stays:
-    """The stays of one pylon towards its main span; towards the other span they are the same, drawn together.
+    """The stays of one pylon towards its main span; towards the other span they are the same with shorter distances.
 
     Attributes:
         arrangement: `fan`, `semi_fan` or `harp`.
         planes: 1 or 2.
         plane: Foot of the stays, distance to the left of the axis [m]; 0 for a single plane.
-        foot: Height of the face that their sockets stand on [m].
+        foot: Height of the surface under their sockets [m].
         offsets: From the pylon's axis to every foot in the main span, rising [m].
         heights: Height of every head above the finished surface, rising [m].
         shrink: Side span's distances over the main span's, from the pylon's face [1].
@@ -57,7 +57,7 @@ class Stays:
         """Find the distance from the pylon's axis to every foot in the side span [m].
 
         Args:
-            pylon: The pylon that carries the stays.
+            pylon: The pylon of the stays.
         """
         faces = [pylon.face(height) for height in self.heights]
         return tuple(f + self.shrink * (x - f) for f, x in zip(faces, self.offsets, strict=True))
@@ -74,7 +74,7 @@ def collar_of(diameter: float) -> float:
 
 @dataclass(frozen=True)
 class HeadZone:
-    """Where a pylon has room for the heads of its stays.
+    """Zone of a pylon for the heads of its stays.
 
     Attributes:
         foot: Height of the stays' feet [m].
@@ -96,8 +96,8 @@ def head_heights(arrangement: str, runs: Sequence[Run], zone: HeadZone) -> tuple
 
     Args:
         arrangement: `fan`: as close as their collars allow; `semi_fan`: spread over a zone; `harp`: all stays parallel.
-        runs: How far every stay runs along the bridge from the pylon's face in the main span, rising [m], and at least.
-        zone: Where they have room.
+        runs: Length of every stay along the bridge from the pylon's face in the main span, rising [m], and the least.
+        zone: Zone of the heads.
 
     Returns:
         Heights, rising [m].
@@ -110,7 +110,7 @@ def head_heights(arrangement: str, runs: Sequence[Run], zone: HeadZone) -> tuple
     even = (top - zone.lowest) / (len(runs) - 1) if arrangement == "semi_fan" else 0.0
     heads, least = [top], [run for _, run in runs[::-1]]
     for upper, lower in pairwise(least):
-        # The lower one uses the upper one's height, so it is a little steeper here than it is built.
+        # The lower one uses the upper one's height, so it is slightly steeper here than as built.
         spread = [zone.collar * float(np.hypot(1.0, (heads[-1] - foot) / run)) for run in (upper, lower)]
         heads.append(heads[-1] - max(even, sum(spread) + _BETWEEN))
     return tuple(heads[::-1])
@@ -120,8 +120,8 @@ def stay_parts(stays: Stays, pylon: Pylon, pylons: tuple[tuple[int, float, int],
     """Build every stay with its socket and its upper anchorage.
 
     Args:
-        stays: Where they end.
-        pylon: The pylon that carries them.
+        stays: End points of the stays.
+        pylon: Their pylon.
         pylons: Number of the support, station [m] and direction of the main span (1 or -1) of every pylon.
         place: Axis of the bridge.
     """

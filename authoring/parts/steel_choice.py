@@ -1,4 +1,4 @@
-"""The choice of a steel superstructure: arrangement, sections and lines of its girders, and what the user may fix."""
+"""The choice of a steel superstructure: arrangement, sections and lines of its girders, and their settings."""
 
 from typing import Literal
 
@@ -14,9 +14,9 @@ from groundwork.settings import Settings
 LEAST_SPACING, MOST_SPACING = 2.2, 3.6  # [m] of the lines of a multi-girder deck
 _ARRANGEMENTS = {"multi": 60.0, "ladder": 22.0, "box": 18.0}
 _WIDTHS = {"multi": (0.0, 40.0), "ladder": (7.0, 18.0), "box": (6.5, 27.0)}  # [m] of deck
-_BOX_SPAN = 30.0  # [m] from which boxes pay (Khan, table 1.2)
+_BOX_SPAN = 30.0  # [m] shortest span for which boxes are economical (Khan, table 1.2)
 _ONE_BOX = 13.5  # [m] widest deck on a single box
-_HAUNCHED_SLIMMER = 1.25  # [1] a haunched girder is so much slimmer at mid-span
+_HAUNCHED_SLIMMER = 1.25  # [1] factor by which a haunched girder is more slender at mid-span
 _LEAST_DEPTH = 0.70  # [m]
 
 
@@ -79,13 +79,13 @@ def draw_plate_girders(settings: PlateGirderSettings, width: float, spans: Spans
     """Draw the girders for a deck.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         width: Deck width [m].
         spans: Stations.
         draws: Random stream and profile of the bridge.
 
     Raises:
-        InputError: What is fixed cannot carry this deck.
+        InputError: The given values do not fit this deck.
     """
     paper = draws.profile == "paper"
     longest = float(np.max(np.diff(spans.supports)))
@@ -180,5 +180,5 @@ def _lines(
 
 
 def _box_width(width: float, boxes: int, pier_depth: float) -> float:
-    """Find the width over a box's top flanges, so wide that its foot carries two bearings [m]."""
+    """Find the width over a box's top flanges, wide enough for two bearings under it [m]."""
     return max(0.52 * width / boxes, 2.0 * (0.22 * pier_depth + 0.95 + 0.20))

@@ -1,4 +1,4 @@
-"""Stiffeners of plate girders: plates across the web, where cross-frames join it, between them, and on the bearings."""
+"""Stiffeners of plate girders: plates perpendicular to the web, at cross-frames, between them, and over bearings."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,9 +14,9 @@ from authoring.shapes.component import F64
 from authoring.solids.setting_out import in_one_chart, plates, shifted, to_world
 from authoring.solids.sweep import Surface
 
-INTO = 0.004  # [m] plates into web and flanges
+INTO = 0.004  # [m] embedment of plates in web and flanges
 _FROM_EDGE = 0.015  # [m] from a stiffener's free edge to the narrower flange's edge
-_BEARING_THICKER = 1.6  # [1] a bearing stiffener is so much thicker
+_BEARING_THICKER = 1.6  # [1] factor of the thickness of bearing stiffeners
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class _Plates:
 
 @dataclass(frozen=True)
 class Stiffening:
-    """Which stiffeners the girders have.
+    """The stiffeners of the girders.
 
     Attributes:
         frames: Stations of the cross-frames, rising [m].
@@ -46,7 +46,7 @@ class Stiffening:
 
 
 def stiffener_width(girders: PlateGirders) -> float:
-    """Find how far stiffeners stand out from the web [m].
+    """Compute the projection of stiffeners from the web [m].
 
     Args:
         girders: Section.
@@ -62,7 +62,7 @@ def stiffener_parts(
     Args:
         girders: Dimensions.
         spans: Stations.
-        stiffening: Where they stand, and how thick they are.
+        stiffening: Their positions and thickness.
         levels: Levels of the deck.
         place: Axis of the bridge.
     """
@@ -133,7 +133,7 @@ def _on_bearings(girders: PlateGirders, spans: Spans, thickness: float, top: flo
 
 
 def _inner_sides(girders: PlateGirders, line: int) -> list[float]:
-    """List the sides of a line on which another one follows: an edge girder is smooth outside."""
+    """List the sides of a line with a neighboring line: an edge girder has no stiffeners outside."""
     return [side for side, there in ((1.0, line + 1 < len(girders.lines)), (-1.0, line > 0)) if there]
 
 

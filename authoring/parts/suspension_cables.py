@@ -13,13 +13,13 @@ from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
 from authoring.parts.spans import level_at
 from authoring.shapes.component import F64
 
-_LUG = 0.16  # [m] of a clamp below the ring
-_BLOCK_SIDE = 0.9  # [m] of an anchor block outside the cable's plane
-_CAST = 0.7  # [m] sleeve on an anchor block
-_FOUNDED = 2.0  # [m] anchor block below the lowest ground at it
-_CONCRETE, _GRIPPED, _SAFETY = 24.0, 0.8, 1.3  # [kN/m3], share of the weight that friction and earth hold [1], [1]
-_LONGEST, _WIDEST = 26.0, 9.0  # [m] of an anchor block, and beside the cable; deeper where that is too little
-_GRIP = 0.55  # share of half a saddle's length that a cable reaches into it
+_LUG = 0.16  # [m] length of a clamp below the ring
+_BLOCK_SIDE = 0.9  # [m] width of an anchor block outside the cable's plane
+_CAST = 0.7  # [m] length of a sleeve on an anchor block
+_FOUNDED = 2.0  # [m] depth of an anchor block below the lowest ground at it
+_CONCRETE, _GRIPPED, _SAFETY = 24.0, 0.8, 1.3  # [kN/m3], share of weight resisted by friction and earth [1], safety [1]
+_LONGEST, _WIDEST = 26.0, 9.0  # [m] of an anchor block, and beside the cable; deeper if too small
+_GRIP = 0.55  # embedment of a cable in a saddle, as a share of half the saddle's length
 
 
 @dataclass(frozen=True)
@@ -36,10 +36,10 @@ class SuspensionCables:
         side_sag: Sag of the side spans under their chord [m]; 0 for straight backstays.
         diameter: Of a main cable [m].
         hanger_diameter: Of a hanger [m].
-        foot: Height of the face that the hangers' sockets stand on [m].
+        foot: Height of the face under the hangers' sockets [m].
         main_hangers: Stations of the main span's hangers, rising [m].
         side_hangers: Stations of the side spans' hangers, rising [m].
-        pull: Horizontal force in one cable, which its anchor block holds by its weight [kN]; 0 where it is not known.
+        pull: Horizontal force in one cable, which the weight of its anchor block resists [kN]; 0 if unknown.
     """
 
     plane: float
@@ -58,7 +58,7 @@ class SuspensionCables:
 
     @property
     def sag(self) -> float:
-        """Of the main span [m]."""
+        """Sag of the main span [m]."""
         return self.crown - self.low
 
     @property
@@ -102,7 +102,7 @@ def cable_parts(cables: SuspensionCables, place: Alignment, ground: Ground) -> l
     """Build main cables, saddles, hangers with clamps and sockets, and anchorages.
 
     Args:
-        cables: Where they run.
+        cables: Geometry of the cables.
         place: Axis of the bridge.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
     """
@@ -242,7 +242,7 @@ def _anchorage_parts(
 
 
 def anchorage_volume(pull: float) -> float:
-    """Find the concrete that holds a cable by friction on its base and by the earth before it [m3].
+    """Compute the volume of concrete that anchors a cable by friction and by the earth in front of it [m3].
 
     Args:
         pull: Horizontal force in the cable [kN].
@@ -251,7 +251,7 @@ def anchorage_volume(pull: float) -> float:
 
 
 def _growth(cables: SuspensionCables) -> tuple[float, float]:
-    """Compute the length of an anchor block, and how much wider than its casting it has to be [m]."""
+    """Compute the length of an anchor block, and its required extra width over its casting [m]."""
     side = anchorage_volume(cables.pull) ** (1.0 / 3.0)
     return min(1.1 * side, _LONGEST), min(0.55 * side, _WIDEST)
 

@@ -9,8 +9,8 @@ from authoring.shapes.sections import cut_corners, rectangle
 from authoring.solids.extrusion import Prism
 
 LENGTH = 1.0  # [m] of a block along the road: room for the bolts of a guardrail
-_HIGHER = 0.05  # [m] than the parapet
-_PROUD = 0.007  # [m] of its faces before those of the parapet
+_HIGHER = 0.05  # [m] higher than the parapet
+_PROUD = 0.007  # [m] projection of its faces in front of those of the parapet
 
 
 def terminal_parts(
@@ -27,7 +27,7 @@ def terminal_parts(
     Args:
         parapets: Their section.
         foot: From the axis to the inner foot of the parapets [m].
-        slab_top: Height of what they stand on [m].
+        slab_top: Height of the surface under them [m].
         block: Ending of the names, e.g. `Approach_0`, and lower and higher station of the blocks [m].
         place: Axis of the bridge.
         way: Height of the road or walkway beside them [m].

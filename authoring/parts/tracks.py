@@ -22,10 +22,10 @@ from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, joined, sweep
 from groundwork.settings import Settings
 
-EMBEDDED = 0.005  # [m] ballast, slab and upstands into the deck
-_INTO_SIDE = 0.010  # [m] ballast into the upstands
-_SHORTER = 0.003  # [m] walkways against upstands, so that no two faces lie in one plane
-_LOWER = 0.012  # [m] walkway below upstand
+EMBEDDED = 0.005  # [m] embedment of ballast, slab and upstands in the deck
+_INTO_SIDE = 0.010  # [m] embedment of ballast in the upstands
+_SHORTER = 0.003  # [m] walkways are shorter than upstands, so that no two faces are coplanar
+_LOWER = 0.012  # [m] depth of the walkway below the upstand
 _TOE = 0.15  # [m] from the edge of the ballast's level top to the upstand
 _TOE_SLOPE = 1.5  # horizontal metres for each metre of height of the ballast's shoulder
 _SLAB_GAP = 0.06  # [m] by which the gap between track slabs is wider than the deck's
@@ -116,9 +116,9 @@ def draw_tracks(settings: TrackSettings, tracks: int, edge: float, draws: Draws)
     """Draw the cross-section of a rail deck.
 
     Args:
-        settings: What the user fixed.
+        settings: Values set by the user.
         tracks: Number of tracks, 1 or 2.
-        edge: What parapet and ledge take from the deck's width on each side [m].
+        edge: Width of parapet and ledge on each side [m].
         draws: Random stream and profile of the bridge.
     """
     paper = draws.profile == "paper"
@@ -128,7 +128,7 @@ def draw_tracks(settings: TrackSettings, tracks: int, edge: float, draws: Draws)
     half = 0.5 * value["spacing"]
     section = TrackSection(
         lines=(0.0,) if tracks == 1 else (-half, half),
-        gauge=1.4 if paper else GAUGE,  # the generator's rails, 0.1 m wide, stand 1.5 m apart
+        gauge=1.4 if paper else GAUGE,  # the generator's rails, 0.1 m wide, are 1.5 m apart
         rail_height=0.200 if paper else 0.172,
         rail_foot=0.100 if paper else 0.150,
         rail_head=0.100 if paper else 0.072,
@@ -152,7 +152,7 @@ def draw_tracks(settings: TrackSettings, tracks: int, edge: float, draws: Draws)
 def track_parts(tracks: Tracks, spans: Spans, place: Alignment) -> list[Part]:
     """Build the continuous track over the whole bridge: its bed, sleepers and rails.
 
-    Rails are welded: one piece each, from where the site's track ends to where it begins again.
+    Rails are welded: one piece each, between the ends of the site's track.
 
     Args:
         tracks: Cross-section.
@@ -270,8 +270,8 @@ def _sleeper_parts(
 def sleeper_solid(section: TrackSection) -> Surface:
     """Make one sleeper round the middle of its top between the rails: along, left, up.
 
-    A concrete sleeper is waisted between the rails and bevelled at its ends; a timber sleeper is a baulk. On both stand
-    the fastenings that hold the rails' feet.
+    A concrete sleeper is waisted between the rails and bevelled at its ends; a timber sleeper is a rectangular block.
+    Both have the fastenings that hold the rails' feet.
 
     Args:
         section: Cross-section of the track.

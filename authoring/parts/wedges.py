@@ -1,4 +1,4 @@
-"""Frames for members between two planes that are not parallel: a level foot under a sloping head, or the reverse."""
+"""Coordinate frames between two planes that are not parallel, for members with a level foot and a sloping head."""
 
 from dataclasses import dataclass, fields, replace
 
@@ -14,9 +14,9 @@ FLAT: Slope = (0.0, 0.0)
 
 @dataclass(frozen=True)
 class Wedge(Alignment):
-    """A frame whose level planes turn about its origin, gradually from one slope into another between two heights.
+    """A frame whose horizontal planes rotate about its origin, from one slope to another between two heights.
 
-    Verticals stay vertical, so that the plumb sides of a prism stay plane whatever its two ends do.
+    Verticals stay vertical, so that the vertical sides of a prism stay plane for any slopes of its ends.
 
     Attributes:
         low: Height of the lower plane [m].
@@ -34,7 +34,7 @@ class Wedge(Alignment):
 
     @property
     def affine(self) -> bool:
-        """Whether parallel lines stay parallel: never, unless both planes are one."""
+        """Whether parallel lines stay parallel: only if both planes have the same slope."""
         return False
 
     def point(self, station: F64, left: F64, above: F64) -> F64:
@@ -64,7 +64,7 @@ def wedge(
     high: Slope = FLAT,
     twist: float = 0.0,
 ) -> Alignment:
-    """Set the origin of a level frame on one point, about which its planes turn.
+    """Set the origin of a level frame to the point about which its planes rotate.
 
     Args:
         frame: A level, right-angled frame.
@@ -87,10 +87,10 @@ def road_slope(place: Alignment, station: float) -> Slope:
 
     Args:
         place: Axis of the bridge.
-        station: Where [m].
+        station: Station [m].
 
     Returns:
-        Rise per metre square to the support line and along it, to the left [1].
+        Rise per meter perpendicular to the support line and along it, to the left [1].
     """
     at = np.array([station])
     grade, fall = float(place.grade_at(at)[0]), float(place.crossfall(at)[0])
@@ -108,7 +108,7 @@ def seat_slope(place: Alignment, support: float) -> Slope:
 
 
 def _turned(grade: float, fall: float, skew: float) -> Slope:
-    """Turn a slope given along skewed coordinates into the frame that is turned clockwise by the skew."""
-    aside = fall - np.tan(skew) * grade  # square to the axis, to the left
+    """Convert a slope in skewed coordinates to the frame that is rotated clockwise by the skew."""
+    aside = fall - np.tan(skew) * grade  # perpendicular to the axis, to the left
     cosine, sine = float(np.cos(skew)), float(np.sin(skew))
     return float(grade * cosine - aside * sine), float(grade * sine + aside * cosine)

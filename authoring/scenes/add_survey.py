@@ -29,7 +29,7 @@ def add_survey(scene: Path, settings: AnySurvey, seed: int | None = None) -> Cam
         The flight.
 
     Raises:
-        InputError: A stored scene, one without a recipe, or no such flight is possible.
+        InputError: A stored scene, one without a recipe, or a flight that is not possible.
     """
     check_editable(scene)
     seed = read_recipe(scene.parent).seed if seed is None else seed

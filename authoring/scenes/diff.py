@@ -16,7 +16,7 @@ from groundwork.errors import InputError
 from usd_schemas import tokens
 from usd_schemas.apis import direct_label, read_component
 
-TOLERANCE = 1e-6  # [m], [1] what scenes are written to
+TOLERANCE = 1e-6  # [m], [1] precision of the values in scenes
 
 _SHAPE = {
     "points",
@@ -49,7 +49,7 @@ class SceneDiff:
 
     Attributes:
         selections: Axis to its choice before and after.
-        moved: Prims whose own transform differs, to the distance of their origin [m]; what stands below is not named.
+        moved: Prims whose own transform differs, to the distance of their origin [m]; prims below are not listed.
         reshaped: Prims with other points, faces, lens or other measures.
         look: Prims whose material differs, to the material before and after.
         relabelled: Prims with another component, class or id, to both.
@@ -76,9 +76,9 @@ class SceneDiff:
 
 
 def diff_scenes(first: Path, second: Path) -> SceneDiff:
-    """Compare two scenes as they compose, with the variants that each selects.
+    """Compare two composed scenes, with the variants that each selects.
 
-    Prims are matched by path; those left over, by their stable id.
+    Prims are matched by path; the others by their stable id.
 
     Args:
         first: Root layer before.
@@ -182,7 +182,7 @@ def _label(prim: Usd.Prim) -> list[str]:
 
 
 def _values(prim: Usd.Prim) -> dict[str, Any]:
-    """Values of a prim's own attributes, files by their content."""
+    """Collect the values of a prim's own attributes, files by their content."""
     return {attribute.GetName(): _plain(attribute.Get()) for attribute in prim.GetAttributes()}
 
 
@@ -205,7 +205,7 @@ class _Looks:
         return str(material.GetPath()) if material else ""
 
     def content(self, prim: Usd.Prim) -> Any:
-        """Everything that a prim's material consists of."""
+        """Collect the whole content of a prim's material."""
         path = self.name(prim)
         if path not in self._known:
             root = prim.GetStage().GetPrimAtPath(path) if path else None

@@ -18,7 +18,7 @@ from usd_schemas.components import class_of, component_classes
 from usd_schemas.reading.labels import read_taxonomy
 from usd_schemas.tokens import CLASS_TAXONOMY, COMPONENT_TAXONOMY
 
-_BACKGROUND = "background"  # class of what is no part of a bridge
+_BACKGROUND = "background"  # class of everything outside a bridge
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,10 @@ class Inventory:
 
     Attributes:
         tree: Prim path, type, kind and number of surfaces below, for the upper prims; an instance counts as one.
-        choices: Axis (or prim and variant set) to the names on offer.
+        choices: Axis (or prim and variant set) to the available names.
         selected: Axis to the name selected.
         components: Component kind to number of surfaces and instances; `(none)` where none is known.
-        classes: Class in the table in force to the same.
+        classes: Class in the active table to the same.
         members: Instance id, component kind, class and prim path of every part that is not background, by id.
         triangles: Triangles of every visible mesh, instances counted each time.
         surveys: Survey id to number of images and their size [px].
@@ -99,7 +99,7 @@ def take_inventory(path: Path, depth: int = 4) -> Inventory:
 
 
 def scene_files(path: Path) -> dict[str, str]:
-    """Hash every layer and texture that a stage names, in any variant.
+    """Hash every layer and texture that a stage refers to, in any variant.
 
     Args:
         path: Root layer.

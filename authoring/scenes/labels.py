@@ -32,13 +32,13 @@ def write_labels(settings: LabelSettings, folder: Path) -> None:
 
 
 def write_taxonomy_layer(folder: Path, name: str) -> None:
-    """Activate a table in a scene; the layer of another one is deactivated, and its file stays.
+    """Activate a table in a scene; the layer of another one is deactivated, but its file is kept.
 
-    A compatibility layer that the scene has is written anew, since it spells out the classes in force.
+    A compatibility layer of the scene is rewritten, because it contains the classes of the active table.
 
     Args:
         folder: Scene folder.
-        name: One of `TAXONOMIES`; the base table needs no layer, since the render layer carries it.
+        name: One of `TAXONOMIES`; the base table needs no layer, because it is in the render layer.
 
     Raises:
         InputError: There is no such table, or the scene is a stored result.
@@ -55,7 +55,7 @@ def write_taxonomy_layer(folder: Path, name: str) -> None:
 
 
 def write_replicator_layer(folder: Path) -> None:
-    """Write `compat_replicator.usda` from the labels of a scene and switch it on; written anew, it follows the scene.
+    """Write `compat_replicator.usda` from the labels of a scene and activate it; rewrite it after changes of the scene.
 
     Args:
         folder: Scene folder.

@@ -1,4 +1,4 @@
-"""`manifest.json` of a scene folder: the recipe that it was authored from, and the hash of every file."""
+"""`manifest.json` of a scene folder: the recipe of its authoring, and the hash of every file."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,16 +17,16 @@ from groundwork.settings import parse_settings
 FORMAT = "falsework.scene"
 FORMAT_VERSION = 1
 NAME = "manifest.json"
-EDITED = "edited"  # set as soon as anything was chosen, planned or added after authoring
+EDITED = "edited"  # set when anything was selected, planned or added after authoring
 _NOT_OURS = {NAME, MANIFEST}
 
 
 @dataclass(frozen=True)
 class SceneRecipe:
-    """What a scene was authored from.
+    """The inputs of a scene's authoring.
 
     Attributes:
-        settings: What the scenario said.
+        settings: Settings of the scenario.
         seed: Seed of the scene.
     """
 
@@ -38,7 +38,7 @@ def write_scene_manifest(recipe: SceneRecipe, folder: Path) -> None:
     """Write the manifest of a finished scene folder.
 
     Args:
-        recipe: What the scene was authored from.
+        recipe: The inputs of the scene's authoring.
         folder: Scene folder.
     """
     record = {
@@ -62,7 +62,7 @@ def refresh_manifest(folder: Path) -> None:
 
 
 def read_recipe(folder: Path) -> SceneRecipe:
-    """Read what a scene was authored from.
+    """Read the inputs of a scene's authoring.
 
     Args:
         folder: Scene folder.
@@ -106,7 +106,7 @@ def changed_files(folder: Path) -> list[str]:
 
 
 def edits_since(folder: Path) -> list[str]:
-    """List what a new authoring into a scene folder would lose.
+    """List the changes that a new authoring of a scene folder would remove.
 
     Args:
         folder: Scene folder.

@@ -1,4 +1,4 @@
-"""The files that are a scene's own: what its layers use, in any variant, and what its manifest lists beside them."""
+"""The files that belong to a scene: those that its layers use, in any variant, and those that its manifest lists."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from groundwork.files import read_json
 from groundwork.foreign_file import is_regular
 from usd_schemas.guard.layer_walk import Bounds, walk_layers
 
-VARIANTS = "variant_*.usda"  # root layers that choose something else
+VARIANTS = "variant_*.usda"  # root layers with other selections
 _BESIDE = frozenset(
     {
         ".usda",
@@ -33,9 +33,9 @@ _BESIDE = frozenset(
 
 
 def own_files(root: Path) -> tuple[str, ...]:
-    """List the files of a scene: those that its layers name, variants beside the root layer, and the manifest's.
+    """List the files of a scene: those that its layers refer to, variants beside the root layer, and the manifest's.
 
-    Whatever else lies in the folder is not the scene's, and no link leads out of it.
+    Other files in the folder do not belong to the scene, and links must not lead out of it.
 
     Args:
         root: Root layer.
@@ -44,7 +44,7 @@ def own_files(root: Path) -> tuple[str, ...]:
         Paths from its folder, sorted.
 
     Raises:
-        InputError: A layer names a file that is remote, or outside the folder, through a link among others.
+        InputError: A layer refers to a file that is remote or outside the folder, also through a link.
     """
     home = root.resolve().parent
     found: set[str] = set()
@@ -61,7 +61,7 @@ def own_files(root: Path) -> tuple[str, ...]:
 
 
 def used_files(root: Path) -> tuple[str, ...]:
-    """List every layer and texture that a stage names, in any variant, none of them outside its folder.
+    """List every layer and texture that a stage uses, in any variant; none may be outside its folder.
 
     Args:
         root: Root layer.
@@ -70,7 +70,7 @@ def used_files(root: Path) -> tuple[str, ...]:
         Paths from its folder, sorted.
 
     Raises:
-        InputError: One is remote, or outside the folder, through a link among others.
+        InputError: One is remote or outside the folder, also through a link.
     """
     home = root.resolve().parent
     quiet = UsdUtils.CoalescingDiagnosticDelegate()

@@ -28,7 +28,7 @@ def validate_scene(path: Path) -> list[str]:
         path: `scene.usda` or any other stage.
 
     Returns:
-        One line for each finding, naming the prim or layer; empty when the scene is sound in every variant.
+        One line for each finding, naming the prim or layer; empty if the scene is valid in every variant.
 
     Raises:
         InputError: USD cannot open the file.
@@ -53,10 +53,10 @@ def validate_scene(path: Path) -> list[str]:
 
 
 def usd_findings(stage: Usd.Stage) -> Iterator[str]:
-    """Run USD's own validators, but for those of packages and physics.
+    """Run USD's own validators, except those of packages and physics.
 
     Args:
-        stage: Stage to look at.
+        stage: Stage to check.
     """
     registry = UsdValidation.ValidationRegistry()
     names = [metadata.name for metadata in registry.GetAllValidatorMetadata()]
@@ -65,18 +65,18 @@ def usd_findings(stage: Usd.Stage) -> Iterator[str]:
     for error in context.Validate(stage):
         sites = [str(site.GetPrim().GetPath()) for site in error.GetSites() if site.IsPrim()]
         if _is_elsewhere(error) or (error.GetType() == _WARNING and sites and sites[0].startswith(tokens.BACKGROUND)):
-            continue  # advice about a world of the user's, who may flip normals if that is how the picture was made
+            continue  # advice about a world of the user's, who may flip normals if the image was made that way
         yield f"{sites[0] if sites else 'stage'}: {error.GetMessage()} [{error.GetName()}]"
 
 
 def label_findings(stage: Usd.Stage) -> Iterator[str]:
     """Check that every visible surface has one component and one class, both in the tables and consistent.
 
-    The class that a prim carries is always that of the base table; a taxonomy that the stage brings must be usable and
+    The class on a prim is always that of the base table; a taxonomy of the stage must be valid and
     have a row for each component.
 
     Args:
-        stage: Stage to look at.
+        stage: Stage to check.
     """
     table, names = component_classes(), {row.name for row in class_rows()}
     unusable: list[str] = []
@@ -98,10 +98,10 @@ def label_findings(stage: Usd.Stage) -> Iterator[str]:
 
 
 def id_findings(stage: Usd.Stage) -> Iterator[str]:
-    """Check that instance ids are positive and unique; leaf names and stable ids are unique, so that a DCC keeps them.
+    """Check that instance ids are positive and unique; leaf names and stable ids are unique, as other programs need.
 
     Args:
-        stage: Stage to look at.
+        stage: Stage to check.
     """
     ids: Counter[int] = Counter()
     for prim in pickable_prims(stage):
@@ -114,7 +114,7 @@ def id_findings(stage: Usd.Stage) -> Iterator[str]:
         ids.update(set(own))
     yield from (f"instance id {number}: used by {count} prims" for number, count in ids.items() if count > 1)
     xforms = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Xformable)]
-    # A world from elsewhere has names of its own, and nothing in it is matched by name.
+    # An imported world has its own names, and is not matched by name.
     named = [prim for prim in xforms if _known(prim) or not str(prim.GetPath()).startswith(tokens.BACKGROUND)]
     names = Counter(prim.GetName() for prim in named)
     yield from (f"prim name {name}: used {count} times" for name, count in names.items() if count > 1)
@@ -126,7 +126,7 @@ def kind_findings(stage: Usd.Stage) -> Iterator[str]:
     """Check that model kinds have no gap: a group or component is below groups only.
 
     Args:
-        stage: Stage to look at.
+        stage: Stage to check.
     """
     for prim in stage.Traverse():
         kind = Usd.ModelAPI(prim).GetKind()
@@ -138,7 +138,7 @@ def camera_findings(stage: Usd.Stage) -> Iterator[str]:
     """Check that poses lie at the integer codes 0 to N - 1, and that the lens equals the calibration.
 
     Args:
-        stage: Stage to look at.
+        stage: Stage to check.
     """
     for prim in stage.Traverse():
         if not prim.HasAPI("FalseworkSurveyAPI"):
@@ -165,7 +165,7 @@ def camera_findings(stage: Usd.Stage) -> Iterator[str]:
 
 
 def asset_findings(path: Path) -> Iterator[str]:
-    """Check that every arc and file that any layer names, in any variant, starts with ./ , has no `..`, and exists.
+    """Check that every arc and file in any layer, in any variant, starts with ./ , has no `..`, and exists.
 
     Args:
         path: Root layer.
@@ -193,7 +193,7 @@ RULES: tuple[Rule, ...] = (usd_findings, label_findings, id_findings, kind_findi
 
 
 def surfaces(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    """Walk the visible Gprims and PointInstancers of a stage, instance proxies included, prototypes left out.
+    """Walk the visible Gprims and PointInstancers of a stage, with instance proxies and without prototypes.
 
     Args:
         stage: Stage to walk.
@@ -209,7 +209,7 @@ def surfaces(stage: Usd.Stage) -> Iterator[Usd.Prim]:
 
 
 def pickable_prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    """Iterate over the selectable prims of a stage: its surfaces, but of a native instance the instance itself.
+    """Iterate over the selectable prims of a stage: its surfaces, and native instances instead of their surfaces.
 
     Args:
         stage: Stage to walk.
@@ -242,7 +242,7 @@ def lens_values(lens: UsdLens) -> tuple[float, float, float, float, float]:
 
 
 def _is_elsewhere(error: UsdValidation.ValidationError) -> bool:
-    """Check whether a finding is only that MaterialX is not installed here: the shader serves other programs."""
+    """Check whether a finding is only that MaterialX is not installed here: the shader is for other programs."""
     return error.GetName() == "MissingShaderIdInRegistry" and "'ND_" in error.GetMessage()
 
 

@@ -1,4 +1,4 @@
-"""What generators hand to the layers: a closed mesh with its component kind, material role and instance id."""
+"""The output of generators: a closed mesh with its component kind, material role and instance id."""
 
 from dataclasses import dataclass, field
 
@@ -13,8 +13,8 @@ I64 = NDArray[np.int64]
 FIRST_BRIDGE_ID = 1
 FIRST_SITE_ID = 40_000
 FIRST_BACKGROUND_ID = 45_000
-FIRST_EDIT_ID = 60_000  # of what artists add: beyond what bridges, sites and backgrounds use
-LAST_ID = 65_535  # so that an instance image fits 16 bits
+FIRST_EDIT_ID = 60_000  # first id of objects added by users: above those of bridges, sites and backgrounds
+LAST_ID = 65_535  # so that instance images need 16 bits
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Component:
         name: Leaf prim name, unique in the stage, e.g. `Girder_000_02`.
         kind: Component kind, a row of the component table.
         role: Material role (`Role_…`) on a bridge, material recipe (`grass`, `brick` …) elsewhere.
-        group: Name of the Xform that it stands under, e.g. `Superstructure`.
+        group: Name of its parent Xform, e.g. `Superstructure`.
         mesh: Its surface, in world space.
         instance_id: Instance id, over 0, unique in the stage.
         parameters: Dimensions and other JSON facts.
@@ -70,11 +70,11 @@ class Scatter:
     Attributes:
         name: Leaf prim name, unique in the stage.
         kind: Component kind of every repeat.
-        group: Name of the Xform that it stands under.
+        group: Name of its parent Xform.
         prototypes: Meshes around their own origin; each is a tuple of (material recipe or role, mesh) pieces.
         prototype: Prototype of each repeat, shape (N,), int32.
         positions: Origin of each repeat [m], shape (N, 3), float64.
-        yaw: Turn of each repeat about z [rad], shape (N,), float64.
+        yaw: Rotation of each repeat about z [rad], shape (N,), float64.
         scales: Size of each repeat [1], shape (N, 3), float64.
         instance_ids: One id for each repeat, or a single id for the run.
     """
@@ -108,7 +108,7 @@ def triangles(mesh: Mesh) -> I32:
 
 
 def triangle_corners(components: tuple[Component, ...]) -> tuple[F64, I32]:
-    """Gather the triangles of several components.
+    """Collect the triangles of several components.
 
     Args:
         components: Components in world space.

@@ -11,20 +11,20 @@ from authoring.shapes.topology import Corners, corner_topology, cross
 
 Pieces = tuple[tuple[int, ...], ...]
 
-_FLAT = 1e-9  # [m], how far a quad may leave its plane before it is split
+_FLAT = 1e-9  # [m], largest distance of a quad's corner from its plane before it is split
 
 
 @dataclass(frozen=True)
 class Net:
-    """Faces of a swept solid; shared by all of one make, and so never written to.
+    """Faces of a swept solid; shared by all solids of one kind, and therefore never changed.
 
     Attributes:
         counts: Corners of each face, shape (F,), int32.
         chart: Chart of each face: 0 for the sides, 1 and 2 for the ends, shape (F,), int32.
         source: Row of each corner's texture coordinates: those of the quads, of the first and of the last outline,
             shape (C,), int64.
-        hand: Signs of each corner's texture coordinates that let no chart read mirrored from outside: v of the sides,
-            the horizontal of an end [1], shape (C, 2), float64.
+        hand: Signs of each corner's texture coordinates so that no chart is mirrored as seen from outside: v of the
+            sides, the horizontal of an end [1], shape (C, 2), float64.
         corners: How the corners are connected.
     """
 
@@ -45,7 +45,7 @@ def net(count: int, size: int, twisted: bytes, first: Pieces, last: Pieces, left
         twisted: One row of `twisted_quads`.
         first: How the first outline is cut.
         last: How the last one is.
-        left_handed: The outlines' plane and the sweep make a left-handed frame: faces are turned round.
+        left_handed: The outlines' plane and the sweep form a left-handed frame: faces are reversed.
     """
     quads, rows = _quads(count, size), np.arange(4 * (count - 1) * size).reshape(-1, 4)
     split = np.frombuffer(twisted, bool) if twisted else np.zeros(len(quads), bool)
@@ -69,7 +69,7 @@ def net(count: int, size: int, twisted: bytes, first: Pieces, last: Pieces, left
 
 
 def twisted_quads(rings: F64) -> list[bytes]:
-    """Find which quads between the rings of some solids leave their plane.
+    """Find which quads between the rings of some solids are not plane.
 
     Args:
         rings: Points [m], shape (N, S, P, 3), float64.
@@ -96,7 +96,7 @@ def end_pieces(outlines: F64) -> list[Pieces]:
     """
     if is_convex(outlines):
         return [(tuple(range(outlines.shape[1])),)] * len(outlines)
-    # Members of one section differ by where they lie; what is cut is the section.
+    # Members of one section differ in position; only the section is cut.
     return [_cut(section.tobytes()) for section in np.round(outlines - outlines[:, :1], 13)]
 
 

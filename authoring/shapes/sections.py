@@ -1,4 +1,4 @@
-"""Plane outlines of members: closed polygons in metres, counter-clockwise, and what can be measured or done on them."""
+"""Plane outlines of members: closed polygons in metres, counter-clockwise, and operations on them."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,7 @@ from usd_schemas.triangulate import clip_ears
 
 Triangle = tuple[int, int, int]
 
-_IN_CIRCLE = 1e-12  # [1] of a determinant's scale that is rounding
+_IN_CIRCLE = 1e-12  # [1] share of a determinant's scale that counts as rounding error
 
 
 def rectangle(low: tuple[float, float], high: tuple[float, float]) -> F64:
@@ -87,7 +87,7 @@ def inset(outline: F64, distance: float) -> F64:
 
     Args:
         outline: Corners, counter-clockwise [m], shape (P, 2), float64.
-        distance: How far [m]; so small that no side vanishes.
+        distance: Distance [m]; so small that no side vanishes.
 
     Returns:
         Outline [m], shape (P, 2), float64.
@@ -131,10 +131,10 @@ def _preceding(rows: F64) -> F64:
 
 
 def triangulate(outline: F64) -> I32:
-    """Cut a simple polygon into the stoutest triangles between its own corners: clip ears, then flip their diagonals.
+    """Triangulate a simple polygon: ear clipping, then edge flips to the constrained Delaunay triangulation.
 
-    Clipping alone may join corners that lie in one line by chance; the constrained Delaunay triangulation has the
-    largest least angle that there is.
+    Clipping alone may connect corners that happen to be collinear; the constrained Delaunay triangulation has the
+    largest possible smallest angle.
 
     Source: C. Lawson, Software for C1 surface interpolation, Mathematical Software III, 1977.
 
@@ -149,7 +149,7 @@ def triangulate(outline: F64) -> I32:
 
 
 def _flipped(triangles: list[Triangle], points: list[list[float]]) -> list[Triangle]:
-    """Turn the diagonal of every two triangles whose other diagonal makes stouter ones, until none is left."""
+    """Flip the diagonal of every two triangles if the other one gives larger angles, until there are none."""
     beside = {(t[k - 1], t[k]): (row, t[k - 2]) for row, t in enumerate(triangles) for k in range(3)}
     waiting = sorted(edge for edge in beside if edge[0] < edge[1] and edge[::-1] in beside)
     while waiting:

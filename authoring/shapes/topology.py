@@ -1,4 +1,4 @@
-"""How the corners of a mesh are connected, and the normals that follow from it."""
+"""How the corners of a mesh are connected, and the normals computed from it."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -12,7 +12,7 @@ _SMOOTH_COSINE = float(np.cos(np.radians(25.0)))
 
 @dataclass(frozen=True)
 class Corners:
-    """How the corners of a mesh are connected, whatever its points are.
+    """How the corners of a mesh are connected, independent of its points.
 
     Attributes:
         vertex: Vertex number of each corner, shape (C,), int32.
@@ -55,7 +55,7 @@ def normals_at(points: F64, corners: Corners) -> F64:
     Returns:
         Unit normals [1], shape (..., C, 3), float64.
     """
-    # `take` picks rows in half the time that an index with an ellipsis does.
+    # `take` selects rows in half the time of an index with an ellipsis.
     at = points.take(corners.vertex, axis=-2)
     centered = at - at.take(corners.starts, axis=-2).take(corners.face, axis=-2)
     newell = np.add.reduceat(cross(centered, centered.take(corners.following, axis=-2)), corners.starts, axis=-2)

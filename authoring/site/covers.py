@@ -1,4 +1,4 @@
-"""Cut a height field along the borders of its covers: grass, banks, fills … meet in curves that share every vertex."""
+"""Cut a height field along the borders of its covers: grass, banks, fills … meet along curves with shared vertices."""
 
 from dataclasses import dataclass, replace
 
@@ -12,7 +12,7 @@ from authoring.site.shape import Shape
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
-CHUNK = 3000  # triangles of ground that a piece has at most, so that a renderer leaves out what no camera sees
+CHUNK = 3000  # largest number of triangles of a piece of ground, so that renderers can skip pieces out of view
 SNAP = 0.04  # a border this close to a vertex goes through the vertex [m]
 
 
@@ -59,9 +59,9 @@ class Soup:
     Attributes:
         rows: Station, left, height [m], normal (3), then one column for each cover, shape (V, 6 + C), float64.
         faces: Vertex numbers, shape (T, 3), int64.
-        covers: The covers of the columns, the first in the list wins.
-        plan: World positions in plan [m], shape (V, 2), float64, where the axis bends: cuts must be straight in the
-            world, for a cut that is straight along a bent axis folds what it leaves. None where that is the same.
+        covers: The covers of the columns, the first in the list has priority.
+        plan: World positions in plan [m], shape (V, 2), float64, if the axis is curved: cuts must be straight in the
+            world, because a cut that is straight along a curved axis folds the remaining triangles. Else None.
     """
 
     rows: F64
@@ -78,15 +78,15 @@ def soup_of(
     covers: tuple[Cover, ...] = COVERS,
     axis: Alignment | None = None,
 ) -> Soup:
-    """Gather ground triangles with their covers.
+    """Collect ground triangles with their covers.
 
     Args:
         nodes: Station, left and world height of each node [m], shape (V, 3), float64.
         normals: Unit normals in bridge coordinates [1], shape (V, 3), float64.
         faces: Node numbers, shape (T, 3), int64.
         shape: The covers, each field holding V values.
-        covers: Covers to look for, the winning ones first.
-        axis: Axis that the nodes count from, where it may bend.
+        covers: Covers to look for, in order of priority.
+        axis: Axis of the nodes, if it may be curved.
 
     Returns:
         The triangles.
@@ -105,7 +105,7 @@ def covered(soup: Soup) -> list[tuple[Cover, Soup]]:
         soup: Triangles of the whole ground.
 
     Returns:
-        Every cover that occurs, with its triangles; what no cover claims comes last.
+        Every cover that occurs, with its triangles; the rest comes last.
     """
     pieces = []
     for column, cover in enumerate(soup.covers):
@@ -116,14 +116,14 @@ def covered(soup: Soup) -> list[tuple[Cover, Soup]]:
 
 
 def chunked(name: str, soup: Soup) -> list[tuple[str, Soup]]:
-    """Part a large stretch of ground into compact pieces, halving it along its longer side.
+    """Divide a large stretch of ground into compact pieces, halving it along its longer side.
 
     Args:
         name: Leaf prim name of the whole.
         soup: Its triangles.
 
     Returns:
-        Name and triangles of each piece; the whole under its own name where it is small.
+        Name and triangles of each piece; the whole under its own name if it is small.
     """
     middle = soup.rows[soup.faces, :2].mean(axis=1)
     done, waiting = [], [np.arange(len(soup.faces))]
@@ -164,7 +164,7 @@ def cut(soup: Soup, column: int) -> tuple[Soup, Soup]:
 
 
 def drape(soup: Soup, alignment: Alignment, atlas: F64) -> Mesh:
-    """Turn triangles into a mesh in world space; `st` counts metres along the axis and to its left.
+    """Convert triangles to a mesh in world space; `st` counts metres along the axis and to its left.
 
     Args:
         soup: Triangles.
@@ -189,7 +189,7 @@ def drape(soup: Soup, alignment: Alignment, atlas: F64) -> Mesh:
 
 
 def strip_atlas(soup: Soup, field: HeightField) -> F64:
-    """Chart a strip from 0 to 1 along and across its axis.
+    """Map a strip to 0 to 1 along and across its axis.
 
     Args:
         soup: Triangles of the strip.
@@ -204,7 +204,7 @@ def strip_atlas(soup: Soup, field: HeightField) -> F64:
 
 
 def to_world(alignment: Alignment, points: F64) -> F64:
-    """Turn bridge coordinates with world heights into world positions.
+    """Convert bridge coordinates with world heights to world positions.
 
     Args:
         alignment: Axis of the bridge.
@@ -219,11 +219,11 @@ def to_world(alignment: Alignment, points: F64) -> F64:
 
 
 def turn(alignment: Alignment, points: F64, normals: F64) -> F64:
-    """Turn the normals of a surface from bridge coordinates to world axes.
+    """Rotate the normals of a surface from bridge coordinates to world axes.
 
     Args:
         alignment: Axis of the bridge.
-        points: Station, left and height of where they stand [m], shape (N, 3), float64.
+        points: Station, left and height of their positions [m], shape (N, 3), float64.
         normals: Unit normals in bridge coordinates [1], shape (N, 3), float64.
 
     Returns:
@@ -250,7 +250,7 @@ def _split(rows: F64, faces: I64, value: F64, fields: int) -> tuple[F64, I64, I6
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
     crossed = value[ends[:, 0]] * value[ends[:, 1]] < 0
     upward = value[ends[:, 0]] > 0
-    pairs = np.where(upward[:, None], ends, ends[:, ::-1])  # from inside to outside, whichever way the face runs
+    pairs = np.where(upward[:, None], ends, ends[:, ::-1])  # from inside to outside, for either direction
     unique, inverse = np.unique(pairs[crossed], axis=0, return_inverse=True)
     share = value[unique[:, 0]] / (value[unique[:, 0]] - value[unique[:, 1]]) if len(unique) else np.zeros(0)
     born = rows[unique[:, 0]] + share[:, None] * (rows[unique[:, 1]] - rows[unique[:, 0]])
@@ -263,7 +263,7 @@ def _split(rows: F64, faces: I64, value: F64, fields: int) -> tuple[F64, I64, I6
     for turn_by in range(3):
         a, b, c = (np.roll(faces, -turn_by, axis=1)[:, i] for i in range(3))
         ab, _, ca = (np.roll(middle, -turn_by, axis=1)[:, i] for i in range(3))
-        lone = (ab >= 0) & (ca >= 0)  # the first corner stands alone on its side
+        lone = (ab >= 0) & (ca >= 0)  # the first corner is the only one on its side
         pair = (ab >= 0) & (value[c] == 0)  # the border leaves through the third corner
         for chosen, tip, rest in (
             (lone, [[a, ab, ca]], [[ab, b, c], [ab, c, ca]]),

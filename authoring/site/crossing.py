@@ -21,8 +21,8 @@ ROOM = 4.0  # between a crossing road and the supports beside it, both together 
 LANE = 3.25  # width of a lane of the crossing road [m]
 RAIL_TOP = 0.95  # rails' top over the land [m]
 RAIL_HALF = 4.1  # half the ground that a double track's ballast covers [m]
-_BESIDE = 3.0  # [m] beside a crossing and the nearest support
-_BANK = 4.5  # [m] beside water, carriageway or ballast before a valley's side rises
+_BESIDE = 3.0  # [m] least distance between a crossing and the nearest support
+_BANK = 4.5  # [m] beside water, carriageway or ballast up to the foot of a valley's side
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class _Rule:
     """Conditions for a crossing.
 
     Attributes:
-        weight: How often it is drawn among those that fit.
+        weight: Weight among the crossings that fit.
         spans: Least and largest longest span [m].
         headroom: Least height of the bearing seats over the land [m].
     """
@@ -47,7 +47,7 @@ _RULES: dict[CrossingKind, _Rule] = {
     "valley": _Rule(30.0, (14.0, 400.0), 8.0),
     "harbour": _Rule(40.0, (60.0, 2000.0), 5.0),
 }
-SPARED: CrossingKind = "river"  # where nothing else fits
+SPARED: CrossingKind = "river"  # if nothing else fits
 
 
 def choose_crossing(layout: Layout, rng: np.random.Generator) -> CrossingKind:
@@ -81,13 +81,13 @@ def draw_crossing(
     """Place the crossing under the middle of the longest span, nearly square to the axis.
 
     Args:
-        kind: What to lead over.
+        kind: Kind of the crossing.
         layout: The bridge.
         rng: Random stream.
         sides: Random stream of a valley's sides.
 
     Returns:
-        The crossing, and the valley that it lies in, None on level land.
+        The crossing, and its valley, None on level land.
 
     Raises:
         InputError: It does not fit under this bridge.
@@ -97,7 +97,7 @@ def draw_crossing(
     swing, wavelength = rng.uniform(24.0, 34.0), rng.uniform(130.0, 170.0)
     phase = rng.uniform(0.3 * np.pi, 0.7 * np.pi) * rng.choice((-1.0, 1.0))
     bottom, width, level, depth = _BOTTOMS[kind](span, rng)
-    if bottom == "river":  # water leaves the sides room to rise
+    if bottom == "river":  # the width of the water depends on the valley's sides
         width = min(width, max(2.0 * (floor_room(layout, _inward(layout, station, width)) - _BANK), NARROWEST))
         depth = min(depth, width / 6)
     if width < NARROWEST:
@@ -124,7 +124,7 @@ def draw_crossing(
 
 
 def _longest(layout: Layout) -> tuple[float, float]:
-    """Find the middle of the longest span, and its length from support line to support line, square to both [m]."""
+    """Find the middle of the longest span, and its length between support lines, perpendicular to both [m]."""
     spans = np.diff(layout.supports)
     longest = int(np.argmax(spans))
     middle = float(np.mean(layout.supports[longest : longest + 2]))
@@ -168,7 +168,7 @@ def _check(kind: CrossingKind, layout: Layout) -> None:
         )
 
 
-Bottom = tuple[str, float, float, float]  # kind of what lies there, its width, level and depth [m]
+Bottom = tuple[str, float, float, float]  # kind of the crossing at the bottom, its width, level and depth [m]
 
 
 def _river(span: float, rng: np.random.Generator) -> Bottom:

@@ -1,4 +1,4 @@
-"""Where a site ends: its outline, the ground along it, and the box that backgrounds leave empty."""
+"""The extent of a site: its outline, the ground along it, and the box that backgrounds leave empty."""
 
 from dataclasses import dataclass
 
@@ -15,12 +15,12 @@ AIR = 120.0  # height of the keep-out volume above the deck [m]
 
 @dataclass(frozen=True)
 class Box:
-    """An upright box that may be turned about the vertical.
+    """An upright box that may be rotated about the vertical.
 
     Attributes:
         center: World position [m].
-        half: Half its size along, left of and above its turned axes [m].
-        heading: Turn of its first axis, counter-clockwise from +x [rad].
+        half: Half its size along, left of and above its rotated axes [m].
+        heading: Direction of its first axis, counter-clockwise from +x [rad].
     """
 
     center: tuple[float, float, float]
@@ -32,7 +32,7 @@ class Box:
 
         Args:
             points: World positions [m], shape (N, 3), float64.
-            margin: How far inside they must lie [m].
+            margin: Least distance inside its faces [m].
 
         Returns:
             Whether they do, shape (N,), bool.
@@ -72,7 +72,7 @@ def keep_out(alignment: Alignment, ground: HeightField) -> Box:
     low, high = float(ground.heights.min()) - 1.0, alignment.level + AIR
     center = corners.mean(axis=0)
     half = ((ground.stations[-1] - ground.stations[0]) / 2, (ground.lefts[-1] - ground.lefts[0]) / 2)
-    if not alignment.square:  # the box stands along the chord, round the bent strip
+    if not alignment.square:  # the box is aligned with the chord, around the curved strip
         turned = np.array(
             [
                 [np.cos(alignment.heading), -np.sin(alignment.heading)],

@@ -1,4 +1,4 @@
-"""What the land beside a bridge is used for, plot by plot: fields with rows, hay, pasture, yards of a town."""
+"""Use of the land beside a bridge by plots: fields with rows, hay, pasture, yards of a town."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -20,7 +20,7 @@ USES: dict[str, tuple[str, ...]] = {
     "town": ("lot_asphalt", "lot_paved", "lot_gravel", "lot_gravel", "", ""),
 }
 BORDER = 4.0  # from the site's border to a field [m]
-BALK = 1.1  # half the grass between two fields [m]
+BALK = 1.1  # half the width of grass between two fields [m]
 VERGE = 6.0  # from the top of a fill, or from the deck's edge, to a field [m]
 CLEAR = 8.0  # from the deck's edge to a field beside the bridge [m]
 TOE = 2.5  # from the toe of a fill to a field [m]
@@ -46,7 +46,7 @@ class Plots:
     aside: float
 
     def room(self, station: F64, left: F64) -> F64:
-        """Measure how far places lie inside a plot's outer borders but for ways and fills.
+        """Compute the distance of positions to a plot's outer borders, without roads and fills, positive inside.
 
         Args:
             station: Distance along the axis [m], shape (...), float64.
@@ -79,7 +79,7 @@ class Plots:
         Args:
             behind: Whether places lie behind the crossing, shape (...), bool.
             left: Distance to the left of the axis [m], the same shape (...), float64.
-            room: How far they lie inside a plot [m], the same shape (...), float64.
+            room: Distance to the plot's border, positive inside [m], the same shape (...), float64.
 
         Returns:
             Signed fields [m], the same shape (...), float64.
@@ -101,7 +101,7 @@ def draw_plots(
         land: How the land is used; None: drawn, a town beside a harbour.
         kind: Kind of the crossing.
         layout: The bridge.
-        reach: Reach of the site beyond the abutments, and to either side of the axis [m].
+        reach: Extent of the site beyond the abutments, and to either side of the axis [m].
         rng: Random stream.
 
     Returns:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
-STEEP = 1.0  # faces steeper than this are retained by walls, and lend their neighbours no normal
+STEEP = 1.0  # faces steeper than this are retained by walls, and do not contribute to the normals of their neighbors
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class HeightField:
     heights: F64
 
     def __call__(self, station: F64, left: F64) -> F64:
-        """Interpolate the triangles exactly; outside the grid the nearest edge holds.
+        """Interpolate the triangles exactly; outside the grid, the height of the nearest edge is used.
 
         Args:
             station: Distance along the axis [m], shape (N,), float64.
@@ -79,11 +79,11 @@ def surface_normals(nodes: F64, faces: I64) -> F64:
 
 
 def graded_lines(fixed: tuple[float, ...], fine: tuple[float, float], spacing: float, coarse: float) -> F64:
-    """Place grid lines: evenly fine in the middle, wider and wider towards both ends.
+    """Place grid lines: equally fine in the middle, increasingly wide towards both ends.
 
     Args:
         fixed: Lines that must exist [m]; the first and last bound the grid.
-        fine: Range in which `spacing` is kept [m].
+        fine: Range with at most `spacing` [m].
         spacing: Largest distance between lines there [m].
         coarse: Largest distance anywhere [m].
 

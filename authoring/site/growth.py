@@ -1,4 +1,4 @@
-"""Small natural shapes around their own origin: pebbles, trunks, the dark hearts of crowns."""
+"""Small natural shapes around their own origin: pebbles, trunks, opaque cores of crowns."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ def pebble(rng: np.random.Generator, level: int = 1) -> Mesh:
 
     Args:
         rng: Random stream.
-        level: How finely it is divided, as in `icosphere`.
+        level: Level of subdivision, as in `icosphere`.
 
     Returns:
         A closed mesh.
@@ -41,7 +41,7 @@ def stem(height: float, radius: float, sides: int, rng: np.random.Generator) -> 
         rng: Random stream.
 
     Returns:
-        The mesh; its foot is open and belongs into the ground.
+        The mesh; its foot is open and must be in the ground.
     """
     angle = 2 * np.pi * np.arange(sides) / sides
     rings, lean = [], rng.uniform(-0.02, 0.02, 2) * height
@@ -64,7 +64,7 @@ def icosphere(level: int) -> tuple[F64, I64]:
     """Divide an icosahedron.
 
     Args:
-        level: How often every triangle is divided into four.
+        level: Number of divisions of every triangle into four.
 
     Returns:
         Positions on the unit sphere [1], shape (V, 3), float64, and triangles seen counter-clockwise from outside,
@@ -87,7 +87,7 @@ def icosphere(level: int) -> tuple[F64, I64]:
 
 
 def faceted(points: F64, faces: I64, smooth: float = 0.6) -> Mesh:
-    """Finish a natural shape: normals between flat and smooth, and box-projected `st` in metres.
+    """Convert a natural shape to a mesh: normals between flat and smooth, and box-projected `st` in metres.
 
     Args:
         points: Positions [m], shape (V, 3), float64.
@@ -120,7 +120,7 @@ def faceted(points: F64, faces: I64, smooth: float = 0.6) -> Mesh:
 
 
 def _bulge(points: F64, amount: float, rng: np.random.Generator) -> F64:
-    """Push the points of a unit sphere in and out with a few random waves."""
+    """Displace the points of a unit sphere radially with a few random waves."""
     ways = rng.normal(size=(7, 3))
     waves = np.sin(points @ (2.4 * ways.T) + rng.uniform(0.0, 2 * np.pi, 7)).sum(axis=1) / np.sqrt(7.0)
     return points * (1.0 + amount * (0.6 * waves + 0.4 * rng.uniform(-1, 1, len(points))))[:, None]

@@ -1,4 +1,4 @@
-"""Steel guardrails that lead traffic from the approaches to the parapets: a W-beam on posts, its far end in the ground.
+"""Steel guardrails between approaches and parapets: a W-beam on posts, with its far end in the ground.
 
 Source: the usual W-beam, 312 mm high and 81 mm deep, its top 0.75 m over the road, posts every 2 m.
 """
@@ -19,14 +19,14 @@ Piece = tuple[str, str, str, Mesh]
 LENGTH = 24.0  # [m] behind the wing walls
 TOP = 0.75  # [m] of the beam above the edge of the road
 LAP = 0.9  # [m] of the beam along a parapet's end, to which it is bolted
-BESIDE = 0.5  # [m] from the kerb's line to the beam where a footway parts it from the parapets
+BESIDE = 0.5  # [m] from the kerb's line to the beam if there is a footway between it and the parapets
 _ENDS = 4.0  # [m] over which a free end is lowered into the ground
 _BURIED = 0.4  # [m] below the road's edge
 _STEP, _PITCH = 1.0, 2.0  # [m] between cross-sections of the beam, and between posts
 _DEPTH, _SHEET = 0.081, 0.004  # [m] of the beam across the road, of its steel
-_POST = (0.06, 0.12, 1.3)  # [m] along, across, down: into the slope, however much the verge falls
-_LEAST = 0.45  # [m] of the beam's top over the road where a post stands
-_HEADS = 0.03  # [m] posts end below the beam's top
+_POST = (0.06, 0.12, 1.3)  # [m] along, across, down: long enough for any slope of the verge
+_LEAST = 0.45  # [m] least height of the beam's top above the road at a post
+_HEADS = 0.03  # [m] distance of the posts' tops below the beam's top
 _FOLDS = ((1.0, 0.0), (0.0, 0.045), (0.0, 0.085), (1.0, 0.130), (1.0, 0.182), (0.0, 0.227), (0.0, 0.267), (1.0, 0.312))
 
 
@@ -54,7 +54,7 @@ def beam_tops(along: F64, road: RoadSection) -> F64:
 
     Args:
         along: Distances behind the abutment's back face [m], shape (N,), float64.
-        road: Where the parapets end; behind a footway the near end is free, too.
+        road: Section with the ends of the parapets; behind a footway the near end is free, too.
     """
     far = (road.walls + LENGTH - along) / _ENDS
     near = (along - road.walls) / _ENDS if road.footway else np.ones(len(along))
@@ -90,7 +90,7 @@ def _guardrail(land: Land, road: RoadSection, approach: Approach, side: float) -
 
     front = [(face + _DEPTH * back, down) for back, down in _FOLDS]
     ring = [*front, *((left + _SHEET, down) for left, down in front[::-1])]
-    ring = ring if side > 0.0 else ring[::-1]  # counter-clockwise as one looks along the line, so that it faces outward
+    ring = ring if side > 0.0 else ring[::-1]  # counter-clockwise seen along the line, so that it faces outward
     ring.append(ring[0])
     girth = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(np.array(ring), axis=0), axis=1))])
     beam = ribbon(axis, [row(*corner) for corner in ring], line.length(), tuple(girth.tolist()))

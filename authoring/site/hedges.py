@@ -1,4 +1,4 @@
-"""Where hedges grow on a site: on the grass between two plots, and along the way under the bridge."""
+"""Hedges on a site: on the grass between two plots, and along the road or river under the bridge."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +18,13 @@ def hedge_places(land: Land, ground: HeightField, count: int, rng: np.random.Gen
     """Draw the places of bushes.
 
     Args:
-        land: The land; hedges grow where it is used as fields.
+        land: The land; hedges are only planted where it is used as fields.
         ground: The strip.
-        count: Most bushes.
+        count: Largest number of bushes.
         rng: Random stream.
 
     Returns:
-        Station, left and height [m], shape (N, 3), float64; none on a way, on a fill or beside the deck.
+        Station, left and height [m], shape (N, 3), float64; none on a road or river, on a fill or beside the deck.
     """
     if land.plots is None or land.plots.land != "fields" or not count:
         return np.zeros((0, 3))

@@ -14,12 +14,12 @@ F64 = NDArray[np.float64]
 RELIEF = ((95.0, 0.42), (31.0, 0.16), (9.0, 0.07), (3.1, 0.025))
 RAGGED = ((6.3, 0.55), (2.1, 0.35))
 PATCHES = ((23.0, 3.2), (6.0, 1.4))
-FOOT = 0.55  # height of an approach road above the land where it has come down [m]
+FOOT = 0.55  # height of an approach road above the land where it has reached it [m]
 FIRST_STEP = 3.0  # distance from the strip's border to the first grid line of a background [m]
 
 
 def no_hills(station: F64, left: F64) -> F64:
-    """Give the site's land at large: level at 0.
+    """Return height 0 everywhere: the site's default relief.
 
     Args:
         station: Distance along the axis [m], shape (...), float64.
@@ -44,7 +44,7 @@ def draw_land(kind: CrossingKind | None, relief: float, layout: Layout, reach: f
     Returns:
         The land.
     """
-    kinds, sides = rng.spawn(2)  # streams of their own: what is fixed changes nothing else
+    kinds, sides = rng.spawn(2)  # separate streams: values set by the user change nothing else
     chosen = choose_crossing(layout, kinds)
     heights = draw_relief(tuple((length, height * relief) for length, height in RELIEF), rng)
     ragged, patches = draw_relief(RAGGED, rng), draw_relief(PATCHES, rng)
@@ -88,9 +88,10 @@ def strip_lines(land: Land, run_out: float, half_width: float, fine: tuple[float
 
 
 def strip_ground(land: Land, stations: F64, lefts: F64) -> tuple[HeightField, Soup]:
-    """Shape the site's ground on grid lines; heights are whole tenths of a millimetre.
+    """Shape the site's ground on grid lines; heights are multiples of 0.1 mm.
 
-    One more line all around, `FIRST_STEP` outside, enters the normals, so that a background shades the joint alike.
+    A further line all around, `FIRST_STEP` outside, is used for the normals, so that shading is continuous to the
+    background.
 
     Args:
         land: The land.

@@ -1,4 +1,4 @@
-"""Squares of ground near the bridge that have a picture of their own: where they lie, and the charts on them."""
+"""Squares of ground near the bridge with separate images: their positions, and the charts on them."""
 
 from dataclasses import dataclass, replace
 
@@ -10,20 +10,20 @@ from authoring.site.grid import HeightField
 
 F64 = NDArray[np.float64]
 
-LARGEST = 81.6  # side of a square [m]: with 2048 texels just under 4 cm a texel
-GUTTER = 0.4  # that a picture shows beyond its square [m]
+LARGEST = 81.6  # side of a square [m]: with 2048 texels, slightly less than 4 cm per texel
+GUTTER = 0.4  # margin of an image beyond its square [m]
 MARK = "_Photo"
 
 
 @dataclass(frozen=True)
 class PhotoSquare:
-    """A stretch of ground that one picture shows, in bridge coordinates.
+    """A stretch of ground with one image, in bridge coordinates.
 
     Attributes:
         number: Its number.
         stations: First and last station [m].
         lefts: Lowest and highest left [m].
-        side: Side of the picture, which shows the stretch in its middle [m].
+        side: Side of the image, with the stretch in its middle [m].
     """
 
     number: int
@@ -33,11 +33,11 @@ class PhotoSquare:
 
     @property
     def corner(self) -> tuple[float, float]:
-        """Station and left of the picture's lower left corner [m]."""
+        """Station and left of the image's lower left corner [m]."""
         return sum(self.stations) / 2 - self.side / 2, sum(self.lefts) / 2 - self.side / 2
 
     def atlas(self, soup: Soup) -> F64:
-        """Chart triangles on the picture.
+        """Map triangles to the image.
 
         Args:
             soup: Triangles within the stretch.
@@ -72,14 +72,14 @@ def photo_squares(field: HeightField, half: float, ends: tuple[float, float], re
 
 
 def by_square(soup: Soup, squares: tuple[PhotoSquare, ...]) -> list[tuple[PhotoSquare | None, Soup]]:
-    """Part ground by the squares that it lies in.
+    """Divide ground by squares.
 
     Args:
         soup: Triangles, none across the border of a square.
         squares: The squares.
 
     Returns:
-        The triangles of each square that has any, and with None those outside.
+        The triangles of each square that has any, and with None the others.
     """
     station, left = soup.rows[soup.faces, :2].mean(axis=1).T
     found, rest = [], np.ones(len(soup.faces), bool)
@@ -93,7 +93,7 @@ def by_square(soup: Soup, squares: tuple[PhotoSquare, ...]) -> list[tuple[PhotoS
 
 
 def photo_role(role: str, square: PhotoSquare) -> str:
-    """Name the material of a surface on a square: the surface's own under the square's picture.
+    """Name the material of a surface on a square: that of the surface, with the square's image.
 
     Args:
         role: Material recipe.

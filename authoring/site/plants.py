@@ -1,4 +1,4 @@
-"""Plants as pieces of bark, of a dark heart, and of cards with leaves: bushes, crowns, branches."""
+"""Plants made of bark, an opaque core and leaf cards: bushes, crowns, branches."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +10,11 @@ from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
 Plant = tuple[tuple[str, Mesh], ...]
-_HEART = 0.72  # size of the opaque heart of a crown over that of the crown [1]
+_HEART = 0.72  # ratio of the size of a crown's opaque core to that of the crown [1]
 
 
 def bush(rng: np.random.Generator, count: int, kind: str = "scrub") -> Plant:
-    """Make a bush about 1 m high and wide, of three heaps.
+    """Make a bush about 1 m high and wide, of three ellipsoids.
 
     Args:
         rng: Random stream.
@@ -22,7 +22,7 @@ def bush(rng: np.random.Generator, count: int, kind: str = "scrub") -> Plant:
         kind: A row of `SPRAYS`.
 
     Returns:
-        Its heart and its leaves.
+        Its opaque core and its leaves.
     """
     lobes = [[0.0, 0.0, 0.50, 0.36, 0.36, 0.44]]
     for turn in rng.uniform(0.0, 2.0) + np.array([0.0, 2.3, 4.1]):
@@ -41,11 +41,11 @@ def foliage(
         lobes: Middle and half axes of each lobe [m], shape (K, 6), float64.
         count: Cards of the whole crown.
         kind: A row of `SPRAYS`.
-        cover: Area of all cards over that of the lobes [1].
-        hearts: In how many lobes, from the first on, an opaque heart stands; None for all of them.
+        cover: Ratio of the area of all cards to that of the lobes [1].
+        hearts: Number of lobes, from the first on, with an opaque core; None for all of them.
 
     Returns:
-        The hearts and the leaves.
+        The cores and the leaves.
     """
     area = 4.0 * np.pi * np.cbrt(np.prod(lobes[:, 3:], axis=1)) ** 2
     share = np.maximum(np.round(count * area / area.sum()), 1).astype(int)
@@ -64,7 +64,7 @@ def foliage(
 
 
 def branches(rng: np.random.Generator, height: float, reach: float, tiers: int, spokes: int) -> Mesh:
-    """Make the whorls of a spruce: cards along branches that droop, rolled to one side and the other.
+    """Make the whorls of a spruce: cards along drooping branches, rotated to both sides.
 
     Args:
         rng: Random stream.
@@ -104,7 +104,7 @@ def branches(rng: np.random.Generator, height: float, reach: float, tiers: int, 
 
 
 def cone(height: float, low: float, radius: float, sides: int) -> Mesh:
-    """Make a slim cone: the dark heart of a conifer.
+    """Make a slim cone: the opaque core of a conifer.
 
     Args:
         height: Its tip [m].
@@ -123,16 +123,16 @@ def cone(height: float, low: float, radius: float, sides: int) -> Mesh:
 
 
 def limbs(rng: np.random.Generator, lobes: F64, low: float, radius: float) -> Mesh:
-    """Make the boughs from a trunk into the lobes of a crown.
+    """Make the branches from a trunk to the lobes of a crown.
 
     Args:
         rng: Random stream.
         lobes: Middle and half axes of each lobe [m], shape (K, 6), float64.
         low: Height of the lowest fork [m].
-        radius: Radius of a bough at the fork [m].
+        radius: Radius of a branch at the fork [m].
 
     Returns:
-        Three-sided spikes; their feet are open and belong into the trunk.
+        Three-sided spikes; their feet are open and must be inside the trunk.
     """
     points, faces = [], []
     for number, lobe in enumerate(lobes):

@@ -1,4 +1,4 @@
-"""The railway on the approaches: where the bridge's track ends, ballast, sleepers and rails go on through the land.
+"""The railway on the approaches: ballast, sleepers and rails beyond the bridge's track.
 
 All of it is of the kind `rail_bed`, background: the classes of track and sleeper belong to the bridge.
 """
@@ -49,10 +49,10 @@ def railway_pieces(
         line: Its axis, leading away from the bridge; from the abutment's back face, or farther out.
         crown: World height of the rails' top on the axis [m], shape (N,), float64.
         suffix: Ending of the prim names.
-        lift: Height of ground that the ballast must not sink into [m], shape (N,), from station and left, or None.
+        lift: Height of ground that the ballast must stay above [m], shape (N,), from station and left, or None.
 
     Returns:
-        Leaf prim name, component kind, material recipe and mesh of each piece; none where the line ends before.
+        Leaf prim name, component kind, material recipe and mesh of each piece; none if the line ends before.
     """
     track = land.layout.track
     assert track is not None
@@ -68,7 +68,7 @@ def railway_pieces(
 
 
 def crossing_railway(land: Land, line: Line, crown: F64, suffix: str) -> list[Piece]:
-    """Build a stretch of the double track that a bridge leads over.
+    """Build a stretch of the double track under a bridge.
 
     Args:
         land: The land.
@@ -122,7 +122,7 @@ def bed_profile(track: TrackSection, underlay: float) -> list[tuple[float, float
 
 
 def _beyond(line: Line, crown: F64, along: F64, begin: float) -> tuple[Line, F64]:
-    """Cut off what lies nearer to the abutment than the end of the bridge's track."""
+    """Remove the part nearer to the abutment than the end of the bridge's track."""
     keep = along > begin + 1e-6
     if keep.all():
         return line, crown

@@ -1,4 +1,4 @@
-"""Smooth random relief: octaves of lattice noise, made of sums and products only: the same on every platform."""
+"""Smooth random relief: octaves of lattice noise, from sums and products only, the same on every platform."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""The ways through a site: water or road under the bridge, and the approach roads on their fills."""
+"""Roads and rivers of a site: water or road under the bridge, and the approach roads on their fills."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ Piece = tuple[str, str, str, Mesh]
 Lift = Callable[[F64, F64], F64]
 STEP = 2.0  # distance between cross-sections of a road [m]
 WATER_STEP = 4.0
-BURIED = 0.9  # height of bank in which the water's edge disappears [m]
+BURIED = 0.9  # height of bank above the water's edge, which is hidden in it [m]
 EDGE_LINE = 0.3  # from the edge of the asphalt to the middle of the edge line [m]
 LANE = 6.6  # width of a pair of lanes [m]
 CLEARANCE = 0.05  # least height of a far road over the ground [m]
@@ -49,9 +49,9 @@ def crossing_pieces(land: Land, lefts: F64, hills: Hills, suffix: str, lift: Lif
     Args:
         land: The land.
         lefts: Its cross-sections, by their distance to the left of the axis [m], shape (N,), float64.
-        hills: Height of the land at large.
+        hills: Large-scale height of the land.
         suffix: Ending of the prim names.
-        lift: Height of ground that a road must not sink into [m], shape (N,), from station and left, or None.
+        lift: Height of ground that a road must stay above [m], shape (N,), from station and left, or None.
 
     Returns:
         Pieces as in `way_pieces`.
@@ -64,7 +64,7 @@ def crossing_pieces(land: Land, lefts: F64, hills: Hills, suffix: str, lift: Lif
         level = np.full(len(lefts), crossing.level)
         rows = [np.column_stack([line.offset(side), level]) for side in (half, 0.0, -half)]
         water = ribbon(axis, rows, line.length(), (half, 0.0, -half))
-        if not suffix:  # the site's own stretch has a picture of its bed
+        if not suffix:  # the site's own stretch has an image of its bed
             chart = ribbon(axis, rows, (lefts - lefts[0]) / (lefts[-1] - lefts[0]), (1.0, 0.5, 0.0))
             water = replace(water, st1=chart.st)
         return [(f"Water{suffix}", "water", "water", water)]
@@ -77,7 +77,7 @@ def crossing_pieces(land: Land, lefts: F64, hills: Hills, suffix: str, lift: Lif
 
 
 def water_half(crossing: Crossing) -> float:
-    """Half the width of a river's surface, up to where it disappears in its banks [m].
+    """Compute half the width of a river's surface, up to where it is hidden in its banks [m].
 
     Args:
         crossing: The river.
@@ -94,9 +94,9 @@ def approach_pieces(
         land: The land.
         number: 0 before the first abutment, 1 behind the last.
         stations: Its cross-sections, in the direction away from the bridge [m], shape (N,), float64.
-        hills: Height of the land at large.
+        hills: Large-scale height of the land.
         suffix: Ending of the prim names.
-        lift: Height of ground that the road must not sink into [m], shape (N,), from station and left, or None.
+        lift: Height of ground that the road must stay above [m], shape (N,), from station and left, or None.
 
     Returns:
         Pieces as in `way_pieces`.
@@ -145,7 +145,7 @@ class _Profile:
 
 
 def _road(land: Land, line: Line, profile: _Profile, names: tuple[str, str], lift: Lift | None) -> list[Piece]:
-    """Pave and mark a road; its two names are those of the surface and of the markings."""
+    """Build a road's surface and markings; `names` are those of the surface and of the markings."""
     crown, fall, tilt, half = profile.crown, profile.fall, profile.tilt, profile.half
     road, marking = names
     axis = land.layout.alignment
@@ -165,7 +165,7 @@ def _road(land: Land, line: Line, profile: _Profile, names: tuple[str, str], lif
 def _lines(land: Land, half: float, approach: bool) -> tuple[list[tuple[float, tuple[float, float]]], float]:
     """List the painted lines of a road: place to the left [m], dash and gap [m]; and their width [m].
 
-    An approach takes over those of its bridge.
+    An approach has those of its bridge.
     """
     section = land.layout.road
     if approach and section is not None:

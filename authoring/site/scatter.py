@@ -1,4 +1,4 @@
-"""Stones, shrubs and tufts of grass: small repeats strewn over the site, denser near the bridge."""
+"""Stones, shrubs and tufts of grass: small objects repeated over the site, denser near the bridge."""
 
 from dataclasses import dataclass
 
@@ -22,8 +22,8 @@ F64 = NDArray[np.float64]
 B = NDArray[np.bool_]
 Prototypes = tuple[tuple[tuple[str, Mesh], ...], ...]
 DETAILED = 22.0  # distance from the bridge's edge up to which plants are modelled in detail [m]
-_TILLED = ("ploughed", "crop", "ripe", "lot_asphalt", "lot_paved", "lot_gravel")  # covers on which nothing grows wild
-_BESIDE = 0.25  # from their borders to what does [m]
+_TILLED = ("ploughed", "crop", "ripe", "lot_asphalt", "lot_paved", "lot_gravel")  # covers without wild plants
+_BESIDE = 0.25  # distance of wild plants from their borders [m]
 SMALL = 0.2  # size of stones that need no detail [m]
 NEAR = 28.0  # distance from the axis or the crossing at which density has fallen to about a third [m]
 
@@ -59,10 +59,10 @@ class ScatterSettings(Settings):
 
 @dataclass(frozen=True)
 class _Gaps:
-    """Distances that repeats keep: from the bridge's outline, and from roads and the water's edge [m].
+    """Least distances of repeats: from the bridge's outline, and from roads and the water's edge [m].
 
     `near` is the distance from the axis or the crossing at which density has fallen to about a third [m]; `clumps` the
-    share that stands in thickets [1].
+    share of repeats in thickets [1].
     """
 
     bridge: float
@@ -86,17 +86,17 @@ class _Run:
 def scatter_plants(
     settings: ScatterSettings, land: Land, ground: HeightField, rng: np.random.Generator, first_id: int
 ) -> tuple[Scatter, ...]:
-    """Strew stones, shrubs and tufts; none on roads, in water or where the bridge stands.
+    """Scatter stones, shrubs and tufts; none on roads, in water or at the bridge.
 
     Args:
-        settings: How many of each.
+        settings: Number of each.
         land: The land.
         ground: The strip.
         rng: Random stream.
         first_id: Instance id of the first run.
 
     Returns:
-        One run of each that has any.
+        One run of each kind that has any.
     """
     stones = tuple((("rock", pebble(rng)),) for _ in range(4))
     shrubs = tuple(bush(rng, 60, kind) for kind in ("scrub", "willow", "lime"))
@@ -129,7 +129,7 @@ def scatter_plants(
 
 
 def _strewn(run: _Run, land: Land, rng: np.random.Generator, number: int) -> Scatter | None:
-    """Draw size, heading and model at each place; the random stream is used even where there is none."""
+    """Draw size, heading and model at each place; the random stream advances even if there is none."""
     places, count = run.places, len(run.detailed)
     scale = np.exp(rng.uniform(np.log(run.size[0]), np.log(run.size[1]), len(places)))
     scales = scale[:, None] * rng.uniform(0.8, 1.2, (len(places), 3))
@@ -153,7 +153,7 @@ def _places(
 ) -> F64:
     """Draw bridge coordinates with ground heights, shape (N, 3), more of them near the axis and the crossing.
 
-    `by_crossing` is the share of the places far from the crossing that is given up [1].
+    `by_crossing` is the share of the places far from the crossing that is left out [1].
     """
     border = gaps.edge + 0.5
     station = rng.uniform(ground.stations[0] + border, ground.stations[-1] - border, 6 * count)
@@ -175,7 +175,7 @@ def _places(
 
 
 def _untilled(land: Land, station: F64, left: F64) -> B:
-    """Find which places lie on no crop, ploughed land or yard, shape (N,), bool."""
+    """Find which places are not on a crop, ploughed land or yard, shape (N,), bool."""
     covers = land.shape(station, left, no_hills).covers
     taken = [covers[name] > -_BESIDE for name in _TILLED if name in covers]
     return ~np.any(taken, axis=0) if taken else np.ones(len(station), bool)
@@ -196,7 +196,7 @@ def _shore_places(land: Land, ground: HeightField, count: int, rng: np.random.Ge
 
 
 def clear(land: Land, station: F64, left: F64, bridge_gap: float, edge_gap: float) -> B:
-    """Find free places: no road, no water, no bridge.
+    """Find places away from roads, water and bridge.
 
     Args:
         land: The land.
@@ -206,7 +206,7 @@ def clear(land: Land, station: F64, left: F64, bridge_gap: float, edge_gap: floa
         edge_gap: Distance to keep from roads, their shoulders and the water's edge [m].
 
     Returns:
-        Whether it is so, shape (N,), bool.
+        Whether each is free, shape (N,), bool.
     """
     half = land.layout.width / 2
     first, last = (approach.back for approach in land.approaches)

@@ -1,4 +1,4 @@
-"""The shape of the ground: natural relief, the crossing that cuts it, and the fills that carry the approach roads."""
+"""The shape of the ground: natural relief, the cutting of the crossing, and the fills of the approach roads."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ ABUTMENT_FRONT = 0.6  # from the bearing line forward to the natural ground at t
 FILL_SLOPE = 1.75  # horizontal metres for each metre of height of a fill
 CUT_SLOPE = 1.5
 BANK_SLOPE = 2.0
-UNDERLAY = 0.07  # the ground lies this far below the road surface on it [m]
-RAIL_UNDERLAY = 0.75  # the ground lies this far below the top of the crossing railway's rails [m]
-_BANK_TOP = 1.2  # height to which a river's banks keep their slope [m]
+UNDERLAY = 0.07  # depth of the ground below the road surface on it [m]
+RAIL_UNDERLAY = 0.75  # depth of the ground below the top of the crossing railway's rails [m]
+_BANK_TOP = 1.2  # height up to which a river's banks have a constant slope [m]
 SHOULDER = 1.2  # level strip beside a carriageway [m]
 WALL_STEP = (0.05, 0.35)  # distances from a wall's face between which the ground drops, hidden in the wall [m]
 MAX_APPROACH_GRADE = 0.045
@@ -31,7 +31,7 @@ BEND_LENGTH = 260.0  # length over which an approach road's swing turns by one r
 
 @dataclass(frozen=True)
 class Crossing:
-    """What the bridge leads over: a winding line across the axis.
+    """The obstacle under the bridge: a curved line across the axis.
 
     Attributes:
         kind: `river`, `road` or `rail`.
@@ -42,7 +42,7 @@ class Crossing:
         half_width: Half the water surface, the carriageway or the ballast [m].
         level: Height of the water surface, of the carriageway's crown or of the rails' top on the axis [m].
         depth: Depth of the water; 0 on land [m].
-        axis: Axis of the bridge, whose skew and bend make cuts along it longer; None for straight and square.
+        axis: Axis of the bridge, whose skew and curvature lengthen cuts along it; None for straight without skew.
     """
 
     kind: str
@@ -67,7 +67,7 @@ class Crossing:
         return self.station + self.swing * (np.sin(left / self.wavelength + self.phase) - np.sin(self.phase))
 
     def distance(self, station: F64, left: F64) -> F64:
-        """Measure how far positions lie from its centre line, square to it.
+        """Compute the distance of positions from its center line, perpendicular to it.
 
         Args:
             station: Distance along the axis [m], shape (...), float64.
@@ -79,7 +79,7 @@ class Crossing:
         return np.abs(station - self.center(left)) / self.stretch(left)
 
     def stretch(self, left: F64) -> F64:
-        """Find how much longer than its width a cut through it along the axis is.
+        """Compute the ratio of a cut through it along the axis to its width.
 
         Args:
             left: Distance to the left of the axis [m], shape (...), float64.
@@ -95,16 +95,16 @@ class Crossing:
 
 @dataclass(frozen=True)
 class Approach:
-    """The road that leads from one end of the bridge into the land.
+    """The road from one end of the bridge into the land.
 
     Attributes:
         back: Station of the abutment's back face [m].
         sign: -1 before the first abutment, +1 behind the last.
         straight: Length on which it continues the bridge's axis [m].
         bend: Sideways swing beyond that, positive to the left [m].
-        foot: Height of the road above the hills where it has come down [m].
+        foot: Height of the road above the hills at its lowest [m].
         half_width: Half the asphalt surface [m].
-        axis: Axis of the bridge; None for straight and square.
+        axis: Axis of the bridge; None for straight without skew.
     """
 
     back: float
@@ -127,7 +127,7 @@ class Approach:
         return self.sign * (station - self.back)
 
     def center(self, station: F64) -> F64:
-        """Find how far to the left its centre line runs.
+        """Find the distance of its center line to the left.
 
         Args:
             station: Distance along the axis [m], shape (...), float64.
@@ -139,7 +139,7 @@ class Approach:
         return self.bend * (1.0 - np.cos(beyond / BEND_LENGTH))
 
     def stretch(self, station: F64) -> F64:
-        """Find how much longer than its width a cut through it square to the axis is.
+        """Compute the ratio of a cut through it perpendicular to the axis to its width.
 
         Args:
             station: Distance along the axis [m], shape (...), float64.
@@ -159,7 +159,7 @@ class Approach:
 
         Args:
             layout: The bridge; at its abutments the road continues its deck.
-            hills: Height of the land at large [m], the same shape.
+            hills: Large-scale height of the land [m], the same shape.
             station: Distance along the axis [m], shape (...), float64.
 
         Returns:
@@ -174,7 +174,7 @@ class Approach:
 
 
 def _stretch(axis: Alignment, station: F64, left: F64, course: tuple[F64, F64]) -> F64:
-    """Find how much longer a cut along one coordinate is than square through a line, per metre of the other one."""
+    """Compute the ratio of a cut along one coordinate to a cut perpendicular to a line."""
     by_station, by_left = axis.slopes(station, left)
     ahead = course[0][..., None] * by_station + course[1][..., None] * by_left
     area = by_station[..., 0] * by_left[..., 1] - by_station[..., 1] * by_left[..., 0]
@@ -182,7 +182,7 @@ def _stretch(axis: Alignment, station: F64, left: F64, course: tuple[F64, F64]) 
 
 
 def verge_fall(across: F64, half_road: float) -> F64:
-    """Find how far the verge falls beside a road's edge.
+    """Compute the drop of the verge beside a road's edge.
 
     Args:
         across: Distance from the centre line [m], shape (...), float64.
@@ -195,7 +195,7 @@ def verge_fall(across: F64, half_road: float) -> F64:
 
 
 def crossfall(along: F64, across: F64) -> F64:
-    """Find how far an approach road's surface lies below its crown; none where it meets the deck.
+    """Compute the drop of an approach road's surface below its crown; 0 where it meets the deck.
 
     Args:
         along: Distance behind the abutment's back face [m], shape (...), float64.
@@ -222,7 +222,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Land:
-    """Everything that shapes the ground, in bridge coordinates; it does not end at the site's edge.
+    """Everything that shapes the ground, in bridge coordinates; also beyond the site's edge.
 
     Attributes:
         layout: The bridge.
@@ -232,7 +232,7 @@ class Land:
         ragged: Noise that makes natural borders irregular [m].
         patches: Positive where taller grass grows [m].
         valley: Rise of the land towards the abutments of a high bridge, or None.
-        plots: How the site's land is used; None beyond it.
+        plots: Use of the site's land; None beyond it.
     """
 
     layout: Layout
@@ -245,12 +245,12 @@ class Land:
     plots: Plots | None = None
 
     def shape(self, station: F64, left: F64, hills: Hills) -> Shape:
-        """Shape the ground.
+        """Compute the ground.
 
         Args:
             station: Distance along the axis [m], shape (...), float64.
             left: Distance to the left of the axis [m], the same shape (...), float64.
-            hills: Height of the land at large [m], the same shape, 0 on the site.
+            hills: Large-scale height of the land [m], the same shape, 0 on the site.
 
         Returns:
             Heights and covers.
@@ -270,7 +270,7 @@ class Land:
         return Shape(height, covers)
 
     def _used(self, plots: Plots, station: F64, left: F64, height: F64, hills: Hills) -> dict[str, F64]:
-        """Place the plots between the ways, beside the toes of the embankments."""
+        """Place the plots between roads and rivers, beside the toes of the embankments."""
         room = self.crossing.distance(station, left) - self.crossing.half_width - plots.aside
         room = np.minimum(room, plots.room(station, left))
         room = np.minimum(room, np.abs(left) - self.layout.width / 2 - CLEAR)
@@ -295,7 +295,7 @@ class Land:
         bed = crossing.level - crossing.depth
         foot = crossing.half_width - crossing.depth * BANK_SLOPE
         channel = bed + np.maximum(distance - foot, 0.0) / BANK_SLOPE + 0.12 * noise
-        if self.valley is not None:  # above its banks a river cuts no valley's side
+        if self.valley is not None:  # above its banks, a river does not cut a valley's side
             channel = channel + np.maximum(channel - _BANK_TOP, 0.0) * BANK_SLOPE
         height = smooth_minimum(natural, channel, 0.6)
         shore = crossing.half_width + 0.55 + 0.6 * noise - distance

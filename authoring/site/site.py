@@ -26,7 +26,7 @@ from groundwork.settings import Settings
 F64 = NDArray[np.float64]
 
 
-LONG = 250.0  # [m] of bridge from which the fine mesh grows coarser
+LONG = 250.0  # [m] length of bridge from which on the fine mesh becomes coarser
 
 
 class SiteSettings(Settings):
@@ -76,13 +76,13 @@ class Site:
     """The ground strip and everything on it.
 
     Attributes:
-        land: What shapes the ground, here and beyond the strip.
+        land: The shape of the ground, on and beyond the strip.
         field: The ground of the strip before any bridge part.
         pieces: Its components and scatters, ids from `FIRST_SITE_ID`.
         extent: Corners of the strip in plan, counter-clockwise [m], shape (4, 2), float64.
         edge: Ground nodes along the strip's border, counter-clockwise from the first corner [m], shape (B, 3), float64.
         keep_out: Boxes that backgrounds leave empty.
-        squares: Squares of ground near the bridge that have a picture of their own.
+        squares: Squares of ground near the bridge with separate images.
     """
 
     land: Land
@@ -118,7 +118,7 @@ def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) 
     """
     land = draw_land(settings.crossing, settings.relief, layout, settings.run_out, rng)
     reach = (settings.run_out, settings.half_width)
-    used = rng.spawn(1)[0]  # a stream of its own: the use of the land moves nothing else
+    used = rng.spawn(1)[0]  # a separate stream: the use of the land changes nothing else
     land = replace(land, plots=draw_plots(settings.land, land.crossing.kind, layout, reach, used))
     length = layout.supports[-1] - layout.supports[0]
     fine = (settings.fine_reach, settings.fine_spacing * max(length / LONG, 1.0), settings.coarse_spacing)

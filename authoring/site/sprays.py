@@ -1,4 +1,4 @@
-"""Cards: flat pieces of a plant whose outline is cut out of a picture, and where each lies on the sheet of sprays."""
+"""Cards: flat pieces of a plant whose outline is cut out of a texture, and their cells on the sheet of sprays."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,8 @@ I64 = NDArray[np.int64]
 
 ROWS = 4  # cells along a side of the sheet
 CELL = 1.0  # side of a cell [m of `st`]
-# Cells of the sheet, counted from its lower left corner, row by row. A branch grows up its cell, from the lower edge.
+# Cells of the sheet, counted from its lower left corner, row by row. A branch points up in its cell, from the lower
+# edge.
 SPRAYS: dict[str, tuple[int, ...]] = {
     "oak": (0, 1, 2),
     "lime": (3, 4),
@@ -28,14 +29,14 @@ INSET = 0.006  # of a cell, so that filtering does not reach its neighbour [m of
 
 
 def cards(middle: F64, across: F64, up: F64, cells: I64, normals: F64) -> Mesh:
-    """Make a card at each place, a face for each of its sides: both take the same light, as leaves let it through.
+    """Make a card at each place, a face for each of its sides: both are lit alike, because light passes through leaves.
 
     Args:
         middle: Middles of the cards [m], shape (N, 3), float64.
         across: From the middle to the right edge [m], shape (N, 3), float64.
         up: From the middle to the upper edge [m], shape (N, 3), float64.
         cells: Cells of the sheet, shape (N,), int64.
-        normals: Unit normals that light falls on, at each corner of each card [1], shape (N, 4, 3), float64.
+        normals: Unit normals for shading, at each corner of each card [1], shape (N, 4, 3), float64.
 
     Returns:
         Two quads for each, back to back.
@@ -61,7 +62,7 @@ def spray(rng: np.random.Generator, kind: str, count: int) -> I64:
     Args:
         rng: Random stream.
         kind: A row of `SPRAYS`.
-        count: How many.
+        count: Number.
 
     Returns:
         Cells, shape (count,), int64.
@@ -79,7 +80,7 @@ def crown(
         middle: Its middle [m], shape (3,), float64.
         half: Its half axes [m], shape (3,), float64.
         mass: Middle and half axes of the whole crown [m], shapes (3,), float64.
-        count: How many cards.
+        count: Number of cards.
         kind: A row of `SPRAYS`.
         size: Side of a card [m].
 
@@ -108,11 +109,11 @@ def tuft(rng: np.random.Generator, kind: str, count: int, width: float) -> Mesh:
     Args:
         rng: Random stream.
         kind: A row of `SPRAYS`.
-        count: How many cards.
+        count: Number of cards.
         width: Width of a card [m].
 
     Returns:
-        The cards; their lower edges belong into the ground.
+        The cards; their lower edges must be in the ground.
     """
     turn = np.pi * (np.arange(count) + rng.uniform(-0.3, 0.3, count)) / count
     across = 0.5 * width * np.column_stack([np.cos(turn), np.sin(turn), np.zeros(count)])
@@ -124,7 +125,7 @@ def tuft(rng: np.random.Generator, kind: str, count: int, width: float) -> Mesh:
 
 
 def _spread(rng: np.random.Generator, count: int) -> F64:
-    """Spread directions evenly over a ball but for its lowest part, shape (count, 3), float64."""
+    """Distribute directions evenly over a sphere except its lowest part, shape (count, 3), float64."""
     turn = np.pi * (1.0 + np.sqrt(5.0)) * (np.arange(count) + rng.uniform(0.0, 0.7, count))
     height = 1.0 - 1.82 * (np.arange(count) + rng.uniform(0.1, 0.9, count)) / count
     ring = np.sqrt(np.maximum(1.0 - height * height, 0.0))

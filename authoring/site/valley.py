@@ -1,4 +1,4 @@
-"""Land that rises towards the abutments of a high bridge, so that no bank of fill has to carry the road up to it."""
+"""Land that rises towards the abutments of a high bridge, so that no high embankments are needed."""
 
 from dataclasses import dataclass
 
@@ -8,22 +8,22 @@ from numpy.typing import NDArray
 from authoring.axis.alignment import Layout
 
 F64 = NDArray[np.float64]
-HIGH = 9.0  # [m] deck over the land at large from which the land rises towards the abutments
+HIGH = 9.0  # [m] height of the deck above which the land rises towards the abutments
 STEEPEST = 0.90  # [1] of a valley's sides
-_FRONT = 2.0  # [m] from the bearing line forward to where the side begins to fall
-_USUAL = 0.55  # [1] slope that a side has where there is room for it
+_FRONT = 2.0  # [m] from the bearing line forward to the top of the valley's side
+_USUAL = 0.55  # [1] usual slope of a side
 _ROUND = 1.6  # [m] over which the edges of a valley are rounded
-_STOOP = (1.2, 2.2)  # [m] land at the abutments below their bearing seats
+_STOOP = (1.2, 2.2)  # [m] depth of the land at the abutments below their bearing seats
 _SHELF = 1.5  # [m] level land behind a bridge's own foot on the side
 
 
 @dataclass(frozen=True)
 class Valley:
-    """Heights of the land along the axis; square to it they wind with the crossing.
+    """Heights of the land along the axis; across it they follow the curves of the crossing.
 
     Attributes:
         stations: Knots, rising [m].
-        heights: Of the land at large there [m].
+        heights: Large-scale heights of the land there [m].
     """
 
     stations: tuple[float, ...]
@@ -34,7 +34,7 @@ class Valley:
 
         Args:
             station: Distance along the axis [m], any shape, float64.
-            shift: How far the valley has wound along the axis there [m], the same shape, float64.
+            shift: Shift of the valley along the axis there [m], the same shape, float64.
         """
         total = np.zeros(np.broadcast(station, shift).shape)
         for offset in (-0.75, -0.25, 0.25, 0.75):

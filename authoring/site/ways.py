@@ -1,4 +1,4 @@
-"""Ribbons that follow a line: carriageways with their markings, and the water of a river."""
+"""Ribbons along a line: carriageways with their markings, and the water of a river."""
 
 from dataclasses import dataclass
 
@@ -44,7 +44,7 @@ class Line:
 
 
 def ribbon(alignment: Alignment, rows: list[F64], along: F64, across: tuple[float, ...]) -> Mesh:
-    """Skin a ribbon between parallel lines, seen from above.
+    """Mesh a ribbon between parallel lines, seen from above.
 
     Args:
         alignment: Axis of the bridge.
@@ -73,7 +73,7 @@ def ribbon(alignment: Alignment, rows: list[F64], along: F64, across: tuple[floa
 
 
 def carriageway(alignment: Alignment, line: Line, crown: F64, fall: F64, tilt: F64, half_width: float) -> Mesh:
-    """Build a road surface whose edges go down into the ground.
+    """Build a road surface whose edges extend into the ground.
 
     Args:
         alignment: Axis of the bridge.
@@ -110,7 +110,7 @@ def dashes(
         width: Width of the paint [m].
 
     Returns:
-        The strips, or None when not one dash fits.
+        The strips, or None if not a single dash fits.
     """
     total, paint = line.length(), 0.012
     period = sum(dash)
@@ -169,7 +169,7 @@ def boxes(place: F64, ahead: F64, left: F64, up: F64, size: tuple[float, float, 
 
 
 def merged(meshes: list[Mesh]) -> Mesh:
-    """Put meshes into one.
+    """Merge meshes.
 
     Args:
         meshes: At least one mesh, all with or all without `st1`.

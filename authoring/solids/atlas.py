@@ -7,7 +7,7 @@ from authoring.solids.sweep import Surface
 
 MARGIN = 1.0 / 1024.0  # free border round each chart, as a share of the atlas: two texels of 2048
 _TRIALS = 48
-_DIGITS = 6  # of a chart's size in metres: what rounding does to equal sizes must not decide which is packed first
+_DIGITS = 6  # of a chart's size in metres: so that rounding errors of equal sizes do not change the order of packing
 
 
 def pack_atlas(surfaces: list[Surface]) -> list[F64]:
@@ -27,7 +27,7 @@ def pack_atlas(surfaces: list[Surface]) -> list[F64]:
     size = np.where(lying[:, None], size[:, ::-1], size)  # long side along s
     corner, side, margin = _best_square(size)
     local = st - low.take(chart, axis=0)
-    # A chart is turned by a quarter, never mirrored, so that baked normals keep their hand.
+    # A chart may be rotated by 90 degrees, but not mirrored, because of baked normals.
     rows = np.flatnonzero(lying.take(chart))
     turned = local.take(rows, axis=0)
     local[rows] = np.stack([turned[:, 1], size[:, 1].take(chart.take(rows)) - turned[:, 0]], axis=1)
@@ -79,7 +79,7 @@ def _best_square(size: F64) -> tuple[F64, float, float]:
 
 
 def _shelves(length: F64, height: F64, width: float) -> tuple[list[int], float]:
-    """Pack boxes on shelves, tallest first, each beside the one before, or on a new shelf where there is no room.
+    """Pack boxes on shelves, tallest first, each beside the one before, or on a new shelf if there is no room.
 
     Source: Coffman, Garey, Johnson, Tarjan, Performance bounds for level-oriented two-dimensional packing, 1980.
 
@@ -102,7 +102,7 @@ def _shelves(length: F64, height: F64, width: float) -> tuple[list[int], float]:
 
 
 def _places(length: F64, height: F64, first: list[int]) -> F64:
-    """Find the lower left corner of each box on its shelf [m], shape (B, 2); arguments as `_shelves` has them."""
+    """Find the lower left corner of each box on its shelf [m], shape (B, 2); arguments as for `_shelves`."""
     begins = np.cumsum(length) - length
     tops = np.cumsum(height[first])
     counts = np.diff([*first, len(length)])

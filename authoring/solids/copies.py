@@ -8,22 +8,22 @@ from authoring.axis.alignment import Alignment
 from authoring.shapes.component import F64
 from authoring.solids.sweep import Surface
 
-LOCAL = Alignment(0.0)  # a place whose bridge coordinates are its world: templates are made there, round the origin
-_ARM = 0.05  # [m] to either side of a place, from which its directions are taken
+LOCAL = Alignment(0.0)  # bridge coordinates equal world coordinates: for templates around the origin
+_ARM = 0.05  # [m] distance on each side of a place over which directions are measured
 
 
 def frames_along(place: Alignment, stations: F64, left: float, above: float, *, upright: bool) -> F64:
-    """Find where copies stand and which way they look.
+    """Compute the positions and directions of copies.
 
     Args:
         place: Axis of the bridge.
-        stations: Where they stand [m], shape (N,), float64.
+        stations: Stations of the copies [m], shape (N,), float64.
         left: Distance of their origins to the left of the axis [m].
         above: Height of their origins above the finished surface on the axis [m].
-        upright: Keep them plumb; otherwise they lean with grade and superelevation.
+        upright: Whether they are vertical; otherwise they follow grade and superelevation.
 
     Returns:
-        Frames that take template coordinates (along, left, up) to the world [m], shape (N, 4, 4), float64.
+        Transforms of template coordinates (along, left, up) to the world [m], shape (N, 4, 4), float64.
     """
     stations = np.asarray(stations, dtype=np.float64)
     side, height = np.full(len(stations), left), np.full(len(stations), above)
@@ -54,7 +54,7 @@ def copied(template: Surface, frame: F64) -> Surface:
 
 
 def copied_together(template: Surface, frames: F64) -> Surface:
-    """Put one solid at many places, as one surface.
+    """Copy one solid to many places, as one surface.
 
     Args:
         template: Solid round the origin of `LOCAL`.

@@ -22,10 +22,11 @@ class Prism:
         outline: Section, counter-clockwise [m], shape (P, 2), float64; its plane as in `sweep`.
         low: Where the solid begins along the axis [m].
         high: Where it ends [m].
-        axis: Which way the member runs.
+        axis: Axis along which the member runs.
         place: Takes bridge coordinates to the world.
         chamfer: Leg of the chamfers [m]; 0 for none.
-        grooves: Where along the axis a groove lies [m], rising and well inside the ends; as deep as half its width.
+        grooves: Positions of grooves along the axis [m], rising and well inside the ends; their depth is half their
+            width.
     """
 
     outline: F64
@@ -42,7 +43,7 @@ class Prism:
         return extruded([self])[0]
 
     def rings(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Find where its outlines lie along the axis, rising, and how far each is inset [m]."""
+        """Compute the positions of its outlines along the axis, rising, and the inset of each [m]."""
         c, g = self.chamfer, GROOVE_DEPTH
         first, last = ((self.low, self.low + c), (self.high - c, self.high)) if c else ((self.low,), (self.high,))
         ends = (c, 0.0) if c else (0.0,)
@@ -56,7 +57,7 @@ class Prism:
 
 
 def extruded(prisms: list[Prism]) -> list[Surface]:
-    """Build prisms, all of one make at once.
+    """Build prisms, all of one kind at once.
 
     Args:
         prisms: Any number.
@@ -77,10 +78,10 @@ def extruded(prisms: list[Prism]) -> list[Surface]:
 
 
 def _of_one_make(prisms: list[Prism], along: F64, depth: F64) -> list[Surface]:
-    """Build prisms on the same axis, with as many corners, and whose outlines are inset at the same places.
+    """Build prisms on the same axis, with as many corners, and with insets at the same outlines.
 
     Args:
-        prisms: At least one; all their places are affine or none.
+        prisms: At least one; all their frames are affine, or none.
         along: Where their outlines lie along the axis [m], shape (N, S), float64.
         depth: How far these are inset [m], shape (N, S), float64.
     """
@@ -99,13 +100,13 @@ def _of_one_make(prisms: list[Prism], along: F64, depth: F64) -> list[Surface]:
         steps[rows] = _steps(outlines[rows], along[rows], axis, place)
     run = np.cumsum(np.hypot(steps, np.diff(depth)[..., None]), axis=1)
     lengths = np.concatenate([np.zeros_like(run[:, :1]), run], axis=1)
-    # What is affine keeps parallel sides parallel, and so faces flat.
+    # Affine frames keep parallel sides parallel, and therefore faces plane.
     twisted = [b""] * len(prisms) if affine else twisted_quads(points)
     return closed(sections, points, lengths, _girths(depth[0]), twisted, axis)
 
 
 def _girths(depth: F64) -> I32:
-    """Find the outline whose girth each one's texture follows: every smaller one has a full one for a neighbour."""
+    """Find the outline whose circumference each one's texture uses: a smaller one is next to a full one."""
     last = len(depth) - 1
     full = [k if d == 0.0 else (k + 1 if k < last else k - 1) for k, d in enumerate(depth.tolist())]
     return np.array(full, np.int32)
@@ -131,7 +132,7 @@ def _steps(outlines: F64, along: F64, axis: Axis, place: Alignment) -> F64:
         return np.sqrt(np.sum(np.diff(corners, axis=1) ** 2, axis=3))
     line: list[F64] = [np.zeros(along.shape) for _ in range(3)]
     if axis == "station" and place.plan:
-        middle = outlines.mean(axis=2)  # on a curve a member's own line counts
+        middle = outlines.mean(axis=2)  # on a curve, the member's own line is used
         line[1:] = [line[1] + middle[..., 0], line[2] + middle[..., 1]]
     line[("station", "left", "above").index(axis)] = along
     return np.linalg.norm(np.diff(place.point(*line), axis=1), axis=2)[..., None]

@@ -1,4 +1,4 @@
-"""Setting out many small steel plates, bars and bolts: made in bridge coordinates, then placed in the world at once."""
+"""Layout of many small steel plates, bars and bolts: made in bridge coordinates, then moved to the world together."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def prisms(outlines: F64, low: F64, high: F64, axis: Axis, far: F64 | None = Non
         low: Where each solid begins along the axis [m], shape (N,), float64.
         high: Where it ends [m], shape (N,), float64.
         axis: Which way the solids run.
-        far: Sections at the far ends, for bars that lean [m], shape (N, P, 2), float64; default: the same.
+        far: Sections at the far ends, for inclined bars [m], shape (N, P, 2), float64; default: the same.
 
     Returns:
         Closed surface in bridge coordinates; `to_world` finds its normals.
@@ -35,7 +35,7 @@ def prisms(outlines: F64, low: F64, high: F64, axis: Axis, far: F64 | None = Non
     rings[..., run] = np.stack([low, high], axis=1)[:, :, None]
     way = rings[:, 1].mean(axis=1) - rings[:, 0].mean(axis=1)
     length = np.linalg.norm(way, axis=1)
-    # The sides are unrolled: of an edge that does not stand square to the bar, one part runs along it.
+    # The sides are unrolled: an edge that is not perpendicular to the bar has a component along it.
     edge = np.roll(rings[:, 0], -1, axis=1) - rings[:, 0]
     slip = np.einsum("nij,nj->ni", edge, way / length[:, None])
     square = np.sqrt(np.maximum(np.sum(edge * edge, axis=2) - slip * slip, 0.0))
@@ -100,7 +100,7 @@ def shifted(surface: Surface, offset: F64) -> Surface:
 
 
 def in_one_chart(surface: Surface) -> Surface:
-    """Place all charts of a surface beside each other, as one: members of many pieces stay cheap to pack.
+    """Place all charts of a surface beside each other, as one: so that members of many pieces are packed quickly.
 
     Args:
         surface: Any number of charts.
@@ -123,7 +123,7 @@ def in_one_chart(surface: Surface) -> Surface:
 
 
 def to_world(surfaces: list[Surface], place: Alignment) -> list[Surface]:
-    """Take flat-sided surfaces from bridge coordinates to the world.
+    """Transform flat-sided surfaces from bridge coordinates to the world.
 
     Args:
         surfaces: Triangles in bridge coordinates.
@@ -143,7 +143,7 @@ def to_world(surfaces: list[Surface], place: Alignment) -> list[Surface]:
 
 
 def _triangles(points: F64, corners: I32, st: F64, chart: I32) -> Surface:
-    """Gather triangles; charts that read mirrored from outside are flipped."""
+    """Collect triangles; charts that are mirrored as seen from outside are flipped."""
     faces = st.reshape(-1, 3, 2)
     one, other = faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]
     mirrored = np.bincount(chart, one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]) < 0.0

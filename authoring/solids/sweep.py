@@ -12,12 +12,12 @@ from authoring.shapes.topology import normals_at
 
 Axis = Literal["station", "left", "above"]
 
-_NEAR_RING = 0.05  # [m] from another ring within which none is inserted: longer than chamfers and grooves
+_NEAR_RING = 0.05  # [m] least distance of an inserted ring from others: longer than chamfers and grooves
 
 
 @dataclass(frozen=True)
 class Surface:
-    """The closed surface of a member, before it has an identity.
+    """The closed surface of a member, before it has an id.
 
     Attributes:
         points: World positions [m], shape (V, 3), float64.
@@ -48,10 +48,11 @@ def sweep(
         sections: Outline at each place, counter-clockwise [m], shape (S, P, 2), float64.
         along: Coordinate of each outline along the axis, rising [m], shape (S,), float64.
         axis: Which way the sweep runs.
-        place: Takes bridge coordinates to the world.
+        place: Transforms bridge coordinates to the world.
         lengths: Texture length at each outline [m], shape (S,), or at each of its corners, shape (S, P), float64;
             default: the arc length.
-        girth_of: Number of the outline whose girth each outline's texture follows, shape (S,), int32; default: its own.
+        girth_of: Number of the outline whose circumference each outline's texture uses, shape (S,), int32; default: its
+            own.
 
     Returns:
         Closed surface, normals outward.
@@ -73,8 +74,8 @@ def closed(
         sections: Outlines of each, counter-clockwise [m], shape (N, S, P, 2), float64.
         rings: The same in the world [m], shape (N, S, P, 3), float64.
         lengths: Texture length at each outline [m], shape (N, S, 1), or at each of its corners, shape (N, S, P).
-        girth_of: Number of the outline whose girth each outline's texture follows, shape (S,), int32, or None.
-        twisted: Quads of each solid that leave their plane; see `twisted_quads`.
+        girth_of: Number of the outline whose circumference each outline's texture uses, shape (S,), int32, or None.
+        twisted: Quads of each solid that are not plane; see `twisted_quads`.
         axis: Which way the sweep runs.
 
     Returns:
@@ -84,7 +85,7 @@ def closed(
     firsts, lasts = end_pieces(sections[:, 0]), end_pieces(sections[:, -1])
     side_st = _side_st(sections, lengths, girth_of).reshape(len(sections), -1, 2)
     st = np.concatenate([side_st, sections[:, 0], sections[:, -1]], axis=1)
-    # (station, above, left) is a left-handed frame: its faces are turned round.
+    # (station, above, left) is a left-handed frame: its faces are reversed.
     makes = [net(count, size, *key, axis == "left") for key in zip(twisted, firsts, lasts, strict=True)]
     surfaces: dict[int, Surface] = {}
     for make in {id(make): make for make in makes}.values():
@@ -97,7 +98,7 @@ def closed(
 
 
 def turned(surface: Surface) -> Surface:
-    """Turn the texture of a member's sides by a quarter, for a member that runs across its sweep.
+    """Rotate the texture of a member's sides by 90 degrees, for a member that runs across its sweep.
 
     Args:
         surface: Result of `sweep` or of an extrusion.
@@ -107,7 +108,7 @@ def turned(surface: Surface) -> Surface:
 
 
 def joined(surfaces: list[Surface]) -> Surface:
-    """Put several closed solids into one surface.
+    """Merge several closed solids into one surface.
 
     Args:
         surfaces: At least one; they do not touch.
@@ -142,13 +143,13 @@ def missing_rings(along: F64, place: Alignment) -> F64:
 
 
 def placed(sections: F64, along: F64, axis: Axis, place: Alignment) -> F64:
-    """Take outlines to the world.
+    """Transform outlines to the world.
 
     Args:
         sections: Outlines in the plane of the two other axes [m], shape (..., P, 2), float64.
         along: Where they lie along the axis [m], shape (..., 1), float64.
         axis: Which way the sweep runs.
-        place: Takes bridge coordinates to the world.
+        place: Transforms bridge coordinates to the world.
 
     Returns:
         World positions [m], shape (..., P, 3), float64.

@@ -1,4 +1,4 @@
-"""The tight box of a bridge, turned along it."""
+"""The tight box of a bridge, aligned with it."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ class OrientedBox:
     half: F64
 
     def to_world(self, local: F64) -> F64:
-        """Turn box coordinates into world positions.
+        """Convert box coordinates to world positions.
 
         Args:
             local: Offsets from the centre along the axes [m], shape (N, 3), float64.
@@ -35,7 +35,7 @@ class OrientedBox:
         return self.center + local @ self.axes
 
     def to_local(self, points: F64) -> F64:
-        """Turn world positions into box coordinates.
+        """Convert world positions to box coordinates.
 
         Args:
             points: World positions [m], shape (N, 3), float64.

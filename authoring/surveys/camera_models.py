@@ -17,11 +17,11 @@ _DISTORTION = ("k1", "k2", "p1", "p2")
 
 @dataclass(frozen=True)
 class CameraModel:
-    """A camera of the field.
+    """A real camera.
 
     Attributes:
-        make: Maker, as photographs name it.
-        model: Name, as photographs name it.
+        make: Maker, as written in photographs.
+        model: Name, as written in photographs.
         focal_length: Focal length [m].
         sensor_width: Width of the sensor [m].
         width: Width of a photograph [px].
@@ -58,7 +58,7 @@ def calibration(model: CameraModel, width: int | None = None, height: int | None
     Args:
         model: Camera.
         width: Image width [px]; the camera's own when None, or that which corresponds to `height`.
-        height: Image height [px]; what keeps the camera's aspect when None.
+        height: Image height [px]; from the camera's aspect when None.
     """
     if width is None:
         width = model.width if height is None else round(height * model.width / model.height)

@@ -1,4 +1,4 @@
-"""The views among which an inspection chooses: places round a bridge, each with directions all around."""
+"""Candidate views of an inspection: places around a bridge, each with directions all around."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ I64 = NDArray[np.int64]
 
 HEADINGS = 8
 PITCHES = (-50.0, -15.0, 15.0, 45.0)  # [deg] of each heading; straight up and down besides
-_PLACES = 256  # places whose views are looked through at once
+_PLACES = 256  # places whose views are processed at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class Candidates:
     Attributes:
         poses: camera_to_world [m], shape (V, 4, 4), float64.
         place: Place of each view, rising, shape (V,), int64.
-        sight: What each sees.
+        sight: Visibility in each.
     """
 
     poses: F64
@@ -47,14 +47,14 @@ def directions(heading: float, highest: float) -> F64:
     pitches = np.unique(np.minimum(np.radians(PITCHES), highest))
     turns = heading + np.arange(HEADINGS) * 2.0 * np.pi / HEADINGS
     looks = [[np.cos(t) * np.cos(p), np.sin(t) * np.cos(p), np.sin(p)] for p in pitches for t in turns]
-    # What looks straight up or down keeps a trace of the heading, which its gimbal writes down.
+    # Views straight up or down are slightly inclined, so that the gimbal records a heading.
     steep = [p for p in np.radians([89.0, -89.0]) if p <= highest]
     looks += [[np.cos(heading) * np.cos(p), np.sin(heading) * np.cos(p), np.sin(p)] for p in steep]
     return look_along(np.array(looks))
 
 
 def look_round(places: F64, turns: F64, eye: Eye, targets: Targets, reach: float, obstacles: RayScene) -> Candidates:
-    """Find what every place sees in every direction; views that see no member are left out.
+    """Find the visible members from every place in every direction; views without members are left out.
 
     Args:
         places: Camera centres [m], shape (P, 3), float64.

@@ -1,4 +1,4 @@
-"""Greedy coverage: the fewest views, or nearly, that show everything often enough from different places."""
+"""Greedy coverage: nearly the fewest views that show everything often enough from different places."""
 
 from dataclasses import dataclass
 
@@ -11,8 +11,8 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 NEXT_TO = 3.5  # [m] from a chosen view and ...
-TURNED = np.cos(np.radians(46.0))  # ... turned against it by no more: what both see is matched, and they fly as one leg
-PREFERRED = 3  # by which such a view counts more than one that begins anew [1]
+TURNED = np.cos(np.radians(46.0))  # ... rotated by no more than this: surfaces are matched, and it is one leg
+PREFERRED = 3  # factor of preference for a view next to a chosen one [1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +22,7 @@ class Wanted:
     Attributes:
         shows: 1 where a view shows an element, shape (V, E), int64.
         needs: Views that each element still needs, shape (E,), int64.
-        worth: What one more view of an element is worth, shape (E,), int64.
+        worth: Value of one more view of an element, shape (E,), int64.
     """
 
     shows: sparse.csr_matrix
@@ -31,16 +31,17 @@ class Wanted:
 
 
 def choose_views(wanted: Wanted, poses: F64, place: I64, least: int, most: int) -> I64:
-    """Choose views one after the other, each the one that adds most; an element counts once for each place.
+    """Choose views one after the other, each with the largest gain; an element counts once for each place.
 
-    Source: G. Nemhauser, L. Wolsey, M. Fisher 1978: greedy choice comes within 1 - 1/e of the best for such sums. That
-    a view next to a chosen one is preferred is ours: a reconstruction has to link them.
+    Source: G. Nemhauser, L. Wolsey, M. Fisher 1978: the greedy choice reaches at least 1 - 1/e of the optimum for such
+        sums. That
+    a view next to a chosen one is preferred is our own rule: a reconstruction has to link them.
 
     Args:
         wanted: Elements, and which view shows which.
         poses: camera_to_world of the views [m], shape (V, 4, 4), float64.
         place: Place of each view, rising, shape (V,), int64.
-        least: Worth below which no view is taken.
+        least: Value below which no view is chosen.
         most: Greatest number of views.
 
     Returns:

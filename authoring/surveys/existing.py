@@ -1,4 +1,4 @@
-"""An existing camera of a stage, animated in a DCC: found, and used unchanged."""
+"""An existing camera of a stage, animated in another program: found, and used unchanged."""
 
 from authoring.surveys.path import Flown
 from authoring.surveys.settings import StageSettings
@@ -6,7 +6,7 @@ from groundwork.errors import InputError
 from usd_schemas.flat_scene import CameraTrack, FlatScene
 from usd_schemas.pinhole import Pinhole, pinhole_from_lens
 
-WIDTH = 1280  # [px] where neither survey nor stage names a size
+WIDTH = 1280  # [px] if neither survey nor stage states a size
 
 
 def existing_flight(settings: StageSettings, scene: FlatScene) -> Flown:

@@ -15,7 +15,7 @@ BORDER = 33  # places along each side of a picture that are undistorted to find 
 
 @dataclass(frozen=True)
 class Eye:
-    """A camera as rays see it.
+    """A camera for ray casting.
 
     Attributes:
         camera: Intrinsics.
@@ -41,7 +41,7 @@ class Eye:
         return np.column_stack([self.distortion.undistort(drawn), np.ones(len(pixels))])
 
     def framed(self, points: F64, pose: F64) -> NDArray[np.bool_]:
-        """Find which points fall into a picture; what may hide them does not count.
+        """Find which points are inside an image, ignoring occlusion.
 
         Args:
             points: World positions [m], shape (N, 3), float64.
@@ -53,7 +53,7 @@ class Eye:
         return self.framed_local((points - pose[:3, 3]) @ pose[:3, :3])
 
     def framed_local(self, local: F64) -> NDArray[np.bool_]:
-        """Find which points in camera axes fall into the picture; what may hide them does not count.
+        """Find which points in camera axes are inside the image, ignoring occlusion.
 
         Args:
             local: Positions from the camera's centre, axes right, down, forward [m], shape (N, 3), float64.

@@ -1,4 +1,4 @@
-"""Every place around a whole bridge that is allowed for a drone and reachable."""
+"""Every place around a whole bridge that is allowed and reachable for a drone."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,17 +11,17 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 Cells = NDArray[np.bool_]
 
-BLOCK = 4  # cells along the edge of a block that one query may settle as a whole
-MOST_CELLS = 4_000_000  # beyond it cells grow, so that a long bridge needs no more memory
-FOOT = 0.5  # [m] of the box under the lowest ground
+BLOCK = 4  # cells along the edge of a block that one query may decide as a whole
+MOST_CELLS = 4_000_000  # above it, cells are enlarged, to limit the memory for long bridges
+FOOT = 0.5  # [m] depth of the box under the lowest ground
 
 
 def free_places(
     subject: Subject, edge: float, reach: float, safety: float, over_ground: float, shift: F64 | None = None
 ) -> F64:
-    """Cut the space round a bridge into cells; keep those that are far enough from everything, and connected.
+    """Divide the space around a bridge into cells; keep those that are far enough from everything, and connected.
 
-    The distance to a surface changes by no more than the way that one goes: the middle of a block of cells tells for
+    The distance to a surface changes by no more than the distance moved: the middle of a block of cells decides for
     most blocks that all of their cells are free, or too far from the bridge.
 
     Args:
@@ -30,7 +30,7 @@ def free_places(
         reach: Greatest distance of a cell's middle to the bridge [m].
         safety: Least distance to bridge and site, anywhere in a cell [m].
         over_ground: Least height of a cell's middle over ground or water [m].
-        shift: By how much the cells are moved, in edges [1], shape (3,), float64.
+        shift: Shift of the cells, in edges [1], shape (3,), float64.
 
     Returns:
         Middles of the cells in the order of the box's axes [m], shape (N, 3), float64.
@@ -67,7 +67,7 @@ def _box(subject: Subject, reach: float) -> OrientedBox:
 def _free_cells(
     subject: Subject, box: OrientedBox, corner: F64, blocks: I64, edge: float, distances: tuple[float, float]
 ) -> Cells:
-    """Find which cells keep their distance and are within reach of the bridge, shape (X, Y, Z), bool."""
+    """Find which cells are at a safe distance and within reach of the bridge, shape (X, Y, Z), bool."""
     reach, safety = distances
     least = safety + 0.5 * np.sqrt(3.0) * edge  # no corner of the cell is nearer
     numbers = np.stack(np.meshgrid(*(np.arange(count) for count in blocks), indexing="ij"), axis=-1).reshape(-1, 3)

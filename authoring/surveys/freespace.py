@@ -27,8 +27,8 @@ class FreeSpace:
         box: The box.
         edge: Length of a cell's edge [m].
         clearance: Distance of each cell's middle to the nearest surface, rounded to centimetres [m], shape (X, Y, Z).
-        free: Whether the whole cell keeps its distance, and is in the largest connected part, shape (X, Y, Z).
-        cut_off: Whether it keeps its distance, but no way leads there, shape (X, Y, Z).
+        free: Whether the whole cell is at a safe distance, and is in the largest connected part, shape (X, Y, Z).
+        cut_off: Whether it is at a safe distance, but not connected, shape (X, Y, Z).
     """
 
     box: OrientedBox
@@ -50,12 +50,13 @@ class FreeSpace:
 
 
 def cut_free_space(box: OrientedBox, subject: Subject, edge: float, safety: float, over_ground: float) -> FreeSpace:
-    """Find the cells of a box in which a drone keeps its distance.
+    """Find the cells of a box in which a drone is at a safe distance.
 
-    Source: Shi 2024, local scenario: voxels of the local bounding box, dilated by a safety radius; its values are lost.
+    Source: Shi 2024, local scenario: voxels of the local bounding box, dilated by a safety radius; its values are
+        unknown.
 
     Args:
-        box: Where to fly.
+        box: Box of the flight.
         subject: Bridge and site.
         edge: Length of a cell's edge [m].
         safety: Least distance to bridge and site, anywhere in a free cell [m].
@@ -76,7 +77,7 @@ def cut_free_space(box: OrientedBox, subject: Subject, edge: float, safety: floa
 
 
 def gap_between(space: FreeSpace) -> F64 | None:
-    """Find the middle between the largest part of the free space and what is cut off nearest to it.
+    """Find the middle between the largest part of the free space and the nearest part that is not connected to it.
 
     Args:
         space: The cells.
@@ -96,7 +97,7 @@ def largest_part(free: Cells) -> Cells:
     """Keep the largest connected group of cells, diagonals included.
 
     Args:
-        free: Cells that keep their distance, shape (X, Y, Z).
+        free: Cells at a safe distance, shape (X, Y, Z).
 
     Returns:
         Those of them that are connected, shape (X, Y, Z), bool.
@@ -112,7 +113,7 @@ class Ways:
     """The graph of the free cells.
 
     Attributes:
-        costs: What a step from one free cell to a neighbour costs [m].
+        costs: Cost of a step from one free cell to a neighbor [m].
     """
 
     costs: sparse.csr_matrix
@@ -139,7 +140,7 @@ def link_cells(space: FreeSpace, weight: F64) -> Ways:
 
     Args:
         space: The cells.
-        weight: What a metre in each cell costs [1], shape (X, Y, Z), float64.
+        weight: Cost per meter in each cell [1], shape (X, Y, Z), float64.
     """
     number = np.full(space.free.shape, -1, np.int64)
     count = int(space.free.sum())
@@ -157,7 +158,7 @@ def link_cells(space: FreeSpace, weight: F64) -> Ways:
 
 
 def smooth_field(shape: tuple[int, ...], cells: float, rng: np.random.Generator) -> F64:
-    """Draw a random field of mean 0 and deviation 1 that changes over a length.
+    """Draw a random field of mean 0 and deviation 1 with a correlation length.
 
     Args:
         shape: Its shape.

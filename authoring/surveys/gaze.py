@@ -8,9 +8,9 @@ from usd_schemas.pinhole import look_at
 
 F64 = NDArray[np.float64]
 
-END_PULL = 10.0  # [m] by which a camera at the end of a long bridge looks inwards
+END_PULL = 10.0  # [m] shift inwards of the view of a camera at the end of a long bridge
 STEADINESS = 1.5  # [images] over which the gaze is smoothed
-RISE = 4.0  # [m] over the bearings at which cameras begin to look for them
+RISE = 4.0  # [m] above the bearings below which cameras turn to them
 PULL = 0.6  # share of the turn towards a bearing line [1]
 ACROSS, UPWARDS = 0.4, 0.3  # sizes of the box that cameras beside a long bridge look at [1]
 
@@ -33,8 +33,9 @@ def inner_box(offsets: F64) -> F64:
 def along_axis(offsets: F64) -> F64:
     """Aim cameras across a long bridge: at the stretch of the axis beside them, drawn inwards towards the ends.
 
-    With the inner box alone, most views of a long bridge run along it. The pull grows with the square of the distance
-    from the middle, so that views are square to the bridge for most of its length and turn evenly round its ends.
+    With the inner box alone, most views of a long bridge are along it. The shift inwards grows with the square of the
+    distance from the middle, so that views are perpendicular to the bridge for most of its length and rotate evenly
+    around its ends.
 
     Args:
         offsets: Camera centres in the axes of the box, from its centre [m], shape (N, 3), float64.
@@ -48,7 +49,7 @@ def along_axis(offsets: F64) -> F64:
 
 
 def drawn_to_lines(offsets: F64, targets: F64, lines: F64, steadiness: float = STEADINESS) -> F64:
-    """Turn low cameras back to the bearing line that they passed last, which a square view leaves out of the frame.
+    """Turn low cameras back to the bearing line that they passed last, which a perpendicular view does not show.
 
     On the other side of the bridge the flight passes the lines the other way, so that each is seen from both of its
     sides, and no camera has to swing from the line behind to the line ahead.

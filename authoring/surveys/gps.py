@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
-CORRELATION_TIME = 60.0  # [s] after which the bias has forgotten about two thirds of itself
+CORRELATION_TIME = 60.0  # [s] correlation time of the bias: after it, the correlation is 1/e
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ def measured_positions(positions: F64, times: F64, noise: GpsNoise, rng: np.rand
     Args:
         positions: True camera centres [m], shape (N, 3), float64.
         times: Seconds since the first image [s], shape (N,), float64.
-        noise: How large they are.
+        noise: Size of the errors.
         rng: Stream `gps/<id>`.
 
     Returns:

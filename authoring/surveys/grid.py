@@ -1,4 +1,4 @@
-"""Grid survey: rows along a bridge's sides and over its deck, at one distance and square to it."""
+"""Grid survey: rows along a bridge's sides and over its deck, at one distance and perpendicular to it."""
 
 from dataclasses import dataclass
 
@@ -20,18 +20,18 @@ F64 = NDArray[np.float64]
 DECIMALS = 4  # positions are rounded to it [m], so that every CPU places the same cameras
 USUAL_DISTANCE = 10.0  # [m] from the bridge where no ground sampling distance is set
 COLUMNS, ROWS = 24, 18  # rays that test whether an image shows the bridge
-TILT = np.radians(-90.0 + 1.0)  # over the deck: straight down, but for what keeps the heading defined
+TILT = np.radians(-90.0 + 1.0)  # over the deck: straight down, except for 1 degree that defines the heading
 
 
 @dataclass(frozen=True)
 class _Face:
-    """A side of the box that rows are flown along.
+    """A side of the box with rows of images.
 
     Attributes:
-        rows: Where each row runs, across the face [m], shape (R,), float64.
-        offset: Where the face lies along its own axis [m].
+        rows: Position of each row across the face [m], shape (R,), float64.
+        offset: Position of the face along its own axis [m].
         axis: Number of that axis of the box: 1 for a side, 2 for the deck.
-        inward: Where cameras look, in the box's axes, shape (3,), float64.
+        inward: Viewing direction of the cameras, in the box's axes, shape (3,), float64.
     """
 
     rows: F64
@@ -52,7 +52,7 @@ def fly_grid(settings: GridSettings, subject: Subject, rng: np.random.Generator)
         camera_to_world of each image [m], shape (N, 4, 4), float64.
 
     Raises:
-        InputError: The sampling distance asks for a camera nearer than is safe, or nothing of the grid is free.
+        InputError: The sampling distance needs a camera closer than is safe, or no part of the grid is free.
     """
     del rng
     model = camera_models()[settings.camera]
@@ -103,7 +103,7 @@ def fly_grid(settings: GridSettings, subject: Subject, rng: np.random.Generator)
 
 
 def _bridge_share(poses: F64, eye: Eye, subject: Subject) -> F64:
-    """Find the share of each image that the bridge fills [1], shape (N,), float64."""
+    """Find the share of each image covered by the bridge [1], shape (N,), float64."""
     x, y = (np.arange(COLUMNS) + 0.5) / COLUMNS, (np.arange(ROWS) + 0.5) / ROWS
     pixels = np.stack(np.meshgrid(x * eye.camera.width, y * eye.camera.height), axis=-1).reshape(-1, 2)
     rays = eye.rays(pixels)
@@ -152,7 +152,7 @@ def _row(settings: GridSettings, camera: Pinhole, box: OrientedBox, face: _Face,
 
 
 def _spread(low: float, high: float, step: float) -> F64:
-    """Spread rows evenly, no two further apart than a step."""
+    """Distribute rows evenly, at most a step apart."""
     count = max(1, int(np.ceil((high - low) / step)))
     return low + (np.arange(count) + 0.5) * (high - low) / count
 

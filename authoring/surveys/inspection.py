@@ -1,4 +1,4 @@
-"""Inspection survey: views that show every member of a bridge, and its surface, often enough, flown in legs."""
+"""Inspection survey: views that show every member of a bridge, and its surface, often enough, in legs."""
 
 from dataclasses import dataclass
 
@@ -23,28 +23,28 @@ from groundwork.errors import InputError
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-LATTICE = 2.0  # [m] between the places that views are chosen from
-STAND_OFF = 1.5  # greatest distance of these to what is inspected, in distances that are flown at [1]
-MARGIN = 1.5  # by which a view must show more pixels than required, as samples only estimate them [1]
+LATTICE = 2.0  # [m] spacing of the candidate places
+STAND_OFF = 1.5  # largest distance of these to the inspected surface, as a multiple of the flight's distance [1]
+MARGIN = 1.5  # factor on the required pixels, because samples only estimate them [1]
 WELL = 0.5  # share of the best view of a stretch that another one must show [1]
-MEMBER = 1000  # worth of a view that a member lacks, over that of a stretch [1]
-LOOKED_AT = 3000  # free places looked at for a member that the lattice hardly sees
-APART = 0.7  # [m] between those of them that are taken
+MEMBER = 1000  # value of a missing view of a member, relative to that of a stretch [1]
+LOOKED_AT = 3000  # free places checked for a member that the lattice hardly sees
+APART = 0.7  # [m] least distance of the places chosen from them
 
 
 def fly_inspection(
     settings: InspectionSettings, subject: Subject, rng: np.random.Generator, before: F64 | None = None
 ) -> F64:
-    """Choose the views, put them in order, and photograph along the legs between them.
+    """Choose the views, put them in order, and place images along the legs between them.
 
     Args:
         settings: Settings of the scenario.
         subject: Bridge and site.
         rng: Stream `survey/<id>`: it shifts the lattice of places and turns the headings.
-        before: camera_to_world of images that are taken anyway [m], shape (N, 4, 4), float64.
+        before: camera_to_world of images of other flights [m], shape (N, 4, 4), float64.
 
     Returns:
-        camera_to_world of each image [m], shape (N, 4, 4), float64; none where nothing is left to be seen.
+        camera_to_world of each image [m], shape (N, 4, 4), float64; none if everything has been seen.
 
     Raises:
         InputError: No such member, no free space, or nothing can be seen from it.
@@ -111,7 +111,7 @@ def _targets(settings: InspectionSettings, subject: Subject) -> Targets:
 
 
 def _lattice(settings: InspectionSettings, targets: Targets, places: F64) -> F64:
-    """Keep one free place of each cube of the lattice, near to what is inspected [m], shape (P, 3)."""
+    """Keep one free place of each cube of the lattice, near the inspected surface [m], shape (P, 3)."""
     away = np.asarray(KDTree(targets.samples.points).query(places)[0])
     near = places[np.round(away, 2) <= STAND_OFF * settings.near]
     if not len(near):
@@ -174,7 +174,7 @@ def pixels_from(places: F64, member: int, targets: Targets, eye: Eye, reach: flo
 
 @dataclass(frozen=True, eq=False)
 class _Taken:
-    """Views that images have which are taken anyway: of members, and samples of stretches that each image sees."""
+    """Views in images of other flights: of members, and samples of stretches that each image sees."""
 
     members: I64
     squarely: sparse.csr_matrix
@@ -190,7 +190,7 @@ def _taken(
 
 
 def _wanted(settings: InspectionSettings, targets: Targets, sight: Sight, taken: _Taken | None) -> Wanted:
-    """Find what every view shows: members large enough, and stretches nearly as well as any other view."""
+    """Find the elements that every view shows: members large enough, and stretches nearly as well as any other view."""
     count = len(targets.samples.ids)
     members = _at_least(sight.pixels, np.full(count, MARGIN * settings.pixels))
     needs = np.full(count, settings.views, np.int64) - (0 if taken is None else taken.members)

@@ -13,13 +13,13 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 DECIMALS = 4  # positions are rounded to it [m], so that every CPU places the same cameras
-HOP = 6.0  # [m] between two views of a leg; what is further away begins another leg
-SLOW_TURN = 2.0  # [m] of way that a turn by a radian is worth
-STEADY = np.radians(20.0)  # of turn between neighbouring images of a leg
+HOP = 6.0  # [m] between two views of a leg; a larger distance begins another leg
+SLOW_TURN = 2.0  # [m] length that counts as much as a rotation by one radian
+STEADY = np.radians(20.0)  # largest rotation between neighboring images of a leg
 
 
 def order_views(poses: F64, subject: Subject, safety: float, axis: F64) -> list[I64]:
-    """Order views into legs: from each to the nearest one ahead that a straight and safe line leads to.
+    """Order views into legs: from each to the nearest one ahead on a straight and safe line.
 
     Args:
         poses: camera_to_world [m], shape (V, 4, 4), float64.
@@ -51,7 +51,7 @@ def order_views(poses: F64, subject: Subject, safety: float, axis: F64) -> list[
 
 
 def fly_legs(poses: F64, legs: list[I64], spacing: float, highest: float) -> F64:
-    """Photograph along legs: at every view, and in between wherever two are further apart than the spacing.
+    """Photograph along legs: at every view, and in between if two are farther apart than the spacing.
 
     Args:
         poses: camera_to_world of the views [m], shape (V, 4, 4), float64.

@@ -1,4 +1,4 @@
-"""A prediction of which images of a flight a reconstruction will link, from the surfaces that they have in common."""
+"""Prediction of the images of a flight that a reconstruction will link, from their common surfaces."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,8 @@ TURNED = 30.0  # [deg], largest angle at which features of a surface are still r
 SHARED = (0.1, 0.2, 0.3)
 SCALED = 2.0  # largest ratio of two distances to a surface
 PARTNERS = 3  # fewest partners of a registered image
-LEAST_SEEN = 0.25  # share of an image that must see a surface, not sky [1]
-FARTHEST = 150.0  # [m] at which surfaces still carry features worth matching
+LEAST_SEEN = 0.25  # least share of an image with a surface instead of sky [1]
+FARTHEST = 150.0  # [m] up to which surfaces have features for matching
 
 
 def linked_share(poses: F64, eye: Eye, obstacles: RayScene) -> tuple[float, float]:
@@ -51,7 +51,7 @@ def linked_share(poses: F64, eye: Eye, obstacles: RayScene) -> tuple[float, floa
 
 
 def _hanging_together(links: NDArray[np.int64], count: int) -> float:
-    """Find the share of images with enough partners in the largest part that links hold together [1]."""
+    """Find the share of images with enough partners in the largest connected part [1]."""
     graph = sparse.coo_matrix((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(count, count))
     degree = np.asarray((graph + graph.T).sum(axis=0)).ravel()
     _, part = connected_components(graph, directed=False)
@@ -79,7 +79,7 @@ def _seen(pose: F64, eye: Eye, obstacles: RayScene) -> F64:
 
 
 def _shared(points: F64, own: F64, other: F64, eye: Eye, obstacles: RayScene) -> tuple[float, float]:
-    """Find the share of an image's surfaces that another sees at all, and that it sees alike enough to match."""
+    """Find the share of an image's surfaces that another image sees, and of those similar enough to match."""
     if not len(points):
         return 0.0, 0.0
     framed = points[eye.framed(points, other)]

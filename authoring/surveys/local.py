@@ -1,4 +1,4 @@
-"""Local survey: a random way through the free space round a stretch of the bridge, dense and close."""
+"""Local survey: a random path through the free space around a stretch of the bridge, dense and close."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,14 +21,14 @@ I64 = NDArray[np.int64]
 
 DECIMALS = 4  # positions are rounded to it [m], so that every CPU places the same cameras
 CLOSE = 1.5  # [m], deviation of the distances at which goals are drawn
-GOALS = (3, 5)  # least and most goals of a flight, both ends among them
+GOALS = (3, 5)  # least and largest number of goals of a flight, including both ends
 APART = 0.4  # least distance between goals, in lengths of the box [1]
-WANDER = 0.7  # how much the random field bends the way [1]
+WANDER = 0.7  # influence of the random field on the path [1]
 CORRELATION = 4.0  # [m] over which that field changes
-FAR = 6.0  # [m] from the bridge beyond which every further metre makes a way dearer ...
+FAR = 6.0  # [m] from the bridge beyond which every further meter increases the cost ...
 DEAR = 2.0  # ... by this share [1]
 TRIES = 60
-STRAIGHT = 0.92  # least chord between neighbouring images, of the longest [1]
+STRAIGHT = 0.92  # least ratio of the chord between neighboring images to the longest [1]
 COARSE = 2.0  # [m] between the cameras among which key cameras are chosen
 
 
@@ -36,7 +36,7 @@ def fly_local(settings: LocalSettings, subject: Subject, rng: np.random.Generato
     """Plan the flight and aim its cameras.
 
     Source: Shi 2024, local scenario: voxels, random collision-free path, points of interest on the nearest component,
-    slerp between key cameras, up-sampling to 0.5 m. How the path is drawn is lost; goals, costs and field are ours.
+    slerp between key cameras, up-sampling to 0.5 m. How the path is drawn is unknown; goals, costs and field are ours.
 
     Args:
         settings: Settings of the scenario.
@@ -47,7 +47,7 @@ def fly_local(settings: LocalSettings, subject: Subject, rng: np.random.Generato
         camera_to_world of each image [m], shape (N, 4, 4), float64.
 
     Raises:
-        InputError: No free space, or no way of the length asked for.
+        InputError: No free space, or no path of the required length.
     """
     limited = (settings.pitch or option_at(settings, "pitch", rng.random(), "default")) == "limited"
     box = draw_local_box(settings, subject, rng)
@@ -69,12 +69,12 @@ def fly_local(settings: LocalSettings, subject: Subject, rng: np.random.Generato
 
 @dataclass(frozen=True, eq=False)
 class _GoalField:
-    """Where a flight may go, and how likely each place is its next goal.
+    """Free cells of a flight, and the probability of each as its next goal.
 
     Attributes:
         ways: Graph of the free cells.
         middles: Middle of each free cell [m], shape (N, 3), float64.
-        chance: How likely each free cell is a goal, summing up to 1, shape (N,), float64.
+        chance: Probability of each free cell as a goal, with sum 1, shape (N,), float64.
     """
 
     ways: Ways
@@ -113,7 +113,7 @@ def _reach_target(settings: LocalSettings, target: int, space: FreeSpace, subjec
 
 
 def _limits(space: FreeSpace, subject: Subject) -> str:
-    """Describe what limits a flight besides its box; empty where only the box does."""
+    """Describe the limits of a flight besides its box; empty if only the box limits it."""
     gap = gap_between(space)
     if gap is None:
         return ""
@@ -128,7 +128,7 @@ def _limits(space: FreeSpace, subject: Subject) -> str:
 def _draw_way(
     settings: LocalSettings, space: FreeSpace, subject: Subject, target: int | None, rng: np.random.Generator
 ) -> F64:
-    """Draw a way through the box until one has room for as many images as are wanted [m], shape (M, 3), float64."""
+    """Draw paths through the box until one is long enough for the images [m], shape (M, 3), float64."""
     goal_field = _goal_field(settings, space, subject, rng)
     low, high = ((count - 1) * settings.spacing for count in settings.images)
     tried, longer = [], []
@@ -158,7 +158,7 @@ def _draw_way(
 
 
 def _part(way: F64, length: float, share: float) -> F64:
-    """Cut a part of some length out of a way [m], shape (K, 3), float64; `share` sets where it begins."""
+    """Cut a part of a given length out of a path [m], shape (K, 3), float64; `share` sets where it begins."""
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
     first = share * (arc[-1] - length)
     inner = (arc > first) & (arc < first + length)
@@ -167,7 +167,7 @@ def _part(way: F64, length: float, share: float) -> F64:
 
 
 def _is_smooth(way: F64, spacing: float) -> bool:
-    """Check whether neighbouring images keep nearly their step along a straight line: no turn on the spot."""
+    """Check that neighboring images are nearly a full step apart: no reversal on the spot."""
     chords = np.linalg.norm(np.diff(equal_steps(way, spacing), axis=0), axis=1)
     return bool(chords.min() > STRAIGHT * chords.max())
 
@@ -184,7 +184,7 @@ def _goal_field(settings: LocalSettings, space: FreeSpace, subject: Subject, rng
 
 
 def _draw_goals(goal_field: _GoalField, apart: float, target: int | None, rng: np.random.Generator) -> I64:
-    """Draw cells to fly to, no two too near each other; fewer where the free space is small, the target among them."""
+    """Draw goal cells with a least distance; fewer if the free space is small; the target is one of them."""
     wanted = int(rng.integers(GOALS[0], GOALS[1] + 1))
     edges = np.cumsum(goal_field.chance)
     goals: list[int] = [] if target is None else [target]

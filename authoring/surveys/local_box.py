@@ -11,22 +11,22 @@ from groundwork.errors import InputError
 
 F64 = NDArray[np.float64]
 
-_SLICE = 2.0  # [m] of the bridge whose middle is a point of its axis
-_FOOT = 0.5  # [m] of the box over the lowest ground
+_SLICE = 2.0  # [m] length of the slices whose middles are points of the axis
+_FOOT = 0.5  # [m] height of the box's bottom above the lowest ground
 
 
 def draw_local_box(settings: LocalSettings, subject: Subject, rng: np.random.Generator) -> OrientedBox:
-    """Draw a stretch of the bridge, more often near a support, and box it in along the bridge's own direction there.
+    """Draw a stretch of the bridge, more often near a support, and compute its box along the bridge's direction there.
 
-    Source: Shi 2024, local scenario; the size of the box is lost, the default is ours.
+    Source: Shi 2024, local scenario; the size of the box is unknown, the default is ours.
 
     Args:
-        settings: Length of the box, margins, and how often it lies at a support.
+        settings: Length of the box, margins, and probability of a support.
         subject: Bridge and site.
         rng: Stream `survey/<id>`.
 
     Raises:
-        InputError: The box asked for holds no bridge.
+        InputError: The requested box contains no part of a bridge.
     """
     whole = oriented_box(subject.bridge.reshape(-1, 3))
     centers = whole.to_local(subject.bridge.mean(axis=1))
@@ -54,7 +54,7 @@ def draw_local_box(settings: LocalSettings, subject: Subject, rng: np.random.Gen
 
 
 def _within(triangles: F64, axes: F64, middle: float, half: float) -> F64:
-    """Clip the edges of triangles to a slab across the bridge: what is left, in its axes [m], shape (N, 3)."""
+    """Clip the edges of triangles to a slab across the bridge; returns them in its axes [m], shape (N, 3)."""
     local = triangles @ axes.T
     first, last = local.reshape(-1, 3), np.roll(local, -1, axis=1).reshape(-1, 3)
     run = last[:, 0] - first[:, 0]
@@ -95,7 +95,7 @@ def _draw_station(settings: LocalSettings, whole: OrientedBox, subject: Subject,
 
 
 def _direction(centers: F64, station: float, half: float) -> F64:
-    """Find the direction of the bridge at a station from where it is a little before and behind, shape (2,)."""
+    """Find the direction of the bridge at a station from points shortly before and behind it, shape (2,)."""
     ends = []
     for at in (station - half, station + half):
         at = float(np.clip(at, centers[:, 0].min() + _SLICE, centers[:, 0].max() - _SLICE))

@@ -1,4 +1,4 @@
-"""Viewing directions of a local flight: at the nearest component, turning evenly from one to the next."""
+"""Viewing directions of a local flight: at the nearest component, rotating evenly from one to the next."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,8 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 DECIMALS = 4  # points of interest are rounded to it [m], so that every CPU aims alike
-WIDEST = np.radians(120.0)  # between two key cameras: beyond it the turn passes through the sky
-FASTEST = np.radians(12.0)  # that neighbouring images may be turned against each other
+WIDEST = np.radians(120.0)  # between two key cameras: for larger angles the rotation passes through the sky
+FASTEST = np.radians(12.0)  # largest rotation between neighboring images
 TOO_NEAR = 0.7  # [m] to a point of interest: nearer cameras see only the surface of one member
 
 
@@ -43,7 +43,7 @@ def gaze(positions: F64, subject: Subject, highest: float, coarse: float) -> F64
     where, looks = _eased(where, looks, targets, positions, stations, highest)
     turned = turn_between(look_along(looks), where, stations)
     poses = np.tile(np.eye(4), (len(positions), 1, 1))
-    # A great arc between two key cameras may rise over both: the gimbal's limit holds there as well.
+    # A great arc between two key cameras may rise over both: the gimbal's limit applies there as well.
     poses[:, :3, :3] = lowered(turned, highest)
     poses[:, :3, 3] = positions
     return poses
@@ -70,7 +70,7 @@ def key_cameras(positions: F64, points: F64, components: NDArray[np.integer]) ->
 
 
 def _followed(rows: I64, looks: F64, distance: F64) -> list[int]:
-    """Choose the key cameras that a gimbal can follow; of two that need too fast a turn, the nearer one counts."""
+    """Choose the key cameras that a gimbal can follow; of two with too fast a rotation, the closer one is kept."""
     turns = look_along(looks)
     kept = [0]
     for key in range(1, len(rows)):

@@ -15,13 +15,13 @@ Fly = Callable[..., F64]
 
 
 def fly_mix(settings: MixSettings, subject: Subject, rng: np.random.Generator, kinds: Mapping[str, Fly]) -> F64:
-    """Fly the legs in order; each draws from a stream of its own, so that one more leg changes none before it.
+    """Fly the legs in order; each has a separate random stream, so that a further leg changes none before it.
 
     Args:
         settings: Settings of the scenario.
         subject: Bridge and site.
         rng: Stream `survey/<id>`.
-        kinds: How each other kind is flown: camera_to_world of each image [m], shape (N, 4, 4), float64.
+        kinds: Function of each other kind: camera_to_world of each image [m], shape (N, 4, 4), float64.
 
     Returns:
         camera_to_world of each image [m], shape (N, 4, 4), float64.

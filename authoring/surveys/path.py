@@ -13,7 +13,7 @@ F64 = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Flown:
-    """Where a camera was, and which one it is.
+    """The poses and the model of a camera.
 
     Attributes:
         poses: camera_to_world in the order of flight [m], shape (N, 4, 4), float64.

@@ -1,4 +1,4 @@
-"""Kinds of survey by name: settings and the function that flies them."""
+"""Kinds of survey by name: settings and planning function."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ class Survey:
 
     Attributes:
         settings: Settings that it understands.
-        fly: Finds camera_to_world of every image in the order of flight [m], shape (N, 4, 4), float64.
+        fly: Returns camera_to_world of every image in the order of flight [m], shape (N, 4, 4), float64.
     """
 
     settings: type[CameraSettings]
@@ -70,7 +70,7 @@ def plan_survey(settings: AnySurvey, subject: Subject, seed: int) -> CameraPath:
         Cameras, times, measured positions and attitudes.
 
     Raises:
-        InputError: No such flight is possible; the error names what stands in its way.
+        InputError: The flight is not possible; the error states the obstacle.
     """
     if isinstance(settings, StageSettings):
         raise InputError(
@@ -92,7 +92,7 @@ def record_flight(settings: AnySurvey, flown: Flown, seed: int) -> CameraPath:
 
     Args:
         settings: Settings of the survey.
-        flown: Where its camera was.
+        flown: Poses and model of its camera.
         seed: Seed of the scene.
     """
     positions = flown.poses[:, :3, 3]

@@ -12,11 +12,11 @@ from authoring.surveys.way import equal_steps
 F64 = NDArray[np.float64]
 
 STEP = 0.25  # [m] between the points of the route before images are placed on it
-MARGIN, NEAREST, FARTHEST = 0.35, 8.0, 40.0  # extension: a share of the greater of width and height, within limits [m]
+MARGIN, NEAREST, FARTHEST = 0.35, 8.0, 40.0  # extension: a share of the larger of width and height, within limits [m]
 APART = 15.0  # [m] of the box's outline for one waypoint ...
 FEWEST, MOST = 12, 40  # ... within these numbers a ring
 BANDS = ((0.2, 0.5), (0.6, 0.9))  # heights that the two rings are drawn from, as shares between floor and top [1]
-SWAY = 0.08  # by which a waypoint leaves the height of its ring [1]
+SWAY = 0.08  # largest deviation of a waypoint from the height of its ring [1]
 STRIP = 12.0  # [m] of the top's width for one strip over it
 SOFT = 3.0  # [m] over which the floor is widened and smoothed
 
@@ -24,10 +24,10 @@ SOFT = 3.0  # [m] over which the floor is widened and smoothed
 def extended_box(settings: GlobalSettings, box: OrientedBox) -> OrientedBox:
     """Extend a bridge's box on all sides.
 
-    Source: Shi 2024, global scenario; the distance is lost, the default is ours.
+    Source: Shi 2024, global scenario; the distance is unknown, the default is ours.
 
     Args:
-        settings: `margin`, where it is given.
+        settings: `margin`, if it is given.
         box: The tight box.
     """
     share = MARGIN * 2.0 * float(max(box.half[1], box.half[2]))
@@ -36,9 +36,9 @@ def extended_box(settings: GlobalSettings, box: OrientedBox) -> OrientedBox:
 
 
 def draw_rings(settings: GlobalSettings, outer: OrientedBox, subject: Subject, rng: np.random.Generator) -> F64:
-    """Draw two rings round the extended box and strips over its top, as one way along its surface.
+    """Draw two rings round the extended box and strips over its top, as one path along its surface.
 
-    Its bottom lies in the ground and is left out; where the ground is high, the rings rise over it.
+    Its bottom is in the ground and is left out; where the ground is high, the rings rise above it.
 
     Args:
         settings: Least height over the ground.
@@ -57,7 +57,7 @@ def draw_rings(settings: GlobalSettings, outer: OrientedBox, subject: Subject, r
         laps.append(lap + (np.arange(count) + rng.uniform(-0.3, 0.3, count)) / count)
         heights.append(rng.uniform(low, high) + rng.uniform(-SWAY, SWAY, count))
     lap, share = np.concatenate([*laps, [2.0, 2.0]]), np.concatenate([*heights, [heights[-1][-1], 1.0]])
-    # Between two waypoints the way is straight on the unfolded walls: the shortest on the surface.
+    # Between two waypoints the path is straight on the unfolded walls: the shortest on the surface.
     unfolded = equal_steps(np.column_stack([lap * around, share * 2.0 * outer.half[2], np.zeros(len(lap))]), STEP)
     plan = _outline(begin + turn * unfolded[:, 0], outer)
     floor = _floor(settings, outer, plan, subject)
@@ -77,7 +77,7 @@ def _outline(along: F64, outer: OrientedBox) -> F64:
 
 
 def _floor(settings: GlobalSettings, outer: OrientedBox, plan: F64, subject: Subject) -> F64:
-    """Find the least height of the way in the box's axes [m], shape (M,)."""
+    """Find the least height of the path in the box's axes [m], shape (M,)."""
     world = outer.to_world(np.column_stack([plan, np.zeros(len(plan))]))
     floor = subject.ground_height(world[:, :2]) + settings.over_ground - outer.center[2]
     floor = np.where(np.isfinite(floor), floor, -outer.half[2])
@@ -87,7 +87,7 @@ def _floor(settings: GlobalSettings, outer: OrientedBox, plan: F64, subject: Sub
 
 
 def _strips(start: F64, outer: OrientedBox, rng: np.random.Generator) -> F64:
-    """List the corners of the strips over the top, from where the rings end [m], shape (K, 3)."""
+    """List the corners of the strips over the top, from the end of the rings [m], shape (K, 3)."""
     count = max(1, round(2.0 * float(outer.half[1]) / STRIP) - 1)
     rows = (np.arange(1, count + 1) / (count + 1) * 2.0 - 1.0) * outer.half[1]
     rows = rows[:: 1 if start[1] < 0.0 else -1] + rng.uniform(-0.05, 0.05, count) * outer.half[1]

@@ -17,8 +17,8 @@ I64 = NDArray[np.int64]
 
 ENOUGH_VIEWS = 3
 WIDEST_INCIDENCE = 60.0  # [deg] between a surface's normal and the line to the camera
-ENOUGH_PIXELS = 50.0  # [px] that a member fills in an image that counts as a view of it
-TOUCH = 0.01  # [m] by which a ray may end before the sample that it is sent to
+ENOUGH_PIXELS = 50.0  # [px] area of a member from which on an image counts as a view of it
+TOUCH = 0.01  # [m] distance before its target sample at which a ray may end
 PITCH_EDGES = tuple(range(-90, 91, 15))  # [deg]
 
 
@@ -31,13 +31,14 @@ class FlightScore:
         length: Length of the flight [m].
         duration: Flight time [s]; 0 when the stage has no times.
         clearance: Least distance of a camera to bridge and site [m].
-        overlap: Mean share of what an image sees that the next one sees as well [1].
+        overlap: Mean share of an image's surfaces that the next one sees as well [1].
         linked: Predicted share of the images that a reconstruction registers [1].
         sampling: Median and 95th percentile of the ground-sampling distance [m].
         base_angle: Median of the widest angle between two views of a point [deg].
-        covered: Instance id to the share of its surface that enough cameras see squarely [1].
+        covered: Instance id to the share of its surface that enough cameras see at 60 degrees or less from the normal
+            [1].
         pitches: Number of images in each 15 degrees of pitch, from -90 on.
-        member_views: Instance id to the number of images in which it fills enough pixels.
+        member_views: Instance id to the number of images in which it covers enough pixels.
     """
 
     images: int
@@ -90,7 +91,7 @@ def score_flight(
 
 
 def member_views(poses: F64, eye: Eye, bridge: tuple[F64, NDArray[np.integer]], obstacles: RayScene) -> dict[int, int]:
-    """Count the images in which each member fills enough pixels.
+    """Count the images in which each member covers enough pixels.
 
     Args:
         poses: camera_to_world in the order of flight [m], shape (N, 4, 4), float64.
@@ -108,13 +109,13 @@ def member_views(poses: F64, eye: Eye, bridge: tuple[F64, NDArray[np.integer]], 
 
 @dataclass(frozen=True, eq=False)
 class _Views:
-    """How samples are seen.
+    """Visibility of samples.
 
     Attributes:
-        count: Number of cameras that see each sample squarely, shape (N,), int64.
+        count: Number of cameras that see each sample at 60 degrees or less from its normal, shape (N,), int64.
         nearest: Least depth at which one does [m], shape (N,), float64; +inf for none.
         angle: Widest angle between the first view of a sample and any other [deg], shape (N,), float64.
-        members: Number of cameras in which each component fills enough pixels, shape (K,), int64.
+        members: Number of cameras in which each component covers enough pixels, shape (K,), int64.
     """
 
     count: I64
@@ -144,7 +145,7 @@ def _views(poses: F64, eye: Eye, samples: SurfaceSamples, obstacles: RayScene) -
 
 
 def seen_rows(pose: F64, eye: Eye, samples: SurfaceSamples, obstacles: RayScene) -> tuple[I64, NDArray[np.bool_]]:
-    """Find the samples that a camera sees: framed, not from behind, and nothing in between.
+    """Find the samples that a camera sees: inside the image, not from behind, and not occluded.
 
     Args:
         pose: camera_to_world [m], shape (4, 4), float64.
@@ -153,7 +154,8 @@ def seen_rows(pose: F64, eye: Eye, samples: SurfaceSamples, obstacles: RayScene)
         obstacles: Bridge and site.
 
     Returns:
-        Rows of the samples, shape (M,), int64, and whether each is seen squarely, not too aslant, shape (M,), bool.
+        Rows of the samples, shape (M,), int64, and whether each is seen at 60 degrees or less from its normal, shape
+        (M,), bool.
     """
     toward = pose[:3, 3] - samples.points
     distance = np.linalg.norm(toward, axis=1)

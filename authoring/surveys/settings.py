@@ -107,7 +107,7 @@ class GlobalSettings(SurveySettings):
 
     @property
     def largest_turn(self) -> float:
-        """`turn`, or what holds where it is left out [deg]."""
+        """`turn`, or the default if it is left out [deg]."""
         return self.turn or (_TURN if self.spacing <= _COARSE else 180.0)
 
     @model_validator(mode="after")
@@ -271,7 +271,7 @@ class MixSettings(CameraSettings):
     def _record_is_shared(self) -> Self:
         for number, leg in enumerate(self.legs):
             fields = type(leg).model_fields
-            twice = [  # a scenario that was written out in full names every default
+            twice = [  # a scenario written out in full contains every default
                 name
                 for name in sorted(leg.model_fields_set & set(CameraSettings.model_fields))
                 if getattr(leg, name) != fields[name].default

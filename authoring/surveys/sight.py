@@ -1,4 +1,4 @@
-"""Visibility of a bridge's members in a camera: the samples of their surface, and the pixels that they fill."""
+"""Visibility of a bridge's members in a camera: the samples of their surface, and the pixels that they cover."""
 
 from dataclasses import dataclass
 
@@ -15,8 +15,8 @@ from usd_schemas.raycast import RayScene
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-TOUCH = 0.01  # [m] by which a ray may end before the sample that it is sent to
-SQUARE = np.cos(np.radians(60.0))  # cosine between a surface's normal and the line to a camera that sees it squarely
+TOUCH = 0.01  # [m] distance before its target sample at which a ray may end
+SQUARE = np.cos(np.radians(60.0))  # least cosine between a surface's normal and the line to a camera, for a good view
 _BATCH = 200_000  # rays cast at once
 
 
@@ -25,8 +25,9 @@ class Sight:
     """Visibility in views.
 
     Attributes:
-        pixels: Pixels that each member fills in each view [px], shape (V, K), float64.
-        squarely: Samples of each stretch that each view sees squarely and from within reach, shape (V, S), int64.
+        pixels: Pixels that each member covers in each view [px], shape (V, K), float64.
+        squarely: Samples of each stretch that each view sees at 60 degrees or less from the normal, within reach, shape
+            (V, S), int64.
     """
 
     pixels: sparse.csr_matrix
@@ -34,13 +35,13 @@ class Sight:
 
 
 def sample_pixels(toward: F64, depth: F64, samples: SurfaceSamples, rows: I64, eye: Eye) -> F64:
-    """Find how many pixels the surface round samples fills: a small surface under a perspective projection.
+    """Compute the pixels that the surface around samples covers: a small surface under a perspective projection.
 
     Args:
         toward: From each sample to the camera [m], shape (M, 3), float64.
         depth: Planar depth of each sample [m], shape (M,), float64.
         samples: Samples of surfaces.
-        rows: Which of them, shape (M,), int64.
+        rows: Rows of the samples, shape (M,), int64.
         eye: The camera; its distortion hardly changes an area.
 
     Returns:
@@ -51,7 +52,7 @@ def sample_pixels(toward: F64, depth: F64, samples: SurfaceSamples, rows: I64, e
 
 
 def visible_samples(places: F64, samples: SurfaceSamples, reach: float, obstacles: RayScene) -> tuple[I64, I64]:
-    """Find which samples places see when they look all around: within reach, from the front, nothing in between.
+    """Find the samples visible from places in any direction: within reach, from the front, not occluded.
 
     Args:
         places: Camera centres [m], shape (P, 3), float64.
@@ -80,7 +81,7 @@ def visible_samples(places: F64, samples: SurfaceSamples, reach: float, obstacle
 
 
 def sight_of(poses: F64, eye: Eye, targets: Targets, reach: float, obstacles: RayScene) -> Sight:
-    """Find what views see of members and stretches.
+    """Compute the visibility of members and stretches in views.
 
     Args:
         poses: camera_to_world [m], shape (V, 4, 4), float64.
@@ -101,12 +102,13 @@ def sight_of(poses: F64, eye: Eye, targets: Targets, reach: float, obstacles: Ra
 
 
 def gather_sight(count: int, targets: Targets, seen: tuple[I64, I64, F64, NDArray[np.bool_]]) -> Sight:
-    """Add up what views see of samples by member and by stretch.
+    """Sum the visibility of samples by member and by stretch.
 
     Args:
         count: Number of views.
         targets: Members and stretches.
-        seen: Row of the view, row of the sample, pixels [px], and whether it is seen squarely, each of shape (M,).
+        seen: Row of the view, row of the sample, pixels [px], and whether it is seen at 60 degrees or less from its
+            normal, each of shape (M,).
     """
     views, rows, pixels, square = seen
     members = (pixels, (views, targets.samples.component[rows]))

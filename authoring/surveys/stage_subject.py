@@ -10,10 +10,10 @@ from usd_schemas.raycast import RayScene
 
 
 def stage_subject(scene: FlatScene) -> Subject:
-    """Gather bridge and site of a stage.
+    """Collect bridge and site of a stage.
 
-    On a scene of ours the background is left out, as a flight must not depend on it. Elsewhere everything may be in the
-    way, and the bridge is what has a class other than background.
+    On a scene of ours the background is left out, because a flight must not depend on it. On other stages everything is
+    an obstacle, and the bridge is all prims with a class other than background.
 
     Args:
         scene: The composed stage.

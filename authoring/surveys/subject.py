@@ -12,7 +12,7 @@ from usd_schemas.raycast import RayScene
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 
-LAND = frozenset({"ground", "road", "rail_bed", "water", "embankment", "riverbank"})  # what heights count from
+LAND = frozenset({"ground", "road", "rail_bed", "water", "embankment", "riverbank"})  # heights are measured from these
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Subject:
     Attributes:
         bridge: Corner positions of the bridge's triangles [m], shape (T, 3, 3), float64.
         bridge_ids: Instance id of each of them, shape (T,), int32.
-        seats: Middle of each bearing [m], shape (S, 3), float64: what is small and hides under the deck.
+        seats: Middle of each bearing [m], shape (S, 3), float64: small members hidden under the deck.
         surface: The bridge alone, for nearest points; its rows are those of `bridge`.
         obstacles: Bridge and site, for distances and lines of sight.
         obstacle_ids: Instance id of each of their triangles, shape (T,), int32.
@@ -44,12 +44,12 @@ class Subject:
             plan: Positions in plan [m], shape (N, 2), float64.
 
         Returns:
-            Heights to the centimetre [m], shape (N,), float64; -inf where the site has ended.
+            Heights to the centimetre [m], shape (N,), float64; -inf beyond the site.
         """
         top = 1000.0
         origins = np.column_stack([plan, np.full(len(plan), top)])
         distance, _, _ = self.ground.cast(origins, np.tile([0.0, 0.0, -1.0], (len(plan), 1)))
-        # The ray caster's last digits depend on the CPU; no camera may.
+        # Rounded, because the ray caster's last digits depend on the CPU, and cameras must not.
         return np.where(np.isfinite(distance), np.round(top - distance, 2), -np.inf)
 
     def clearance(self, positions: F64) -> F64:
@@ -87,7 +87,7 @@ def make_subject(bridge: tuple[Component | Scatter, ...], site: tuple[Component 
 
 
 def piece_corners(pieces: tuple[Component | Scatter, ...]) -> tuple[F64, I32]:
-    """Gather the triangles of components and of every repeat of scatters, in world space.
+    """Collect the triangles of components and of every repeat of scatters, in world space.
 
     Args:
         pieces: Components and scatters.

@@ -1,4 +1,4 @@
-"""Points spread evenly over the surface of every component of a bridge."""
+"""Points distributed evenly over the surface of every component of a bridge."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 FEWEST, MOST = 100, 400  # samples of one component
-DENSITY = 4.0  # samples a square metre in between
+DENSITY = 4.0  # samples per square meter in between
 _STEP = (0.7548776662466927, 0.5698402909980532)  # the plastic number's powers: an even (R2) sequence
 
 
@@ -55,7 +55,7 @@ def sample_surfaces(
     Args:
         triangles: Corners, counter-clockwise from outside [m], shape (T, 3, 3), float64.
         owners: Instance id of each triangle, shape (T,), int.
-        density: Samples a square metre [1/m²].
+        density: Samples per square meter [1/m²].
         limits: Fewest and most samples of one component.
     """
     cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

@@ -11,7 +11,7 @@ from authoring.surveys.surface_samples import SurfaceSamples, sample_surfaces
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-DENSITY = 1.0  # samples a square metre [1/m²]
+DENSITY = 1.0  # samples per square meter [1/m²]
 LIMITS = (36, 20_000)  # fewest and most samples of a member
 
 
@@ -31,18 +31,18 @@ class Targets:
 
 
 def cut_targets(subject: Subject, stretch: float, members: NDArray[np.integer]) -> Targets:
-    """Sample a bridge, and cut each member into stretches: a cube's edge long, and facing one of six ways.
+    """Sample a bridge, and cut each member into stretches: within a cube, and facing one of six directions.
 
     Args:
         subject: The bridge.
         stretch: Edge of the cubes [m].
-        members: Instance ids of those that matter, shape (K,), int.
+        members: Instance ids of the inspected members, shape (K,), int.
     """
     own = np.isin(subject.bridge_ids, members)
     samples = sample_surfaces(subject.bridge[own], subject.bridge_ids[own], DENSITY, LIMITS)
     low = np.full((len(samples.ids), 3), np.inf)
     np.minimum.at(low, samples.component, samples.points)
-    # Counted from each member's own corner, so that a small one is not cut in two by chance.
+    # Cubes begin at each member's own corner, so that a small one is not divided by chance.
     cube = np.floor((samples.points - low[samples.component]) / stretch).astype(np.int64)
     axis = np.argmax(np.round(np.abs(samples.normals), 6), axis=1)
     side = 2 * axis + (np.take_along_axis(samples.normals, axis[:, None], axis=1)[:, 0] > 0.0)

@@ -10,12 +10,12 @@ UPRIGHT = 1e-3  # sine of the angle to the vertical below which a camera has no 
 
 
 def turn_between(keys: F64, stations: F64, wanted: F64) -> F64:
-    """Turn cameras along the great arcs between key cameras.
+    """Interpolate rotations along the great arcs between key cameras.
 
     Args:
         keys: Rotations of the key cameras, camera to world [1], shape (K, 3, 3), float64.
-        stations: Where along the flight each key camera is, rising [m], shape (K,), float64.
-        wanted: Where the cameras are [m], shape (N,), float64, within the first and the last key.
+        stations: Position of each key camera along the flight, rising [m], shape (K,), float64.
+        wanted: Positions of the cameras along the flight [m], shape (N,), float64, within the first and the last key.
 
     Returns:
         Rotations [1], shape (N, 3, 3), float64.
@@ -26,7 +26,7 @@ def turn_between(keys: F64, stations: F64, wanted: F64) -> F64:
 
 
 def angle_between(first: F64, second: F64) -> float:
-    """Measure how far apart two rotations are [rad].
+    """Compute the angle between two rotations [rad].
 
     Args:
         first: A rotation [1], shape (3, 3), float64.
@@ -52,7 +52,7 @@ def look_along(directions: F64, right: F64 | None = None) -> F64:
     """Aim cameras without roll.
 
     Args:
-        directions: Where they look, of any length [m], shape (N, 3), float64.
+        directions: Viewing directions, of any length [m], shape (N, 3), float64.
         right: Unit directions to the right for cameras that look straight up or down [1], shape (N, 3), float64;
             default: that of the camera before, +x for the first.
 
@@ -70,7 +70,7 @@ def look_along(directions: F64, right: F64 | None = None) -> F64:
 
 
 def lowered(rotations: F64, highest: float) -> F64:
-    """Turn cameras above a gimbal's upper limit down to it, by the smallest rotation.
+    """Rotate cameras above a gimbal's upper limit down to it, by the smallest rotation.
 
     Args:
         rotations: Camera to world, axes right, down, forward [1], shape (N, 3, 3), float64.
@@ -89,10 +89,10 @@ def lowered(rotations: F64, highest: float) -> F64:
 
 
 def limit_pitch(directions: F64, highest: float) -> F64:
-    """Lower the directions above a gimbal's upper limit; the heading stays.
+    """Lower the directions above a gimbal's upper limit; the heading is kept.
 
     Args:
-        directions: Where cameras look [m], shape (N, 3), float64.
+        directions: Viewing directions [m], shape (N, 3), float64.
         highest: Largest pitch [rad].
 
     Returns:

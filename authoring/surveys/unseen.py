@@ -22,9 +22,9 @@ class Proposal:
 
     Attributes:
         images: Number of images.
-        shown: Instance ids of the members that they show often enough, together with the flights that are there.
+        shown: Instance ids of the members that they show often enough, together with the existing flights.
         hidden: Instance ids of those that they do not.
-        refused: Why no legs can be proposed; empty where some are.
+        refused: Why no legs can be proposed; empty if some are.
     """
 
     images: int
@@ -34,7 +34,7 @@ class Proposal:
 
 
 def hardly_seen(flights: Sequence[Mapping[int, int]]) -> dict[int, int]:
-    """Find the members that all flights together show too seldom.
+    """Find the members with too few views in all flights together.
 
     Args:
         flights: For each flight, instance id to the number of images in which the member is large enough.
@@ -48,7 +48,7 @@ def hardly_seen(flights: Sequence[Mapping[int, int]]) -> dict[int, int]:
 
 
 def propose_legs(subject: Subject, few: Mapping[int, int], rng: np.random.Generator) -> Proposal:
-    """Find legs that show members often enough, and list what they would show.
+    """Find legs that show members often enough, and list the members that they would show.
 
     Args:
         subject: Bridge and site.

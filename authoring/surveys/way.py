@@ -1,4 +1,4 @@
-"""Shaping a path: straightened, rounded, and divided into equal steps, always at a safe distance."""
+"""Processing of a path: straightened, rounded, and divided into equal steps, always at a safe distance."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,13 +8,13 @@ from authoring.surveys.subject import Subject
 
 F64 = NDArray[np.float64]
 
-_PROBE = 0.1  # [m] between the places at which a way is looked at
+_PROBE = 0.1  # [m] spacing of the points at which a path is checked
 _ROUNDS = 2  # of straightening
-_EASES = (0.8, 0.5, 0.3)  # [m] over which corners are eased, the first that is safe
+_EASES = (0.8, 0.5, 0.3)  # [m] lengths over which corners are rounded, the first that is safe
 
 
 def shortcut(way: F64, subject: Subject, safety: float) -> F64:
-    """Straighten a way: a leg replaces all corners between two that a safe straight line connects.
+    """Straighten a path: a leg replaces all corners between two that a safe straight line connects.
 
     Args:
         way: Corners [m], shape (M, 3), float64.
@@ -24,7 +24,7 @@ def shortcut(way: F64, subject: Subject, safety: float) -> F64:
     Returns:
         Corners about every two metres [m], shape (K, 3), float64.
     """
-    reach = 6  # legs grow by as many corners at most: a straight line all along would be no inspection
+    reach = 6  # a leg replaces at most this many corners, so that the flight does not become one straight line
     for _ in range(_ROUNDS):
         kept, at = [0], 0
         while at < len(way) - 1:
@@ -39,7 +39,7 @@ def shortcut(way: F64, subject: Subject, safety: float) -> F64:
 
 
 def rounded_way(way: F64, subject: Subject, safety: float) -> F64:
-    """Round a way off with a centripetal Catmull-Rom spline, leg by leg; a leg that comes too near stays straight.
+    """Round a path with a centripetal Catmull-Rom spline, leg by leg; a leg that would be too close stays straight.
 
     Source: E. Catmull, R. Rom 1974; parametrisation of P. Lee 1989, which makes no loops.
 
@@ -49,7 +49,7 @@ def rounded_way(way: F64, subject: Subject, safety: float) -> F64:
         safety: Least distance to both [m].
 
     Returns:
-        Places along it, close together [m], shape (K, 3), float64.
+        Points along it, close together [m], shape (K, 3), float64.
     """
     moved = np.linalg.norm(np.diff(way, axis=0), axis=1) > 1e-9
     way = way[np.concatenate([[True], moved])]
@@ -66,20 +66,20 @@ def rounded_way(way: F64, subject: Subject, safety: float) -> F64:
 
 
 def eased_way(way: F64, subject: Subject, safety: float) -> F64:
-    """Ease the corners of a way as far as is safe: a drone does not turn on the spot.
+    """Round the corners of a path as far as is safe: a drone does not turn on the spot.
 
     Args:
-        way: Places along it [m], shape (M, 3), float64.
+        way: Points along it [m], shape (M, 3), float64.
         subject: Bridge and site.
         safety: Least distance to both [m].
 
     Returns:
-        Places along it, close together, with the same ends [m], shape (K, 3), float64.
+        Points along it, close together, with the same ends [m], shape (K, 3), float64.
     """
     fine = equal_steps(way, _PROBE)
     for reach in _EASES:
         cells = reach / _PROBE
-        # Mirrored through its ends, so that both stay where they are.
+        # Mirrored through its ends, so that both keep their positions.
         padded = np.vstack([2.0 * fine[0] - fine[:0:-1], fine, 2.0 * fine[-1] - fine[-2::-1]])
         eased = gaussian_filter1d(padded, cells, axis=0)[len(fine) - 1 : 2 * len(fine) - 1]
         if is_safe(eased, subject, safety):
@@ -88,14 +88,14 @@ def eased_way(way: F64, subject: Subject, safety: float) -> F64:
 
 
 def equal_steps(way: F64, spacing: float) -> F64:
-    """Place images at equal steps along a way, the ends included.
+    """Place images at equal steps along a path, including the ends.
 
     Args:
-        way: Places along it [m], shape (M, 3), float64.
-        spacing: Greatest step along the way [m].
+        way: Points along it [m], shape (M, 3), float64.
+        spacing: Largest step along the path [m].
 
     Returns:
-        Positions [m], shape (N, 3), float64: steps of L / ceil(L / spacing) for a way of length L.
+        Positions [m], shape (N, 3), float64: steps of L / ceil(L / spacing) for a path of length L.
     """
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
     count = max(1, int(np.ceil(arc[-1] / spacing - 1e-9)))
@@ -104,7 +104,7 @@ def equal_steps(way: F64, spacing: float) -> F64:
 
 
 def is_safe(way: F64, subject: Subject, safety: float) -> bool:
-    """Check whether a way keeps its distance all along.
+    """Check whether a path is at a safe distance everywhere.
 
     Args:
         way: Corners [m], shape (M, 3), float64.
@@ -112,7 +112,7 @@ def is_safe(way: F64, subject: Subject, safety: float) -> bool:
         safety: Least distance to both [m].
     """
     probes = equal_steps(way, _PROBE)
-    # Between two probes a way can come nearer by half their distance.
+    # Between two checked points a path can be closer by half their distance.
     return bool(np.round(subject.clearance(probes), 2).min() > safety + 0.5 * _PROBE)
 
 

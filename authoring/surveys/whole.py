@@ -16,16 +16,16 @@ F64 = NDArray[np.float64]
 
 STEP = 0.25  # [m] between the points of the route before images are placed on it
 DECIMALS = 4  # positions are rounded to it [m], so that every CPU places the same cameras
-DIVE = 26.0  # [m] of the side of a bridge without bearings for one dive
-LINGER = 1.5  # power of the wave: over 1 stays longer low than high
-BEHIND = 2.0  # [m] behind the bearings of an abutment where the first dive begins
+DIVE = 26.0  # [m] length of a bridge without bearings per pass below the deck
+LINGER = 1.5  # exponent of the wave: above 1, it is low for longer than high
+BEHIND = 2.0  # [m] behind the bearings of an abutment where the first pass below the deck begins
 SAME_LINE = 3.0  # [m] along the bridge within which bearings form one line
 BEYOND = (-1.5, 0.5)  # [m] past the ends of the bridge, whose wing walls reach back
-# Over the road little but slanted asphalt is near: with the step of the sides, what links the two sides of the bridge
-# there is hundreds of metres away, and one side came to lie 18 m off.
+# Above the road, only slanted asphalt is near: with the spacing of the sides, common surfaces of the two sides are
+# hundreds of meters away there, and one side was placed 18 m off.
 CROSSING = 3.0  # [m] before the ends of the bridge where a crossing of the road begins
 CROSSING_DENSITY = 1.8  # images a metre there, over those along the sides
-ROUNDS = 12  # of placing images where cameras turn too far; 4 suffice for most flights
+ROUNDS = 12  # of placing images where cameras rotate too far; 4 are enough for most flights
 STEADIER = 1.2  # times the smoothing of the gaze in each further round [1]
 CLIMB = 3.0  # [m] that the crossings fly higher, so that the road is seen from above
 POINTS_OF_INTEREST = {"box50": inner_box, "axis": along_axis}
@@ -47,7 +47,7 @@ def fly_whole(settings: GlobalSettings, subject: Subject, rng: np.random.Generat
         camera_to_world of each image [m], shape (N, 4, 4), float64.
 
     Raises:
-        InputError: No way round the bridge keeps the safety distance.
+        InputError: No path around the bridge keeps the safety distance.
     """
     box = oriented_box(subject.bridge.reshape(-1, 3))
     lines = bearing_lines(box.to_local(subject.seats)) if len(subject.seats) else np.zeros((0, 2))
@@ -98,9 +98,9 @@ def _fly_loop(settings: GlobalSettings, box: OrientedBox, lines: F64, route: F64
         excess = np.round(turns_to_next(poses) / settings.largest_turn, DECIMALS)
         if excess.max() <= 1.0:
             break
-        least, spacing = 1, arc_of(route, density)[-1] / len(positions)  # elsewhere the steps stay as they are
+        least, spacing = 1, arc_of(route, density)[-1] / len(positions)  # elsewhere the steps do not change
         density = density * np.maximum(excess, 1.0)[stretch]
-        steadiness *= STEADIER  # where the gaze changes its target, more images alone turn no less
+        steadiness *= STEADIER  # where the gaze changes its target, more images alone do not reduce the rotation
     return poses
 
 
@@ -111,7 +111,7 @@ def turns_to_next(poses: F64) -> F64:
         poses: camera_to_world [m], shape (N, 4, 4), float64.
 
     Returns:
-        Angles, that from the last camera to the first included [deg], shape (N,), float64.
+        Angles, including that from the last camera to the first [deg], shape (N,), float64.
     """
     forward = poses[:, :3, 2]
     cosine = np.sum(forward * np.roll(forward, -1, axis=0), axis=1)
@@ -119,7 +119,7 @@ def turns_to_next(poses: F64) -> F64:
 
 
 def bearing_lines(seats: F64) -> F64:
-    """Group bearings into the lines across the bridge that they stand in; one pier makes one line.
+    """Group bearings into the lines across the bridge that they form; one pier gives one line.
 
     Args:
         seats: Middles of the bearings in the box's axes [m], shape (S, 3), float64.
@@ -167,7 +167,7 @@ def draw_route(
 
 
 def clear_route(route: F64, box: OrientedBox, subject: Subject, safety: float) -> F64:
-    """Push a route outwards and upwards until it keeps its distance everywhere.
+    """Move a route outwards and upwards until it is at a safe distance everywhere.
 
     Args:
         route: Closed route [m], shape (M, 3), float64.
@@ -176,10 +176,10 @@ def clear_route(route: F64, box: OrientedBox, subject: Subject, safety: float) -
         safety: Least distance to both [m].
 
     Returns:
-        The route, moved where it had to be [m], shape (M, 3), float64.
+        The route, moved where necessary [m], shape (M, 3), float64.
 
     Raises:
-        InputError: Something stands in the way at every distance tried.
+        InputError: There is an obstacle at every distance tried.
     """
     outward = box.to_local(route) * [0.3, 1.0, 0.0]
     outward = outward / np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-9) + [0.0, 0.0, 1.0]
@@ -224,14 +224,14 @@ def place_images(route: F64, density: F64, least: int, spacing: float) -> tuple[
 
 
 def arc_of(route: F64, density: F64) -> F64:
-    """Measure the way along a closed route, stretched where images shall be denser.
+    """Compute the length along a closed route, weighted by the density of images.
 
     Args:
         route: Closed route [m], shape (M, 3), float64.
         density: Images a metre at each point of the route, over those where it is 1 [1], shape (M,), float64.
 
     Returns:
-        Way to each point, and back to the first [m], shape (M + 1,), float64.
+        Length to each point, and back to the first [m], shape (M + 1,), float64.
     """
     weight = (density + np.roll(density, -1)) / 2
     steps = np.linalg.norm(np.diff(np.concatenate([route, route[:1]]), axis=0), axis=1)
@@ -247,7 +247,7 @@ def _dive_ends(lines: F64, length: float) -> F64:
 
 
 def _wave(along: F64, ends: F64) -> F64:
-    """Fall from 1 to 0 and rise to 1 again between each two ends, a little longer low than high."""
+    """Fall from 1 to 0 and rise to 1 again between each two ends, slightly longer low than high."""
     bay = np.clip(np.searchsorted(ends, along, side="right") - 1, 0, len(ends) - 2)
     phase = np.clip((along - ends[bay]) / (ends[bay + 1] - ends[bay]), 0.0, 1.0)
     return (0.5 + 0.5 * np.cos(2 * np.pi * phase)) ** LINGER

@@ -1,4 +1,4 @@
-"""More choices for an existing scene: looks, backgrounds and lights authored from its recipe on request."""
+"""More choices for an existing scene: looks, backgrounds and lights authored on request from its recipe."""
 
 import difflib
 from collections.abc import Callable, Iterator
@@ -38,9 +38,9 @@ from usd_schemas.guard.layer_walk import Warn
 from usd_schemas.taxonomies import taxonomy
 
 TAXONOMY = "taxonomy"
-LOCK = f"{TEMPORARY}edit"  # no content of the scene
+LOCK = f"{TEMPORARY}edit"  # not part of the scene
 USD_FILES = (".usd", ".usda", ".usdc", ".usdz")
-_ALSO = {  # what may stand there besides a name
+_ALSO = {  # allowed values besides a name
     "look": ("a USD file", "a folder or zip of surfaces"),
     "background": ("a USD file", "a folder that falsework background import made"),
     "light": ("a date and hour such as 2024-12-21T10:00", "a photographed sky (.hdr, .exr)"),
@@ -48,7 +48,7 @@ _ALSO = {  # what may stand there besides a name
 
 
 def set_choices(scene: Path, choices: dict[str, str], warn: Warn, origin: Point | None = None) -> dict[str, str]:
-    """Choose a look, a background, a light, a table of classes; what the scene does not offer yet is added to it first.
+    """Choose a look, a background, a light, a table of classes; missing choices are added to the scene first.
 
     Args:
         scene: Root layer of a scene.
@@ -56,7 +56,7 @@ def set_choices(scene: Path, choices: dict[str, str], warn: Warn, origin: Point 
             the user's surfaces; or, for a light, to a date and
             hour such as 2024-12-21T10:00, or to a photographed sky (.exr, .hdr).
             `taxonomy` to the name of a table, which is a layer and no variant.
-        warn: Called with one line for each thing that a file of the user's loses on the way.
+        warn: Called with one line for each thing of a user's file that is lost.
         origin: Point of the user's own background that becomes the scene's origin [m], z up.
 
     Returns:
@@ -112,7 +112,7 @@ def write_variant(scene: Path, name: str, choices: dict[str, str], warn: Warn, o
 
 @contextmanager
 def _sole_editor(scene: Path) -> Iterator[None]:
-    """Edit a scene under a lock, so that no other process edits its layers meanwhile."""
+    """Lock a scene, so that no other process edits its layers meanwhile."""
     lock = scene.with_name(LOCK)
     with hold_lock(lock) as held:
         if held:
@@ -148,7 +148,7 @@ def _check_axes(scene: Path, choices: dict[str, str], known: tuple[str, ...]) ->
 
 
 def _check_origin(choices: dict[str, str], origin: Point | None) -> None:
-    """An origin is that of a background from elsewhere; our own worlds, and imported ones, have theirs."""
+    """Refuse an origin except for a user's background: our own worlds and imported ones have theirs."""
     file = Path(choices.get("background", ""))
     if origin is not None and (file.suffix not in USD_FILES or is_city(file)):
         raise InputError(
@@ -160,7 +160,7 @@ def _check_origin(choices: dict[str, str], origin: Point | None) -> None:
 
 
 def _ensure(scene: Path, choices: dict[str, str], warn: Warn, origin: Point | None) -> dict[str, str]:
-    """Make sure that a scene offers some choices, and return their names; where one is refused, nothing has changed."""
+    """Add missing choices to a scene, and return their names; if one is refused, nothing is changed."""
     offer = offered(Usd.Stage.Open(str(scene), Usd.Stage.LoadNone))
     with ExitStack() as staged, space_errors(scene.parent):
         makers: dict[str, Callable[[], str]] = {}
@@ -192,7 +192,7 @@ def _is_world(axis: str, value: str) -> bool:
 
 
 def _maker(scene: Path, axis: str, value: str, known: tuple[str, ...]) -> Callable[[], str]:
-    """Choose what makes a choice that a scene does not offer yet: nothing is written before it is called."""
+    """Return the function that adds a choice to a scene: nothing is written before it is called."""
     if _is_world(axis, value):
         return partial(_settle, scene, Path(value))
     if axis == "light" and Path(value).suffix.lower() in PANORAMAS:
@@ -208,7 +208,7 @@ def _maker(scene: Path, axis: str, value: str, known: tuple[str, ...]) -> Callab
 
 
 def _check_file(axis: str, file: Path) -> None:
-    """Refuse an unknown choice that is the path of a file which cannot be used directly, or of no file."""
+    """Refuse an unknown choice that is the path of a file that cannot be used directly, or does not exist."""
     if axis == "background" and file.is_file():
         hint = "Import it first with falsework background import FILE -o DIR, then choose background=DIR"
         raise InputError("is not a USD file", where=file, field=axis, hint=hint)
@@ -217,7 +217,7 @@ def _check_file(axis: str, file: Path) -> None:
 
 
 def _settle(scene: Path, world: Path) -> str:
-    """Put a scene into an imported world."""
+    """Place a scene in an imported world."""
     drawn, name = _draw(read_recipe(scene.parent)), world_name(world)
     file = write_background(drawn.recipe.settings, drawn.recipe.seed, name, drawn.site, scene.parent, world)
     add_background(scene, name, file)
@@ -225,7 +225,7 @@ def _settle(scene: Path, world: Path) -> str:
 
 
 def _wear(scene: Path, surfaces: Path) -> str:
-    """Apply a user's folder of surfaces to the bridge; roles without a fitting one keep that of the scene's look."""
+    """Apply a user's folder of surfaces to the bridge; roles without a suitable one keep that of the scene's look."""
     drawn, name = _draw(read_recipe(scene.parent)), Tf.MakeValidIdentifier(surfaces.stem)
     if name in LOOKS:
         raise InputError("has the name of a look of Falsework", where=surfaces, value=name, hint="Rename it")
@@ -238,7 +238,7 @@ def _wear(scene: Path, surfaces: Path) -> str:
 
 
 def _author_sky(scene: Path, picture: Path) -> str:
-    """Light a scene by a photographed sky."""
+    """Add a photographed sky as a light."""
     recipe, name = read_recipe(scene.parent), Tf.MakeValidIdentifier(picture.stem)
     settings = recipe.settings.light.model_copy(update={"sky": picture.name})
     file = write_light(settings, recipe.seed, name, scene.parent, {picture.name: picture})

@@ -1,4 +1,4 @@
-"""The arcs by which a scene offers a choice: one variant each, in the layer that holds the variant set."""
+"""The composition arcs of a scene's choices: one variant each, in the layer of the variant set."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from usd_schemas import tokens
 
 
 def add_look(bridge: Path, name: str, file: str, fallbacks: dict[str, str] | None = None) -> None:
-    """Offer a look.
+    """Add a look as a choice.
 
     Args:
         bridge: Interface layer of the bridge.
@@ -29,7 +29,7 @@ def add_look(bridge: Path, name: str, file: str, fallbacks: dict[str, str] | Non
 
 
 def add_background(scene: Path, name: str, file: str) -> None:
-    """Offer a background.
+    """Add a background as a choice.
 
     Args:
         scene: Root layer of the scene.
@@ -45,7 +45,7 @@ def add_background(scene: Path, name: str, file: str) -> None:
 
 
 def add_light(lighting: Path, name: str, file: str) -> None:
-    """Offer a light.
+    """Add a light as a choice.
 
     Args:
         lighting: Lighting layer of the scene.

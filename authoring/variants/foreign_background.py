@@ -1,4 +1,4 @@
-"""A world of the user's as a background: re-rooted, in metres with z up, without its cameras and lights."""
+"""A user's world as a background: under a new root prim, in meters with z up, without its cameras and lights."""
 
 from functools import partial
 from pathlib import Path
@@ -28,7 +28,7 @@ _IDS = (
     "falsework:component:instanceId",
     "falsework:component:instanceIds",
 )
-# No world has a part of a bridge in it, whatever its prims are called.
+# A world contains no parts of a bridge, whatever the names of its prims.
 _LABELS = (
     tokens.USER_CLASS,
     tokens.USER_COMPONENT,
@@ -39,20 +39,20 @@ _LABELS = (
 
 
 def stage_background(scene: Path, file: Path, warn: Warn, origin: Point = HERE) -> Staged:
-    """Make a background of a user's world beside its place; the scene is unchanged until it is committed.
+    """Prepare a background from a user's world; the scene is unchanged until it is committed.
 
     Args:
         scene: Root layer of the scene.
         file: USD file.
-        warn: Called with one line about what is left out, one about what stands in the way, and one about what USD's
-            own validators find.
+        warn: Called with one line about things left out, one about objects in the keep-out volume, and one about
+            findings of USD's own validators.
         origin: Point of the file's world that becomes the scene's origin, where the bridge begins [m], z up.
 
     Returns:
         The background; a former one of the same name is replaced.
 
     Raises:
-        InputError: Not readable, a material or texture is missing, or it stands more than 10 km off.
+        InputError: Not readable, a material or texture is missing, or it is more than 10 km away.
     """
     name = safe_name(file.stem)
     if name in BACKGROUNDS:
@@ -110,7 +110,7 @@ def _background(stage: Usd.Stage, name: str, origin: Point, warn: Warn) -> Sdf.L
 
 
 def _dropped(flat: Sdf.Layer) -> list[Sdf.Path]:
-    """List what is no part of a world, prototypes of instances looked through too: cameras, lights, render settings."""
+    """List prims that are not part of a world, also in prototypes: cameras, lights, render settings."""
     kinds = (UsdGeom.Camera, UsdRender.SettingsBase, UsdRender.Var)
     stage = Usd.Stage.Open(flat)
     return [

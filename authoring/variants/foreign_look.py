@@ -1,4 +1,4 @@
-"""Materials of the user as a look: those with names of roles are used for them, others are from another look."""
+"""Materials of the user as a look: those named like roles are used for them; the other roles are from another look."""
 
 from functools import partial
 from pathlib import Path
@@ -20,20 +20,20 @@ from usd_schemas.guard.layer_walk import Warn
 
 
 def stage_look(scene: Path, file: Path, warn: Warn) -> Staged:
-    """Make a look of the materials of a USD file beside its place; the scene is unchanged until it is committed.
+    """Prepare a look from the materials of a USD file; the scene is unchanged until it is committed.
 
     Args:
         scene: Root layer of the scene.
         file: USD file with materials named like the roles, `Role_PierConcrete` and so on, anywhere in it; the further
-            sheets of a role follow it unless the file has them, too.
-        warn: Called with one line about the roles that the file does not fill, and one about what USD's own
-            validators find.
+            sheets of a role use the same material unless the file has them, too.
+        warn: Called with one line about the roles missing in the file, and one about findings of USD's own
+            validators.
 
     Returns:
         The look; a former one of the same name is replaced.
 
     Raises:
-        InputError: Not readable, it fills no role, or a texture is missing.
+        InputError: Not readable, it has no material of a role, or a texture is missing.
     """
     name = safe_name(file.stem)
     if name in LOOKS:

@@ -1,4 +1,4 @@
-"""Where a world of the user's stands: near enough to the scene's origin, and out of the way of bridge and drone."""
+"""Position of a user's world: close enough to the scene's origin, and away from bridge and drone."""
 
 from pathlib import Path
 
@@ -16,26 +16,26 @@ F64 = NDArray[np.float64]
 Point = tuple[float, float, float]
 
 HERE: Point = (0.0, 0.0, 0.0)
-COARSE = 0.005  # [m] between two single-precision numbers: windows and kerbs begin to tear
-FARTHEST = 10_000.0  # [m] single precision is a millimetre there
-_BORDER = 0.998  # of the site's plan: a world may join its edge
+COARSE = 0.005  # [m] between two single-precision numbers: from here on, gaps appear at windows and curbs
+FARTHEST = 10_000.0  # [m] single precision is 1 mm there
+_BORDER = 0.998  # share of the site's plan: a world may touch its edge
 _BELOW = 1.0  # [m] under the lowest ground, as for our own backgrounds
 _NAMED = 5
 
 
 def check_place(stage: Usd.Stage, file: Path, scene: Path, origin: Point, warn: Warn) -> None:
-    """Look where a world will stand in a scene.
+    """Check the position of a world in a scene.
 
     Args:
         stage: The world, in any unit and up axis.
         file: Its file, for errors.
         scene: Root layer of the scene.
         origin: Point of the world that becomes the scene's origin [m], z up.
-        warn: Called with one line that names what stands in the keep-out volume over the site, and one about points
+        warn: Called with one line about objects in the keep-out volume above the site, and one about points
             that are too coarse.
 
     Raises:
-        InputError: It stands more than 10 km off, or its unit is no length.
+        InputError: It is more than 10 km away, or its unit is not a length.
     """
     found, coarse = _bodies(stage, file)
     if not found:
@@ -71,7 +71,7 @@ def check_place(stage: Usd.Stage, file: Path, scene: Path, origin: Point, warn: 
 
 
 def _bodies(stage: Usd.Stage, where: Path) -> tuple[dict[str, F64], dict[str, float]]:
-    """Gather the triangles of each mesh in metres with z up, shape (T, 3, 3), and how coarse its numbers are [m]."""
+    """Collect the triangles of each mesh in meters with z up, shape (T, 3, 3), and the precision of its numbers [m]."""
     cache, to_scene = UsdGeom.XformCache(Usd.TimeCode.EarliestTime()), stage_to_world(stage, where)
     found, coarse = {}, {}
     for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
@@ -82,7 +82,7 @@ def _bodies(stage: Usd.Stage, where: Path) -> tuple[dict[str, F64], dict[str, fl
         counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get() or (), np.int64)
         corners = np.asarray(mesh.GetFaceVertexIndicesAttr().Get() or (), np.int64)
         if points.ndim != 2 or points.shape[1] != 3 or corners.min(initial=0) < 0:
-            continue  # of another type: readers leave such a mesh out as well
+            continue  # of another type: readers also leave out such a mesh
         if not len(points) or not len(corners) or corners.max() >= len(points) or (counts < 3).any():
             continue
         matrix = to_scene @ np.array(cache.GetLocalToWorldTransform(prim)).T

@@ -1,4 +1,4 @@
-"""A user's asset on its way into a scene: made beside its place, looked at there, and moved in when all is well."""
+"""A user's asset before it is added to a scene: made in a temporary folder, checked there, and moved if it is valid."""
 
 import shutil
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from groundwork.files import put_in_place, sweep, temporary_name
 from usd_schemas import tokens
 from usd_schemas.guard.layer_walk import Warn
 
-_TRIAL = "falsework_trial"  # a variant that no scene offers
+_TRIAL = "falsework_trial"  # a name that no variant of a scene has
 _NAMED = 3
 
 Offer = Callable[[], None]
@@ -22,13 +22,13 @@ Offer = Callable[[], None]
 
 @dataclass(frozen=True)
 class Staged:
-    """An asset that is ready to be moved in; until then the scene is as it was.
+    """An asset that is ready to be added; until then the scene is unchanged.
 
     Attributes:
-        name: What the scene will call it.
-        fresh: Its folder for now, beside its place.
-        place: Where it will lie.
-        offer: Lets the scene offer it.
+        name: Its name in the scene.
+        fresh: Its temporary folder, beside its place.
+        place: Its final folder.
+        offer: Adds it to the scene's choices.
     """
 
     name: str
@@ -37,24 +37,24 @@ class Staged:
     offer: Offer
 
     def commit(self) -> None:
-        """Move the asset to its place, in exchange for a former one of its name, and offer it."""
+        """Move the asset to its place, replacing a former one of its name, and add it to the scene's choices."""
         sweep(self.fresh)
         put_in_place(self.fresh, self.place)
         self.offer()
 
     def discard(self) -> None:
-        """Forget the asset, once it lies where it was made."""
+        """Delete the asset, if it is still in its temporary folder."""
         shutil.rmtree(self.fresh, ignore_errors=True)
         home = self.fresh.parent
         if home.is_dir() and not any(home.iterdir()):
-            home.rmdir()  # made for this asset alone
+            home.rmdir()  # made only for this asset
 
 
 def fresh_folder(place: Path) -> Path:
     """Make an empty folder beside the place of an asset, under a unique name.
 
     Args:
-        place: Where the asset will lie.
+        place: Final folder of the asset.
     """
     fresh = temporary_name(place, f"-{place.name}")
     fresh.mkdir(parents=True)
@@ -62,17 +62,17 @@ def fresh_folder(place: Path) -> Path:
 
 
 def check_asset(scene: Path, axis: str, layer: Path, file: Path, warn: Warn) -> None:
-    """Validate an asset as the scene will compose it.
+    """Validate an asset as composed in the scene.
 
     Args:
         scene: Root layer of the scene.
         axis: `background` or `look`.
         layer: Root layer of the asset.
         file: The file that it came from, for errors.
-        warn: Called with one line for findings of USD's own validators alone: the file stays unchanged.
+        warn: Called with one line for findings of USD's own validators, which do not refuse the asset.
 
     Raises:
-        InputError: The scene would not be sound with it.
+        InputError: The scene would not be valid with it.
     """
     owner, shown = AXES[axis], tokens.BACKGROUND if axis == "background" else f"{tokens.BRIDGE}/BridgeLooks"
     mask = Usd.StagePopulationMask([shown, tokens.SEMANTIC_VAR])

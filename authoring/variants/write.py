@@ -1,4 +1,4 @@
-"""One look, background or light on disk: a folder of its own, with the same bytes whenever it is written."""
+"""One look, background or light on disk: a separate folder, with the same bytes whenever it is written."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -30,7 +30,7 @@ _SECTIONS = {"bridge": ("bridge",), "site": ("bridge", "site"), "background": ("
 
 
 def made_from(settings: AuthoringSettings, seed: int, asset: str) -> dict[str, str]:
-    """Name what an asset depends on; another look or survey is none of the bridge's business.
+    """List the settings that an asset depends on; looks and surveys do not affect the bridge.
 
     Args:
         settings: Settings of the scenario.
@@ -38,7 +38,7 @@ def made_from(settings: AuthoringSettings, seed: int, asset: str) -> dict[str, s
         asset: `bridge`, `site` or `background`.
     """
     sections: dict[str, object] = {name: getattr(settings, name) for name in _SECTIONS[asset]}
-    if asset == "site" and settings.background.season != SUMMER:  # all that a site takes from its surroundings
+    if asset == "site" and settings.background.season != SUMMER:  # the only value of its surroundings that a site uses
         sections["season"] = settings.background.season
     return {"seed": str(seed), "settings": digest(sections)}
 
@@ -55,11 +55,11 @@ def write_look(
     """Bake a look for a bridge.
 
     Args:
-        recipe: What the scene is authored from.
+        recipe: The inputs of the scene's authoring.
         name: Name of the look.
         bridge: Pieces of the bridge.
         folder: Folder of the bridge.
-        given: Users' folders of surfaces by the names that the settings have for them.
+        given: Users' folders of surfaces by their names in the settings.
         base: Look of the roles without a fitting surface of the user; the one of that name when empty.
 
     Returns:
@@ -86,7 +86,7 @@ def write_background(
         name: Name of the background.
         site: The site.
         folder: Scene folder.
-        world: Imported world that the site is put into, instead of building a procedural one.
+        world: Imported world for the site, instead of a procedural one.
 
     Returns:
         Its file, relative to that folder; empty for the empty world.
@@ -128,7 +128,7 @@ def write_light(settings: LightSettings, seed: int, name: str, folder: Path, ski
         Its file, relative to that folder.
 
     Raises:
-        InputError: The photographed sky is missing, or no sky.
+        InputError: The photographed sky is missing, or is not a sky.
     """
     picture = skies.get(settings.sky, Path(settings.sky)) if settings.sky else None
     file = f"./lights/{name}/light.usda"

@@ -45,7 +45,7 @@ def serve(request: dict[str, Any], progress: Progress) -> object:
         JSON figures.
 
     Raises:
-        RejectedSceneError: `bad_lens`, or `no_depth`: no pixel's depth is seen alike by enough images.
+        RejectedSceneError: `bad_lens`, or `no_depth`: enough images agree on no pixel's depth.
     """
     cv2.setNumThreads(1)  # the views are measured in parallel
     settings = ReconSettings.model_validate(request["settings"])
@@ -105,7 +105,7 @@ class DepthMaps:
 
         Args:
             folder: Folder to store them in.
-            model: Names the images, knows their poses.
+            model: Has the names and poses of the images.
             camera: Their camera.
         """
         self.camera, self._model = camera, model
@@ -205,7 +205,7 @@ def _measure_all(
             return float((maps.depth(row) > 0).mean())
         view = views[row]
         pinhole = maps.camera.pinhole
-        if method == "patchmatch":  # PatchMatch compares windows in whole pictures, whichever way the camera moved
+        if method == "patchmatch":  # PatchMatch compares whole images, whatever the camera's motion
             sources = tuple(view.sources[: settings.dense.sources].tolist())
         else:
             sources = choose_sources(view, maps.poses, pinhole, settings.dense.sources)
@@ -220,7 +220,7 @@ def _measure_all(
 def _fuse_all(
     views: tuple[View, ...], maps: DepthMaps, settings: ReconSettings, progress: Progress
 ) -> Iterator[DensePoints]:
-    """Give the points of one view after the other."""
+    """Yield the points of one view after the other."""
     min_views, tolerance = AGREEMENT[settings.filter]
     camera, dense = intrinsics(maps.camera), settings.dense
     progress.stage("fuse", len(views))
@@ -231,7 +231,7 @@ def _fuse_all(
             uv = maps.camera.to_photograph(found.uv.astype(np.float64)).astype(np.float32)
             yield replace(found, uv=uv)
         else:
-            maps.fates[view.row][maps.depth(view.row) > 0] = TOO_FEW  # colmap measures such, too
+            maps.fates[view.row][maps.depth(view.row) > 0] = TOO_FEW  # colmap measures these, too
         progress.advance(view.row + 1)
 
 

@@ -31,7 +31,7 @@ def measure_with_colmap(
     """Measure the depth maps of all images of a model.
 
     Args:
-        photographs: Folder that the images' names start from.
+        photographs: Folder that the images' names are relative to.
         model: Folder of the COLMAP model.
         work: Folder for COLMAP's workspace; created here, and deleted at the end.
         names: Names of the images.
@@ -74,7 +74,7 @@ def read_depth_map(path: Path) -> F32:
         Planar depth [model units], shape (H, W), float32.
 
     Raises:
-        InputError: Missing, or shorter than its sizes say.
+        InputError: Missing, or shorter than its stated sizes.
     """
     try:
         width, height, channels, data = path.read_bytes().split(b"&", 3)

@@ -1,6 +1,6 @@
 """Depth of one view by PatchMatch: a slanted plane for every pixel, propagated to neighbours and refined.
 
-Semi-global matching needs a rectified pair and favours walls that face the camera; PatchMatch compares slanted windows
+Semi-global matching needs a rectified pair and prefers surfaces facing the camera; PatchMatch compares slanted windows
 in all sources at once, which is slower and more complete. Random numbers come from a hash of pixel and round, and
 pixels of one colour of a chessboard read only those of the other colour, so that neither the order of work nor the
 number of threads changes the result.
@@ -30,7 +30,7 @@ _STEP = 2  # [px] between its samples
 _SIDE = 2 * _RADIUS // _STEP + 1
 _SIMILAR = 14.0  # [grey levels] in which a sample's weight falls to 1/e
 _ROUNDS = 3
-_WORST = 2.0  # cost of a plane that no source sees
+_WORST = 2.0  # cost of a plane that is visible in no source
 _GOOD = 0.3  # 1 - correlation up to which a depth is accepted
 _STEEP = 0.15  # [1] smallest cosine between normal and ray
 
@@ -43,7 +43,7 @@ def measure_slanted(
     reach: tuple[float, float],
     tolerance: float,
 ) -> F32:
-    """Measure the depth of every pixel of a view, starting from what semi-global matching finds.
+    """Measure the depth of every pixel of a view, starting from the result of semi-global matching.
 
     Args:
         reference: The view.

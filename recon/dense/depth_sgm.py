@@ -23,10 +23,10 @@ _AGREEING = 2  # sources that must give a pixel the same depth
 
 _BLOCK = 3  # [px]
 _SMALL_STEP, _LARGE_STEP = 8 * _BLOCK**2, 32 * _BLOCK**2  # penalties of a change of disparity, as OpenCV advises
-_UNIQUE = 5  # [%] by which the best match must beat the second
-_BLAND = 1.0  # [grey levels] smallest standard deviation of a block: twice what noise leaves of it in a clear sky
-_SPECKLE = 60  # [px] smaller islands of disparity are dropped
-_FINE = 16  # steps of a disparity that OpenCV's whole numbers count
+_UNIQUE = 5  # [%] by which the best match must be better than the second
+_BLAND = 1.0  # [gray levels] smallest standard deviation of a block: twice the effect of noise in a clear sky
+_SPECKLE = 60  # [px] smaller connected regions of disparity are removed
+_FINE = 16  # OpenCV's integer disparities count 1/16 px
 _CUBE = 45_000_000  # images are split into strips so that no more than this many matching costs are in memory
 _OVERLAP = 24  # [px] overlap of the strips on either side
 
@@ -82,7 +82,7 @@ def measure_depth(
 
 
 def textured(gray: U8) -> Mask:
-    """Find the pixels that can be told from their neighbours.
+    """Find the pixels with enough texture to be matched.
 
     Semi-global matching spreads a depth over any area without texture, above all the sky beside a bridge, and does so
     alike in every view: no later step can detect it. The rim of such an area is excluded too.
@@ -142,7 +142,7 @@ def match(left: U8, right: U8, pair: RectifiedPair, camera: Pinhole) -> NDArray[
 
 
 def _plane(pair: RectifiedPair) -> F64:
-    """Collect a pair's numbers for the compiled code: focal length, centre, baseline, infinity."""
+    """Collect a pair's numbers for the compiled code: focal length, center, baseline, disparity of infinity."""
     return np.array([pair.focal, *pair.left_center, pair.focal * pair.baseline, pair.infinity])
 
 

@@ -71,7 +71,7 @@ class _Others(NamedTuple):
 
 
 class _Answer(NamedTuple):
-    """Views that agree on one point, overwritten for each: their numbers, the pixel of each, the mean position."""
+    """Views that agree on one point, overwritten for each point: their numbers, their pixels, the mean position."""
 
     views: I64
     pixels: I64
@@ -169,7 +169,7 @@ def _agreeing(own: _Own, others: _Others, min_views: int, max_cosine: float) -> 
 
 @njit(cache=True, nogil=True)
 def _use_pixels(own: _Own, others: _Others, answer: _Answer, agreeing: int, seen: _Seen, filled: int) -> int:
-    """Mark the pixels that agree as used, and append those that a point is seen at; returns how many there are then."""
+    """Mark the pixels that agree as used, and append the observations of a point; returns their number."""
     height, width = own.depth.shape
     camera = others.camera
     x, y, z = answer.mean[0], answer.mean[1], answer.mean[2]
@@ -206,7 +206,7 @@ def _settle(fate: U8, row: int, column: int, in_points: bool) -> None:
 
 @njit(cache=True, nogil=True)
 def _ask(x: float, y: float, z: float, others: _Others, answer: _Answer) -> tuple[int, int]:
-    """Compare a point with every view: how many agree, the view itself included, and how many contradict it.
+    """Compare a point with every view; returns how many agree, including the view itself, and how many contradict it.
 
     Fills in which views agree, at which row and column, and the mean position, weighted by each view's precision.
     """

@@ -16,8 +16,8 @@ I64 = NDArray[np.int64]
 _MIN_SHARED = 12  # least number of points that two images must share
 _BEST_ANGLE = 8.0  # [deg] wide enough for depth, narrow enough to look alike
 _NEAR_PERCENTILE, _FAR_PERCENTILE = 0.5, 99.5
-_NEAR_SLACK, _FAR_SLACK = 0.75, 3.0  # surfaces without features may be nearer or farther than those with features
-_ALIKE = 0.4  # a view next to one already chosen is weighted down by this
+_NEAR_SLACK, _FAR_SLACK = 0.75, 3.0  # factors: surfaces without features may be nearer or farther
+_ALIKE = 0.4  # factor for the weight of a view next to one already chosen [1]
 
 
 @dataclass(frozen=True)

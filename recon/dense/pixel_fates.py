@@ -11,8 +11,8 @@ from recon.dense.undistort import WorkingCamera
 from recon.sfm.colmap_model import SparseModel
 
 PIXEL_FATES = ("no_depth", "views", "seen_through", "angle", "in_points")
-"""By number: a pixel has no depth, too few maps agree with it, others see through it, its rays meet at too small an
-angle, or it is part of a point."""
+"""Fates by number: a pixel has no depth; too few maps agree with it; other maps see through it; its rays
+meet at too small an angle; or it is part of a point."""
 NO_DEPTH, TOO_FEW, SEEN_THROUGH, NARROW, IN_POINTS = range(5)
 FOLDER = "fates"
 

@@ -9,11 +9,11 @@ from usd_schemas.pinhole import Pinhole
 
 F64 = NDArray[np.float64]
 
-_MIN_ANGLE = 12.0  # [deg] of the views' mean axis to the baseline: nearer to it, no plane faces both
+_MIN_ANGLE = 12.0  # [deg] of the views' mean axis to the baseline: at smaller angles, no plane faces both
 _MIN_SHARE = 0.35  # least share of an image: a motion within 15 degrees of the axis leaves less, and little parallax
 _MAX_SLOPE = np.tan(np.radians(60.0))  # of a ray to the plane's axis: beyond, the image is stretched too much
 _GRID = 33  # rays per side that sample an image
-_MAX_PARALLAX = 0.7  # disparity over focal length: on the plane's axis 35 degrees, under which two views look different
+_MAX_PARALLAX = 0.7  # disparity over focal length: on the plane's axis 35 degrees, at which two views look different
 _MOST_DISPARITIES = 2032  # OpenCV's sixteenths of a pixel are 16-bit numbers
 
 
@@ -52,8 +52,9 @@ class RectifiedPair:
 def rectify(camera: Pinhole, reference: F64, source: F64, near: float, far: float) -> RectifiedPair | None:
     """Find the common image plane of two views.
 
-    The rows run along the baseline, from the reference to the source, whichever way that is: a source above gives
-    upright rows, one on the left turns both images upside down. Rays at more than 60 degrees to the plane's axis, along
+    The rows run along the baseline, from the reference to the source, whatever its direction: with a source above, rows
+    run upwards; with one on the left, both images are upside down. Rays at more than 60 degrees to the plane's axis,
+    along
     the rows or across them, are left out: if the camera moves partly forwards or backwards, that is the part of the
     image along its path.
 
@@ -91,7 +92,7 @@ def rectify(camera: Pinhole, reference: F64, source: F64, near: float, far: floa
     seen = (rays @ left.T)[held[0]]
     slopes = seen[:, :2] / seen[:, 2:]
     low, high = slopes.min(axis=0) * focal, slopes.max(axis=0) * focal
-    # Depth along the common axis differs from the reference's own by the turn of the axis: take the widest range.
+    # Depth along the common axis differs from the reference's own by the axis's rotation: the widest range is used.
     turned = seen[:, 2]
     nearest, farthest = near * float(turned.min()), far * float(turned.max())
     width, height = int(np.ceil(high[0] - low[0])), int(np.ceil(high[1] - low[1]))
@@ -122,7 +123,7 @@ def source_maps(pair: RectifiedPair, camera: Pinhole, right: bool) -> tuple[NDAr
     center, turn = (pair.right_center, pair.right) if right else (pair.left_center, pair.left)
     column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     rays = np.stack([(column - center[0]) / pair.focal, (row - center[1]) / pair.focal, np.ones_like(column)], axis=-1)
-    local = rays @ turn  # the turn's transpose leads back into the view
+    local = rays @ turn  # the rotation's transpose leads back into the view
     depth = np.where(local[..., 2] > 1e-6, local[..., 2], np.nan)
     across = local[..., 0] / depth * camera.fx + camera.cx - 0.5
     down = local[..., 1] / depth * camera.fy + camera.cy - 0.5

@@ -8,7 +8,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _RADIUS = 2  # [px] of the window to which a plane is fitted
-_SAME_SURFACE = 0.03  # [1] neighbours whose inverse depth differs more belong to another surface
+_SAME_SURFACE = 0.03  # [1] neighbors whose inverse depths differ by more belong to another surface
 _MIN_FIT = 8  # least number of pixels of a plane fit
 _STEP = 0.04  # [1] share of the depth by which the surface behind an edge is farther
 _RIM = 2  # [px] by which matching extends a surface over the background
@@ -73,7 +73,7 @@ def smooth(depth: F32, camera: F64) -> tuple[F32, F32]:
 def _at_edge(depth: F32, i: int, j: int) -> bool:
     """Tell whether a pixel lies on a surface's rim, which matching extends over the background.
 
-    Of a part so thin that all of it is rim, the middle is kept, so that hangers do not vanish.
+    If a part is so thin that all of it is rim, its middle is kept, so that hangers do not vanish.
     """
     for di, dj in ((0, 1), (1, 0)):
         after, before = _steps(depth, i, j, di, dj), _steps(depth, i, j, -di, -dj)

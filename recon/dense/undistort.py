@@ -16,7 +16,7 @@ U8 = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
 _GROWTH = 0.3  # a barrel-shaped photograph may grow by this share of its size on every side before it is cut
-_CLOSE = 0.01  # [px] a lens that moves no pixel by more than this draws straight lines straight
+_CLOSE = 0.01  # [px] a lens that moves no pixel by more than this counts as free of distortion
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def undistort(image: U8, camera: WorkingCamera) -> U8:
     where = _source_pixels(camera)
     straight = image
     if not _is_straight(where, camera):
-        across, down = np.moveaxis((where - 0.5).astype(np.float32), -1, 0)  # OpenCV counts from pixel centres
+        across, down = np.moveaxis((where - 0.5).astype(np.float32), -1, 0)  # OpenCV counts from pixel centers
         straight = cv2.remap(image, across, down, cv2.INTER_CUBIC, None, cv2.BORDER_CONSTANT).astype(np.uint8)
     size = (camera.pinhole.width, camera.pinhole.height)
     return cv2.resize(straight, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
@@ -125,7 +125,7 @@ def _is_straight(where: F64, camera: WorkingCamera) -> bool:
 
 
 def lens_of(model: SparseModel, size: tuple[int, int]) -> tuple[Pinhole, Distortion]:
-    """Read the lens of a reconstruction from COLMAP's parameters; each camera model orders its own.
+    """Read the lens of a reconstruction from COLMAP's parameters; their order depends on the camera model.
 
     Args:
         model: Holds the camera.

@@ -16,7 +16,7 @@ _BLOCK = 1 << 24  # [bytes] copied at once
 
 
 def copy_ply(source: Path, out: Path, labels: Iterable[Labels]) -> None:
-    """Copy a file; its header gains three lines, each of its points three numbers, and nothing else changes.
+    """Copy a file; its header gains three lines, each of its points three numbers; nothing else changes.
 
     Args:
         source: PLY file.

@@ -23,7 +23,7 @@ def meters_per_unit(records: Mapping[tuple[str, int], bytes]) -> float | None:
         records: Variable-length records by user and number.
 
     Returns:
-        Length [m]; None where the file does not say; 0 where its coordinates are angles.
+        Length [m]; None if the file does not state it; 0 where its coordinates are angles.
     """
     text = records.get(("LASF_Projection", 2112), b"").split(b"\0")[0].decode("utf-8", "replace")
     if text.strip():

@@ -1,4 +1,4 @@
-"""A cloud as one HDF5 file: a data set for each column, with its unit and meaning; the observations in a group."""
+"""A cloud as one HDF5 file: a dataset for each column, with its unit and meaning; the observations are in a group."""
 
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from groundwork.errors import InputError
 from groundwork.files import space_errors
 from recon.cloud import COLUMNS, FORMAT, FORMAT_VERSION, OBSERVATION_COLUMNS, OPTIONAL_COLUMNS, Cloud, ColumnKind
 
-_LEVEL = 4  # deflate level: most of the saving at half the time
+_LEVEL = 4  # deflate level: most of the possible compression at half the time
 
 
 def write_hdf5(path: Path, cloud: Cloud) -> None:

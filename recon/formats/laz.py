@@ -14,9 +14,9 @@ LAZ_SCALE = 0.0001  # [m] coordinates are rounded to this, unless the cloud is t
 FIRST_USER_CLASS = 64  # LAS reserves the codes from here on for users
 _UNCLASSIFIED = 1
 _CREATED = date(2000, 1, 1)
-_COUNTS = 2**31 - 1  # steps of the scale that fit beside the offset
+_COUNTS = 2**31 - 1  # largest integer coordinate
 _CHUNK = 1_000_000  # points converted at a time
-# A scene lies nowhere on Earth: a local system whose unit is the metre, in the WKT 1 that LAS 1.4 wants.
+# A scene has no place on Earth: a local system in meters, in WKT 1 as LAS 1.4 requires.
 FRAME = (
     'LOCAL_CS["Falsework scene",LOCAL_DATUM["Falsework scene",0],UNIT["metre",1],'
     'AXIS["X",OTHER],AXIS["Y",OTHER],AXIS["Z",UP]]'

@@ -27,7 +27,7 @@ def write_ply(path: Path, cloud: Cloud) -> None:
     """Write PLY: x, y, z in double precision, nx, ny, nz, red, green, blue, labels and errors.
 
     Args:
-        path: File to write, in a folder that the caller makes whole.
+        path: File to write, in a folder that the caller writes atomically.
         cloud: What to write.
     """
     columns = cloud.columns
@@ -60,7 +60,7 @@ def write_colored_points(path: Path, cloud: Cloud) -> None:
     """Write only positions, normals and colours, as photogrammetry and splatting programs read them.
 
     Args:
-        path: File to write, in a folder that the caller makes whole.
+        path: File to write, in a folder that the caller writes atomically.
         cloud: What to write.
     """
     layout = [("xyz", "<3f4"), ("normal", "<3f4"), ("rgb", "3u1")]

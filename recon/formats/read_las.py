@@ -1,4 +1,4 @@
-"""Read LAS and LAZ files: the header is read and checked here, field by field; only LAZ is unpacked by a library.
+"""Read LAS and LAZ files: the header is read and checked here, field by field; a library is used only to unpack LAZ.
 
 Source: ASPRS, LAS Specification 1.4 R15.
 """
@@ -27,7 +27,7 @@ MAGIC = b"LASF"
 _SIZES = {0: 20, 1: 28, 2: 26, 3: 34, 4: 57, 5: 63, 6: 30, 7: 36, 8: 38, 9: 59, 10: 67}  # [bytes] of a point
 _COLORS = {2: 20, 3: 28, 5: 28, 7: 30, 8: 30, 10: 30}  # offset of red
 _HEADERS = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}  # [bytes] by minor version
-_NEW_FORMATS = 6  # first point format whose class has a byte of its own
+_NEW_FORMATS = 6  # first point format with a separate byte for the class
 _VLR_HEAD = struct.Struct("<H16sHH32s")
 _EXTRA_TYPES = {1: "u1", 2: "i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4", 7: "<u8", 8: "<i8", 9: "<f4", 10: "<f8"}
 _EXTRA_SIZE = 192  # [bytes] of the description of one extra dimension
@@ -82,7 +82,7 @@ def read_las(path: Path, most_points: int, progress: Progress = SILENT, labels: 
         labels: Read the columns of labels; or the name of the column of class ids.
 
     Raises:
-        InputError: Damaged, cut off, lying about its contents, or too large.
+        InputError: Damaged, cut off, with a wrong header, or too large.
     """
     with open_las(path, most_points, progress) as rows:
         return rows.decode(0, rows.header.count, labels)
@@ -101,7 +101,7 @@ def open_las(path: Path, most_points: int, progress: Progress = SILENT) -> Itera
         The points, until the context ends.
 
     Raises:
-        InputError: Damaged, cut off, lying about its contents, or too large.
+        InputError: Damaged, cut off, with a wrong header, or too large.
     """
     header = read_header(path)
     check_count(path, header.count, most_points)
@@ -198,7 +198,7 @@ def read_header(path: Path) -> LasHeader:
 
 
 def _most_records(count: int) -> int:
-    """Compute how many bytes the records can take; the rest is not read."""
+    """Compute the largest number of bytes of the records; the rest is not read."""
     return min(count, 10_000) * (_VLR_HEAD.size + 0xFFFF) + (1 << 20)
 
 

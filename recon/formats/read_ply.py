@@ -67,7 +67,7 @@ def read_ply(path: Path, most_points: int, labels: bool | str = True) -> Scan:
         labels: Read the columns of labels, and refuse those that hold none; or the name of the column of class ids.
 
     Raises:
-        InputError: Damaged, cut off, lying about its contents, without points, or too large.
+        InputError: Damaged, cut off, with a wrong header, without points, or too large.
     """
     order, elements, start = read_ply_header(path)
     vertex = next((element for element in elements if element.name == "vertex"), elements[0] if elements else None)

@@ -34,13 +34,13 @@ LAYOUTS: dict[int, tuple[str, ...]] = {
     7: ("x", "y", "z", "red", "green", "blue", "segment"),
     8: ("x", "y", "z", "red", "green", "blue", "segment", "instance"),
 }
-_PTS = {7: ("x", "y", "z", "intensity", "red", "green", "blue")}  # as laser scanners' programs write .pts
+_PTS = {7: ("x", "y", "z", "intensity", "red", "green", "blue")}  # as programs of laser scanners write .pts
 
 
 def read_text(path: Path, most_points: int, labels: bool | str = True) -> Scan:
     """Read lines of numbers, separated by blanks, tabs, commas or semicolons.
 
-    A first line of names says what the columns are; without one their number does: three are x y z, four have
+    A first line of names names the columns; without one their number decides: three are x y z, four have
     intensity, six a colour, seven a colour and a label (in .pts files intensity and a colour), eight an instance too.
 
     Args:

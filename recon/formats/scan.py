@@ -43,7 +43,7 @@ def read_scan(
 
     Raises:
         MissingError: There is no such file.
-        InputError: Not a scan, damaged, cut off, lying about its contents, or too large; names file and reason.
+        InputError: Not a scan, damaged, cut off, with a wrong header, or too large; names file and reason.
     """
     if path.is_dir():
         cloud = read_cloud(path)

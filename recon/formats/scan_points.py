@@ -78,7 +78,7 @@ def check_coordinates(path: Path, coord: F64) -> None:
     Raises:
         InputError: One is not finite, or farther from the origin than any map coordinate.
     """
-    bad = ~(np.abs(coord).max(axis=1) <= FARTHEST)  # NaN compares false
+    bad = ~(np.abs(coord).max(axis=1) <= FARTHEST)  # comparisons with NaN are false
     if bad.any():
         row = int(np.argmax(bad))
         raise InputError(
@@ -118,7 +118,7 @@ def as_ids(path: Path, name: str, values: NDArray[Any], dtype: type[np.uint8 | n
 
 
 def as_colors(path: Path, values: NDArray[Any]) -> NDArray[np.uint8]:
-    """Convert colours of 8 or 16 bits, or from 0 to 1, of a file that does not tell them apart.
+    """Convert colours of 8 or 16 bits, or from 0 to 1, of a file that does not state which.
 
     Args:
         path: File, for the error.
@@ -154,7 +154,7 @@ def column_named(names: Sequence[str], columns: Iterable[str]) -> str | None:
     """Find the column with one of some names, in capitals or not, also behind the `scalar_` that CloudCompare adds.
 
     Args:
-        names: Names in lower case, the one that counts most first.
+        names: Names in lower case, in order of priority.
         columns: Names of the columns of a file.
 
     Returns:

@@ -17,12 +17,12 @@ class ScanStream:
 
     Attributes:
         count: Number of points.
-        unit: Length of one unit of the coordinates [m]; None where the file does not say, 0 where they are angles.
+        unit: Length of one unit of the coordinates [m]; None if the file does not state it, 0 where they are angles.
         las: The bytes of the points, of LAS and LAZ only.
     """
 
     def __init__(self, source: LasRows | Scan, unit: float | None) -> None:
-        """Take what was opened.
+        """Store the opened points.
 
         Args:
             source: Points on the disk or in memory.

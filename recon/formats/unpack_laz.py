@@ -10,7 +10,7 @@ from groundwork.errors import InputError
 from groundwork.progress import Progress
 
 _BLOCK = 100_000  # points unpacked at once
-_ADDRESSES = 8_000_000_000  # [bytes] one allocation that claims more fails at once
+_ADDRESSES = 8_000_000_000  # [bytes] a larger allocation fails at once
 
 
 def unpack(request: dict[str, Any], progress: Progress) -> int:

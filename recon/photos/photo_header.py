@@ -1,8 +1,9 @@
 """Size, lens and position from the header of a JPEG or PNG photograph, without decoding a pixel.
 
-Ours, because a library would save only a third of this: Pillow gives the entries, not the focal length in pixels, nor
-what counts as no place; and it is no part of the core. It is as robust: of 912 headers with a byte of EXIF set to 0 or
-255, Pillow 13 and this module read all, but Pillow has NaN where a denominator is 0 (in 6 of them), this module 0.
+Our own, because a library would replace only a third of this: Pillow gives the entries, but not the focal length in
+pixels, nor does it detect invalid positions; and it is not one of the core packages. It is as robust: of 912 headers
+with a byte of EXIF set to 0 or 255, Pillow 13 and this module read all, but Pillow returns NaN for a denominator of 0
+(in 6 of them), this module 0.
 
 Source: CIPA DC-008 (Exif 2.32); TIFF 6.0; ITU-T T.81 annex B; PNG, third edition, 11.2 and 11.3.4.
 """
@@ -17,10 +18,10 @@ from groundwork.foreign_file import read_regular
 from recon.photos.photo_xmp import SIGNATURE, DroneFacts, read_xmp
 
 _FORMATS = {1: "B", 2: "c", 3: "H", 4: "I", 5: "II", 6: "b", 7: "c", 8: "h", 9: "i", 10: "ii"}
-_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG markers that carry the size
+_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG markers that contain the size
 _BARE = frozenset(range(0xD0, 0xD9)) | {0x01}  # JPEG markers without a length
 _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}  # of the focal plane's resolution: inch, cm, mm, µm
-_QUARTER_TURNS = {3: 2, 6: 1, 8: 3}  # by Exif's orientation; mirrored ones come from no camera
+_QUARTER_TURNS = {3: 2, 6: 1, 8: 3}  # by Exif's orientation; no camera writes mirrored ones
 _FILM = 43.266615  # [mm] diagonal of 36 x 24
 _PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -31,11 +32,11 @@ Values = tuple[float, ...] | str
 
 @dataclass(frozen=True)
 class PhotoHeader:
-    """What the header of a photograph says.
+    """The facts in the header of a photograph.
 
     Attributes:
         size: Width and height of the stored pixels [px].
-        focal_px: Focal length [px], or None where the file does not say.
+        focal_px: Focal length [px], or None if the file does not state it.
         place: Latitude [deg], longitude [deg], height [m], or None.
         place_sigma: Its horizontal error as stated by the receiver [m], or None.
         quarter_turns: Turns by 90 degrees clockwise that make the stored picture upright, 0 to 3.

@@ -1,4 +1,4 @@
-"""What drones write into the XMP packet of a photograph: gimbal angles and the accuracy of the position.
+"""Facts that drones write into the XMP packet of a photograph: gimbal angles and the accuracy of the position.
 
 Source: Adobe XMP, part 1 (a property is an attribute or an element); DJI's name space `drone-dji`; the tags
 `Camera:GPSXYAccuracy` and `Camera:GPSZAccuracy` that senseFly and Parrot write.
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 SIGNATURE = b"http:"
-"""What the JPEG segment of a packet begins with: a name space, ended by a zero byte."""
+"""Beginning of the JPEG segment of a packet: a name space, ended by a zero byte."""
 
 _NUMBER = rb"[-+]?\d+(?:\.\d+)?(?:/\d+)?"
 _FLAT = 1e-3  # [m] a smaller stated error is not credible
@@ -33,7 +33,7 @@ def read_xmp(packet: bytes) -> DroneFacts:
     """Read a packet; invalid values are treated as absent.
 
     Args:
-        packet: The XMP packet, or nothing.
+        packet: The XMP packet; may be empty.
     """
     pitch, roll = (_number(packet, f"drone-dji:Gimbal{name}Degree") for name in ("Pitch", "Roll"))
     up = None if pitch is None else camera_up_of(pitch, roll or 0.0)
@@ -44,8 +44,8 @@ def camera_up_of(pitch: float, roll: float) -> tuple[float, float, float]:
     """Convert the angles of a gimbal to the up direction.
 
     Args:
-        pitch: Of the line of sight above the horizon; straight down is -90 [deg].
-        roll: Of the picture about the line of sight, positive with its right side down [deg].
+        pitch: Angle of the line of sight above the horizon; straight down is -90 [deg].
+        roll: Angle of the picture about the line of sight, positive with its right side down [deg].
 
     Returns:
         Up in the camera's axes right, down, forward [1].

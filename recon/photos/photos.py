@@ -26,7 +26,7 @@ _EARTH_A, _EARTH_E2 = 6_378_137.0, 6.694_379_990_14e-3  # WGS 84
 def open_photographs(folder: Path) -> Capture:
     """Open a capture, or a folder of plain photographs.
 
-    Of plain photographs, those in the folder itself count; where there are none, those in its `images`. Positions
+    Only the photographs in the folder itself are used; if there are none, those in its folder `images`. Positions
     become metres east, north and up of the first photograph that has one; `facts` keeps that origin.
 
     Args:
@@ -63,7 +63,7 @@ def _open_photographs(folder: Path) -> Capture:
     sigma = _usual([told for told in sigmas if told is not None])
     if origin is not None:
         facts["gps_sigmas"] = {path.stem: told or sigma for path, told in zip(paths, sigmas, strict=True)}
-        facts["gps_bias"] = sigma  # the common error is as large, and cannot be estimated from the positions
+        facts["gps_bias"] = sigma  # the shared error is as large, and cannot be estimated from the positions
         facts["origin"] = {"latitude": origin[0], "longitude": origin[1], "height": origin[2]}
     images = tuple(
         CaptureImage(name=path.stem, file=path.relative_to(folder).as_posix(), gps=place)

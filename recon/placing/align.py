@@ -69,7 +69,8 @@ class Alignment:
         status: Reason code of every image of the capture, `ok` for valid ones.
         center_errors: Distance between aligned and target centre [m], shape (N,), float64; NaN when unregistered.
         rotation_errors: Angle between aligned and target rotation [deg], shape (N,), float64; NaN when unknown.
-        singular_values: Of the centred target centres of valid cameras [m], shape (3,), float64, descending.
+        singular_values: Singular values of the centred target centres of valid cameras [m], shape (3,), float64,
+            descending.
         agreeing: Whether each measured position agrees with the others, shape (N,), bool; None with truth.
         errors: Limits of the alignment's errors; None with truth, and where nothing was measured.
         unfixed: Why the measured positions do not determine the model's frame; empty where they do, or there are none.
@@ -224,7 +225,7 @@ def find_inliers(source: F64, goal: F64, known: Mask, limit: float, iterations: 
         moved = scale[:, None, None] * (source @ rotation.transpose(0, 2, 1)) + translation[:, None, :]
         far = np.nan_to_num(np.linalg.norm(moved - goal, axis=2), nan=np.inf, posinf=np.inf)
         far[:, ~known] = np.inf
-        cost = np.minimum(far, limit).sum(axis=1)  # truncated: among equal counts the tighter fit wins
+        cost = np.minimum(far, limit).sum(axis=1)  # truncated: of equal counts the closer fit is chosen
         inliers = far[np.argmin(cost)] <= limit
         if inliers.sum() >= _MIN_CAMERAS:
             return inliers

@@ -28,7 +28,7 @@ def align_to_fixes(poses: F64, rows: NDArray[np.int64], target: Target, rng: np.
         rng: Source of the initial triples of cameras.
 
     Returns:
-        The alignment; if the fixes do not determine the frame, one that is only upright and says so in `unfixed`.
+        The alignment; if the fixes do not determine the frame, one that is only upright, with the reason in `unfixed`.
     """
     known = np.isfinite(target.centers[rows]).all(axis=1) & (target.sigmas is not None)
     upright = stand_upright(poses, rows, target)

@@ -22,10 +22,10 @@ PARAMETERS = 7  # logarithm of the scale, rotation vector [rad], place of the mi
 _TRIPLE = 3
 _TRIPLES = 300
 _LEVEL = 2.366  # median of the square of a normal vector of three
-_FAR = 21.1  # one good fix in ten thousand lies beyond
+_FAR = 21.1  # one valid fix in ten thousand has a larger value
 _ROUNDS, _STEPS = 15, 30
 _NEAR, _SETTLED = 1e-4, 1e-10
-_PRIOR_FREEDOM = 2.0  # prior weight that keeps the two variance components alike where there are few fixes
+_PRIOR_FREEDOM = 2.0  # prior weight that keeps the two variance components similar if there are few fixes
 _LONG = 12  # least number of fixes from which their serial correlation is estimated
 _SURE, _UNLIKE = 4.0, 15.0  # another rotation is rejected if its likelihood is smaller by e^2
 _USUAL = 0.3  # serial correlation assumed for fewer fixes
@@ -45,7 +45,7 @@ class Fit:
         covariances: Of logarithm of the scale, rotation vector [rad] and position of the centroid [m], from horizontal
             errors, vertical errors, and those of gravity, shape (3, 7, 7), float64.
         freedom: Degrees of freedom of these three [1], shape (3,), float64.
-        twofold: Whether a very different rotation fits equally well.
+        twofold: Whether a very different rotation fits equally well; then the limits are invalid.
     """
 
     similarity: Similarity
@@ -133,7 +133,7 @@ def _starts(source: F64, goal: F64, sigma: F64, rng: np.random.Generator) -> lis
 
 
 def _settle(source: F64, goal: F64, sigma: F64, levels: GravityCues, start: Similarity) -> Similarity:
-    """Refine a start by iteratively reweighted least squares: the larger its residual, the less a fix counts."""
+    """Refine a start by iteratively reweighted least squares: a fix with a larger residual has a smaller weight."""
     similarity = start
     for _ in range(_STEPS):
         squares = _squares(similarity, source, goal, sigma)
@@ -301,7 +301,7 @@ def _middle(source: F64, weights: F64) -> F64:
 
 
 def _jacobian(similarity: Similarity, centered: F64) -> F64:
-    """Compute the derivatives of the moved points by the parameters, shape (N, 3, 7)."""
+    """Compute the derivatives of the transformed points by the parameters, shape (N, 3, 7)."""
     arm = similarity.scale * centered @ similarity.rotation.T
     found = np.zeros((len(centered), 3, PARAMETERS))
     found[:, :, 0] = arm

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
-_STEADY = np.sin(np.radians(1.0))  # error shared by all photographs of a gimbal: it is trimmed to about a degree
-_LEAST, _GREATEST = np.sin(np.radians([0.5, 6.0]))  # error of a single photograph: with a good gimbal, held in hand
+_STEADY = np.sin(np.radians(1.0))  # error shared by all photographs of a gimbal, which is adjusted to about a degree
+_LEAST, _GREATEST = np.sin(np.radians([0.5, 6.0]))  # error of a single photograph: with a good gimbal, and held in hand
 _HELD = 1.4826  # median absolute deviation to standard deviation
 _USUAL, _USUAL_SIGMA = np.radians(30.0), 0.6  # usual pitch of a camera; its standard deviation is about 40 degrees
 _KINDS, _USUALLY = 3, 2
@@ -35,7 +35,7 @@ class GravityCues:
     shared: F64
 
     def weights(self, ups: F64) -> F64:
-        """Weight each direction: less the larger its residual, all of a kind no more than their shared error allows.
+        """Weight each direction: a larger residual reduces its weight, and the shared error limits that of its kind.
 
         Args:
             ups: Up in the model's frame [1], shape (3,), float64.
@@ -70,8 +70,8 @@ class GravityCues:
 def gravity_cues(rotations: F64, gimbal: F64 | None) -> GravityCues:
     """Collect the cues of photographs for the up direction.
 
-    Rows are assumed level unless a gimbal states otherwise; the pitch is known only from a gimbal. One weak cue says
-    that all cameras together look ahead and down rather than up: it only tells up from down.
+    Rows are assumed level unless a gimbal states otherwise; the pitch is known only from a gimbal. One cue of low
+    weight states that all cameras together look ahead and down rather than up: it only decides which way is up.
 
     Args:
         rotations: Camera-to-world rotations in the model's frame, of upright photographs [1], shape (N, 3, 3), float64.

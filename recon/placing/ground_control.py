@@ -21,7 +21,7 @@ Triple = tuple[float, float, float]
 
 _SIGMA = 0.03  # [m] error of a point surveyed by satellite, where the file states none
 _BAR_SIGMA = 0.001  # [m]
-_LONGEST = 5_000_000  # [bytes] a file of marks is far shorter
+_LONGEST = 5_000_000  # [bytes] files of marks are far shorter
 _HEADS: Mapping[str, tuple[str, ...]] = {
     "camera": ("camera", "image", "photo", "camera_label", "image_name", "photo_name"),
     "label": ("label", "marker", "point", "gcp", "name", "marker_label", "gcp_name", "point_id"),
@@ -192,7 +192,7 @@ def _heads(line: str) -> dict[str, int]:
     plain = [cell.lower().replace(" ", "_") for cell in cells]
     found = {key: plain.index(name) for key, names in _HEADS.items() for name in names if name in plain}
     marks = "camera" in found and "u" not in found
-    if marks and "x" in cells and "y" in cells:  # small letters are pixels, capital ones are metres
+    if marks and "x" in cells and "y" in cells:  # small letters are pixels, capital letters are meters
         found |= {"u": cells.index("x"), "v": cells.index("y")}
     if "X" in cells and "Y" in cells and "Z" in cells:
         found |= {"east": cells.index("X"), "north": cells.index("Y"), "up": cells.index("Z")}

@@ -31,7 +31,7 @@ class MapSystem:
         """Convert coordinates to latitude, longitude and height; not defined for a plane system.
 
         Args:
-            points: Coordinates as the file has them, [deg] or [m], shape (N, 3), float64.
+            points: Coordinates as in the file, [deg] or [m], shape (N, 3), float64.
 
         Returns:
             Latitude [deg], longitude [deg] and height [m], array of shape (N, 3), float64.
@@ -44,7 +44,7 @@ class MapSystem:
         """Convert coordinates to metres east, north and up of an origin.
 
         Args:
-            points: Coordinates as the file has them, [deg] or [m], shape (N, 3), float64.
+            points: Coordinates as in the file, [deg] or [m], shape (N, 3), float64.
             origin: Latitude [deg], longitude [deg], height [m]; of a plane system, a point in its own coordinates.
 
         Returns:

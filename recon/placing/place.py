@@ -1,4 +1,4 @@
-"""Placing a model in the world: its target (truth, GPS, or nothing), the alignment to it, and every camera's status."""
+"""Placing of a model in the world: its target (truth, GPS or none), the alignment to it, and every camera's status."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -45,7 +45,7 @@ def place(
     settings: AlignmentSettings,
     rng: np.random.Generator,
 ) -> tuple[Alignment, Target]:
-    """Align a model to the world as far as its place is known, and give every camera a status.
+    """Align a model to the world as far as its position is known, and give every camera a status.
 
     If GPS is absent, or does not determine the frame, the model keeps its own units and is only turned upright.
 

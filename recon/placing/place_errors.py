@@ -25,7 +25,7 @@ class PlaceErrors:
         heading: Angle about up [deg].
         place: Distance of the centroid of what was fitted from its true position: of the cameras that have a fix, or of
             the control points [m].
-        twofold: Whether a very different rotation fits equally well: then none of the limits is valid.
+        twofold: Whether a very different rotation fits equally well; then the limits are invalid.
     """
 
     scale: float
@@ -35,7 +35,7 @@ class PlaceErrors:
     twofold: bool = False
 
     def unfixed(self) -> str:
-        """Describe in words what is too uncertain for the model to be placed; empty where nothing is."""
+        """Describe in words what is too uncertain for the model to be placed; empty if nothing is."""
         wide = [
             f"{name} ±{value:.0f}{unit}"
             for name, value, limit, unit in (
@@ -98,7 +98,7 @@ def _limit(parts: F64, freedom: F64) -> float:
     """Find the 95 % limit of the length of a normal vector whose covariance is a sum of estimated parts.
 
     Its square is approximated by a multiple of F with the degrees of freedom that match its mean and variance.
-    Source: Satterthwaite (1946), for the sum and for the square of the vector alike.
+    Source: Satterthwaite (1946), both for the sum and for the square of the vector.
     """
     total = parts.sum(axis=0)
     values = np.maximum(np.linalg.eigvalsh(total), 0.0)

@@ -37,7 +37,7 @@ class Similarity:
         return self.scale * points @ self.rotation.T + self.translation
 
     def move_poses(self, poses: F64) -> F64:
-        """Transform camera poses to the world; their rotations stay free of scale.
+        """Transform camera poses to the world; their rotations remain without scale.
 
         Args:
             poses: Local camera_to_world [model units], shape (N, 4, 4), float64.
@@ -86,7 +86,7 @@ def angles(rotations: F64, reference: F64) -> F64:
     Returns:
         Angles [deg], shape (N,), float64.
     """
-    chord = np.linalg.norm(rotations - reference, axis=(1, 2))  # 2 sqrt 2 sin(angle / 2), sharp at small angles
+    chord = np.linalg.norm(rotations - reference, axis=(1, 2))  # 2 sqrt 2 sin(angle / 2), precise at small angles
     return np.degrees(2 * np.arcsin(np.clip(chord / np.sqrt(8.0), 0.0, 1.0)))
 
 
@@ -94,7 +94,7 @@ def camera_up(rotations: F64) -> F64:
     """Estimate the up direction from level photographs: their rows are horizontal, their tops point up.
 
     Of the directions perpendicular to all rows, it is the one nearest to the mean of the tops. The tops of cameras that
-    look straight down may point anywhere; their backward direction counts too, and decides where the tops cancel.
+    look straight down may point anywhere; their backward direction has a small weight, and decides if the tops cancel.
 
     Args:
         rotations: Camera-to-world rotations in any frame [1], shape (N, 3, 3), float64.

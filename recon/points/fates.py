@@ -1,5 +1,5 @@
 """Fate of a reconstructed point: kept, or the reason why it is removed."""
 
 FATES = ("kept", "views", "reprojection", "deviation")
-"""By number: it stays, or too few valid cameras saw it, it meets its keypoints badly, or it may be too far off."""
+"""Fates by number: kept; seen by too few valid cameras; reprojection error too large; or position too uncertain."""
 KEPT, FEW_VIEWS, REPROJECTION, DEVIATION = range(4)

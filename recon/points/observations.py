@@ -32,12 +32,12 @@ class Observations:
 
     @property
     def counts(self) -> I64:
-        """Number of observations of each point, shape (N,), int64."""
+        """Count the observations of each point, shape (N,), int64."""
         return np.diff(self.start)
 
     @property
     def point(self) -> I64:
-        """Point of each observation, shape (M,), int64."""
+        """Return the point of each observation, shape (M,), int64."""
         return np.repeat(np.arange(len(self.start) - 1), self.counts)
 
     def of(self, points: NDArray[np.bool_]) -> "Observations":
@@ -86,7 +86,7 @@ class Observations:
 
     @property
     def pixel(self) -> I64:
-        """Column and row of the pixel that holds each keypoint, shape (M, 2), int64."""
+        """Return column and row of the pixel of each keypoint, shape (M, 2), int64."""
         return np.floor(self.uv).astype(np.int64)
 
 
@@ -153,7 +153,7 @@ def median_per_point(values: F64, observations: Observations) -> F64:
 
 @njit(cache=True, nogil=True)
 def _medians(values: F64, start: I64) -> F64:
-    """Sort in place by insertion: a point has a handful of values."""
+    """Sort in place by insertion: a point has few values."""
     result = np.empty(len(start) - 1)
     ordered = np.empty(np.diff(start).max() if len(result) else 0)
     for point in range(len(result)):

@@ -9,7 +9,7 @@ F64 = NDArray[np.float64]
 
 _CHUNK = 200_000  # observations at a time, of some 400 bytes each
 _PRIOR_COUNT = 100  # weight of the prior of one pixel: a few points do not prove better keypoints
-_COMMON = 6  # weight of the common variance beside a point's own residuals: a point of two views has only one
+_COMMON = 6  # weight of the common variance beside a point's own residuals: a point of two views has only one residual
 _SQUARE = 4.0 / np.pi  # mean square of distances over the square of their mean, if both axes have the same deviation
 _SEVERAL = 3  # least number of views whose residuals check a position; two rays nearly always meet
 
@@ -18,7 +18,8 @@ def keypoint_noise(errors: F64, views: NDArray[np.int64]) -> F64:
     """Estimate the standard deviation of each point's keypoints from the residuals of all points and its own.
 
     A point of n views has 2n coordinates and 2n - 3 degrees of freedom. The residuals of all points give the common
-    variance, and a point's own change it the more the more there are: a point with larger residuals is less precise.
+    variance, and the more residuals a point has, the more they change it: a point with larger residuals is less
+    precise.
 
     Source: Gelman et al., Bayesian Data Analysis, 3rd edition, section 2.6 (scaled inverse chi-squared prior).
 
@@ -38,9 +39,9 @@ def keypoint_noise(errors: F64, views: NDArray[np.int64]) -> F64:
 def deviations(points: F64, centers: F64, focal: float, seen: Observations) -> F64:
     """Propagate the keypoints' noise to each point's worst direction, mostly that of its rays.
 
-    A keypoint error of one pixel moves its ray by d / f at the distance d; a ray constrains a point across itself, not
-    along. The information matrix of all rays is the sum of (f / d)^2 (I - u u^T); its smallest eigenvalue is that of
-    the worst direction. Poses are assumed exact.
+    A keypoint error of one pixel moves its ray by d / f at the distance d; a ray constrains a point perpendicular to
+    itself, not along. The information matrix of all rays is the sum of (f / d)^2 (I - u u^T); its smallest eigenvalue
+    is that of the worst direction. Poses are assumed exact.
 
     Source: Hartley and Zisserman, Multiple View Geometry, 2nd edition, section 5.2.3 (backward propagation of
     covariance).

@@ -12,7 +12,7 @@ from usd_schemas.raycast import RayScene
 
 F64 = NDArray[np.float64]
 
-TOUCH = 0.001  # [m] a ray that ends less than this before a point has reached it
+TOUCH = 0.001  # [m] a ray that ends less than this before a point counts as reaching it
 _TOUCH_SHARE = 2e-5  # plus this share of the distance: the ray caster uses single precision
 _MARGIN = 1.5  # times the image size: a lens with distortion may show points outside the image of a pinhole
 

@@ -16,11 +16,11 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 
-EDGE = 0.02  # [m] points closer than this to the plane hit by the beam's middle are one surface
+EDGE = 0.02  # [m] points closer than this to the plane hit by the beam's center belong to one surface
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _TEN_PERCENT = 0.1
-_HOLES = 6  # cut-out leaves that a ray may pass through
-_STEP = 0.002  # [m] beyond a hole, from where the ray goes on
+_HOLES = 6  # transparent texels of leaves that a ray may pass through
+_STEP = 0.002  # [m] beyond a transparent texel, where the ray continues
 _LAYERS = 12  # leaves that a pulse of several returns may hit
 
 
@@ -49,15 +49,15 @@ class Hits:
 
 @dataclass(frozen=True, eq=False)
 class Echoes:
-    """Returns that make points: none, one, or several behind each other for each ray.
+    """Returns that make points: none, one, or several in a row for each ray.
 
     Attributes:
         shots: Row of its ray, shape (M,), int64.
-        rows: Triangle that the beam's middle hit, shape (M,), int64.
-        distances: True range of the beam's middle [m], shape (M,), float64.
+        rows: Triangle that the beam's center hit, shape (M,), int64.
+        distances: True range of the beam's center [m], shape (M,), float64.
         measured: Range as measured [m], shape (M,), float64.
         colors: Linear base colours [1], shape (M, 3), float32.
-        intensities: Reflectance times cosine of the incidence, times the share of the pulse that hit it [1],
+        intensities: Reflectance times cosine of the incidence, times the share of the pulse that hit the surface [1],
             shape (M,), float64.
         mixed: Whether the range is a mixture of two surfaces, shape (M,), bool.
     """
@@ -72,10 +72,10 @@ class Echoes:
 
 
 class Target:
-    """A scene prepared for laser scanning."""
+    """A scene with what laser scanning needs."""
 
     def __init__(self, surface: SceneSurface, look: SurfaceLook, rays: RayScene, water: Bool, plants: Bool) -> None:
-        """Keep the scene.
+        """Store the parts of the scene.
 
         Args:
             surface: Its surface.
@@ -93,7 +93,7 @@ class Target:
             origins: Starts [m], shape (N, 3), float64.
             directions: Unit directions [1], shape (N, 3), float64.
             colored: Whether the colours are needed.
-            behind: Range that a surface must lie behind [m], shape (N,), float64; None for none.
+            behind: Smallest range of a surface [m], shape (N,), float64; None for none.
         """
         rows, distances = np.full(len(origins), -1), np.full(len(origins), np.inf)
         colors = np.zeros((len(origins), 3), np.float32)
@@ -153,7 +153,7 @@ class Target:
         return Echoes(*(np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])))
 
     def _caught(self, rows: I64, settings: ScannerSettings, rng: np.random.Generator) -> F64:
-        """Draw the share of a pulse that each surface stops: leaves none or some of it, everything else all."""
+        """Draw the share of a pulse that each surface stops: leaves none or some of it, other surfaces all."""
         caught = np.ones(len(rows))
         if settings.returns > 1:
             leaves = np.flatnonzero(self._plants[rows])
@@ -182,9 +182,9 @@ class Target:
     def _mixed(
         self, rays: Rays, shots: I64, rows: I64, distances: F64, settings: ScannerSettings, rng: np.random.Generator
     ) -> tuple[F64, Bool]:
-        """Mix the range with that of a second ray of the same beam that hits another surface close behind or before.
+        """Mix the range with that of a second ray of the same beam that hits another surface just behind or in front.
 
-        The share of that surface in the beam is drawn; it lies anywhere between nothing and all.
+        The share of that surface in the beam is drawn uniformly between 0 and 1.
         """
         if not settings.beam_divergence or not settings.mixing_gap:
             return distances, np.zeros(len(shots), bool)

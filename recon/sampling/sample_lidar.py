@@ -154,7 +154,7 @@ def _scan_all(
     progress: Progress,
 ) -> list[Columns]:
     """Measure in chunks; if the cloud is thinned to one point per cube, thin it in between to bound the memory."""
-    ranks = np.random.default_rng([settings.seed, 1])  # a stream of its own: thinning changes no point that is kept
+    ranks = np.random.default_rng([settings.seed, 1])  # a separate stream: thinning changes no point that is kept
     parts: list[Columns] = []
     done = loose = 0
     for chunk in shots:
@@ -205,7 +205,7 @@ def _scan(chunk: Rays, scanned: _Scanned, settings: AnyScanner, rng: np.random.G
         wanted &= only[found.rows]
     points = origins + chunk.errors[found.shots] + found.measured[:, None] * directions
     normals = surface.normals[found.rows]
-    turned = np.einsum("ni,ni->n", normals, directions) > 0  # towards the scanner, whichever side it saw
+    turned = np.einsum("ni,ni->n", normals, directions) > 0  # towards the scanner, whichever side it hit
     columns = {
         "points": points,
         "true_points": true_points,

@@ -36,7 +36,7 @@ class Drawn:
         rows: Triangle of each, shape (N,), int64.
         places: Barycentric coordinates in it [1], shape (N, 3), float64.
         colors: sRGB base colours, shape (N, 3), uint8.
-        views: Cameras that see it, where that is asked for, shape (N,), uint16.
+        views: Cameras that see it, if requested, shape (N,), uint16.
     """
 
     rows: I64
@@ -60,7 +60,7 @@ def sample_mesh(scene: FlatScene, folder: Path, settings: MeshSettings, progress
     progress.stage("sample", 0)
     surface = lay_out(scene)
     look = SurfaceLook(scene, surface)
-    # Loading the ray caster takes longer than all the rest: done only if needed.
+    # Loading the ray caster takes longer than everything else: done only if needed.
     used = settings.min_views or settings.noise or settings.normal_noise
     rays = RayScene(surface.corners, surface.instances) if used else None
     pieces, area = _pieces(scene, surface, settings)
@@ -107,7 +107,8 @@ def sample_mesh(scene: FlatScene, folder: Path, settings: MeshSettings, progress
 def draw_uniform(count: int, surface: SceneSurface, pieces: Fragments, rng: np.random.Generator) -> tuple[I64, F64]:
     """Draw points uniformly by area, independently of each other.
 
-    Source: G. Turk, Generating random points in triangles, Graphics Gems (1990): the square root makes a triangle even.
+    Source: G. Turk, Generating random points in triangles, Graphics Gems (1990): the square root makes the density
+        uniform.
 
     Args:
         count: Number of points.

@@ -32,7 +32,7 @@ class Samples:
         colors: sRGB base colours, shape (N, 3), uint8.
         uncertainty: Error of the measurement itself [m], shape (N,), float64.
         relative: That error over the measured distance, NaN where there is none [1], shape (N,), float64.
-        views: Cameras that see the place, shape (N,), uint16.
+        views: Cameras that see the position, shape (N,), uint16.
         further: Some of `recon.cloud.OPTIONAL_COLUMNS`, shape (N,) each, unit and dtype as there.
     """
 
@@ -133,7 +133,7 @@ def _measured_columns(samples: Samples) -> dict[str, NDArray[Any]]:
 
 
 def _nearest(samples: Samples, displacement: F64, rays: RayScene | None) -> tuple[F64, I64]:
-    """Find the distance to the nearest surface and its triangle; an unmoved point lies on its own."""
+    """Find the distance to the nearest surface and its triangle; a point without displacement lies on its own."""
     distance, rows = np.zeros(len(displacement)), samples.rows.copy()
     if rays is None:
         return distance, rows

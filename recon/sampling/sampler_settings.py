@@ -1,4 +1,4 @@
-"""What a user may choose about the clouds that are sampled from a stage without any image."""
+"""Settings of the clouds that are sampled from a stage without images."""
 
 from collections.abc import Mapping
 from typing import Annotated, Literal

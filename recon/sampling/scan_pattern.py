@@ -97,7 +97,7 @@ def _frames(way: F64, along: F64, path: F64, tilt: float) -> F64:
     piece = np.clip(np.searchsorted(along, way, side="right") - 1, 0, len(path) - 2)
     forward = (path[1:] - path[:-1])[piece] * [1.0, 1.0, 0.0]
     length = np.linalg.norm(forward, axis=1, keepdims=True)
-    forward = np.where(length > 1e-9, forward / np.maximum(length, 1e-9), [1.0, 0.0, 0.0])  # on a climb: along x
+    forward = np.where(length > 1e-9, forward / np.maximum(length, 1e-9), [1.0, 0.0, 0.0])  # vertical path: along x
     up = np.array([0.0, 0.0, 1.0])
     axis = np.cos(tilt) * up - np.sin(tilt) * forward
     ahead = np.cos(tilt) * forward + np.sin(tilt) * up

@@ -1,4 +1,4 @@
-"""Default places of a scanner: the stations that see most, or a path along the deck."""
+"""Default places of a scanner: the stations that see most of the bridge, or a path along the deck."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +19,17 @@ DECK = ("deck", "slab", "sleeper", "track")  # classes that carry traffic
 _FIRM = ("ground", "road", "rail_bed", "embankment", "riverbank", "")  # kinds for a tripod; empty: unknown kind
 _AROUND = 15.0  # [m] beside the bridge
 _SPOTS = 400  # candidate places on one level
-_LEVELS = 6  # surfaces above each other
+_LEVELS = 6  # surfaces one above the other
 _SLOPE = 0.85  # least upward component of the normal where a tripod stands
-_FREE = 0.6  # [m] free radius about the mirror
+_FREE = 0.6  # [m] radius about the mirror without any surface
 _TARGETS = 1500  # points on the bridge
 _GRAZING = 75.0  # [deg] targets seen at a greater angle of incidence do not count
-_WORTH = 0.005  # share of the bridge that one more station must add
+_WORTH = 0.005  # share of the bridge that a further station must add
 _LOOKS = 26  # directions that test whether a place lies inside a body
 _INSIDE = 0.3  # share of them that may hit the back of a face
-_SLICE = 1.0  # [m] along the deck
-_FULL = 0.5  # least share of the points of a mean slice
-_ROUND = 5  # slices over which the path is smoothed
+_SLICE = 1.0  # [m] length of a slice along the deck
+_FULL = 0.5  # a slice with a smaller share of the mean number of points is ignored
+_ROUND = 5  # number of slices over which the path is smoothed
 _FLAT = 0.9  # least upward component of the normal of a carriageway
 
 
@@ -97,7 +97,7 @@ def deck_way(scene: FlatScene, surface: SceneSurface, height: float, run_up: flo
     top = carrying & (surface.normals[:, 2] > _FLAT) & (surface.areas > 0)
     if not top.any():
         raise InputError("has no deck to drive on", field="path", value="deck", hint="Name a survey of the stage")
-    rng = np.random.default_rng(0)  # the choice of samples moves the path by centimetres
+    rng = np.random.default_rng(0)  # the choice of samples changes the path by centimeters
     rows, places = draw_uniform(20_000, surface, whole(top), rng)
     points = np.einsum("nk,nki->ni", places, surface.corners[rows])
     middle = points[:, :2].mean(axis=0)
@@ -110,7 +110,7 @@ def deck_way(scene: FlatScene, surface: SceneSurface, height: float, run_up: flo
     found = []
     for row in range(slices):
         own = number == row
-        if own.sum() >= _FULL * len(points) / slices:  # at the corner of a skew end the middle is uncertain
+        if own.sum() >= _FULL * len(points) / slices:  # near the corners of a skew end the middle is uncertain
             side = 0.5 * (across[own].min() + across[own].max())
             found.append([along.min() + (row + 0.5) * width, side, np.percentile(points[own, 2], 75)])
     if len(found) < 2:
@@ -170,7 +170,7 @@ def _above_floor(spots: F64, rays: RayScene, height: float) -> Bool:
 def _free(spots: F64, surface: SceneSurface, rays: RayScene) -> Bool:
     """Keep the mirror positions that are not close to anything and not inside a body."""
     distances, _ = rays.distance(spots)
-    turn = np.arange(_LOOKS) * np.pi * (3.0 - np.sqrt(5.0))  # the golden angle spreads directions evenly
+    turn = np.arange(_LOOKS) * np.pi * (3.0 - np.sqrt(5.0))  # the golden angle distributes directions evenly
     heights = 1.0 - (2.0 * np.arange(_LOOKS) + 1.0) / _LOOKS
     flat = np.sqrt(1.0 - heights**2)
     looks = np.column_stack([flat * np.cos(turn), flat * np.sin(turn), heights])

@@ -79,7 +79,7 @@ def lay_out(scene: FlatScene) -> SceneSurface:
 
 
 def bridge_triangles(scene: FlatScene, surface: SceneSurface) -> NDArray[np.bool_]:
-    """Tell which triangles are the bridge.
+    """Tell which triangles belong to the bridge.
 
     On a stage of ours these are the triangles below the bridge prim; on others those of a class other than background;
     if there is no such class, all.
@@ -166,7 +166,7 @@ def _cut(pieces: Fragments, surface: SceneSurface, axis: int, side: float, borde
     for alone, lone_is_inside in ((1, True), (2, False)):
         cut = count == alone
         lone = np.argmax(inside[cut] == lone_is_inside, axis=1)
-        order = (lone[:, None] + np.arange(3)) % 3  # the corner that is alone on its side comes first
+        order = (lone[:, None] + np.arange(3)) % 3  # the only corner on its side comes first
         bary = np.take_along_axis(pieces.barycentric[cut], order[..., None], axis=1)
         depth = np.take_along_axis(height[cut], order, axis=1)
         share = (depth[:, :1] / (depth[:, :1] - depth[:, 1:]))[..., None]

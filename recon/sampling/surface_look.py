@@ -17,7 +17,7 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 U8 = NDArray[np.uint8]
 
-LARGEST = 1024  # [px] a larger texture is reduced to this side: some texels a centimetre are enough for a point
+LARGEST = 1024  # [px] a larger texture is reduced to this side: a few texels per centimeter are enough for a point
 _BRIGHTEST = 0.95  # as in the renderer: largest reflectance
 _OCTAVES = 3  # as in the renderer
 _CHUNK = 500_000  # points looked up at once

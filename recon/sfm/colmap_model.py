@@ -33,7 +33,7 @@ class SparseModel:
         names: File name of each registered image, in ascending order.
         poses: camera_to_world [model units] of each registered image, shape (I, 4, 4), float64.
         camera_model: Name of the camera model of all images.
-        camera_params: Its parameters as COLMAP orders them [px].
+        camera_params: Its parameters in COLMAP's order [px].
         points: Positions [model units], shape (P, 3), float64, in ascending order of COLMAP's point ids.
         colors: sRGB colours, shape (P, 3), uint8.
         errors: Mean reprojection error of each point [px], shape (P,), float64.
@@ -95,7 +95,7 @@ def read_model(folder: Path) -> SparseModel:
 def _check_numbers(
     params: tuple[float, ...], poses: F64, points: NDArray[np.void], keypoints: NDArray[np.void]
 ) -> None:
-    """Refuse numbers that are not finite, and keypoints that name a missing point."""
+    """Refuse numbers that are not finite, and keypoints that refer to a missing point."""
     for name, values in (
         ("camera", np.array(params)),
         ("pose", poses),
@@ -150,7 +150,7 @@ def _read_images(data: bytes) -> tuple[list[str], list[F64], list[NDArray[np.voi
 
 
 def _no_more(count: int, data: bytes, least: int) -> int:
-    """Refuse a count that exceeds what the file's length allows."""
+    """Refuse a count that is too large for the file's length."""
     if count * least > len(data):
         raise ValueError(f"{count} rows in {len(data)} bytes")
     return count

@@ -1,8 +1,8 @@
-"""Expected errors of the lens and of the camera positions, from how well the keypoints of a model fit.
+"""Expected errors of the lens and of the camera positions, from the residuals of a model's keypoints.
 
-These are errors by the scatter of the keypoints alone (the "internal precision" of photogrammetry). Where the lens has
-another shape, or photographs match what they should not, real errors are larger. Wrong matches count in full in the
-scatter, though the adjustment gives them little weight: this makes what is expected larger.
+These are the errors caused by the scatter of the keypoints alone (the "internal precision" of photogrammetry). Real
+errors are larger if the lens has other distortions than its model, or if matches are wrong. Wrong matches count fully
+in the scatter, though the adjustment gives them little weight: this makes the expected errors larger.
 
 Source: Triggs et al., Bundle Adjustment: A Modern Synthesis (2000), sections 6.1 (reduced camera system), 9.3 (inner
 constraints).
@@ -21,11 +21,11 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 MOST_IMAGES = 1000  # the inverse of a matrix of 6,000 rows takes a minute
-MOST_OBSERVATIONS = 1_200_000  # 1.8 kB of memory each
-_POSE = 6  # numbers of a pose: center, turn about the axes of the world
+MOST_OBSERVATIONS = 1_200_000  # each needs 1.8 kB of memory
+_POSE = 6  # numbers of a pose: center, rotation about the axes of the world
 _STEP = 1e-6  # of numerical derivatives, in directions at depth 1 and in parameters as shares of their size
 _NEAREST = 1e-6  # of a point in front of a camera, as a share of the extent of the cameras
-_FIXED = ("cx", "cy")  # the adjustment leaves the principal point alone
+_FIXED = ("cx", "cy")  # the adjustment does not change the principal point
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,11 @@ class Precision:
 
     Attributes:
         names: File name of each image.
-        centers: Covariance of each camera center [m²] in a model in metres, shape (I, 3, 3), float64, where
-            translation, rotation and scale of the whole are such that the centers move least.
+        centers: Covariance of each camera center [m²] in a model in meters, shape (I, 3, 3), float64, where
+            translation, rotation and scale of the whole model are chosen so that the centers move least.
         lens: Names of the parameters of the lens that were adjusted.
         lens_sigma: Standard deviation of each [px] [1], shape (K,), float64.
-        correlation: Between them [1], shape (K, K), float64.
+        correlation: Correlations between them [1], shape (K, K), float64.
         residual: Scatter of the keypoints along an axis of the photographs [px].
     """
 
@@ -57,8 +57,8 @@ def precision_of(model: SparseModel) -> Precision | None:
         model: A model.
 
     Returns:
-        The errors; None where they cannot be computed: more than `MOST_IMAGES` images or `MOST_OBSERVATIONS`, too few
-        keypoints, or images that hang on the others by nothing.
+        The errors; None if they cannot be computed: more than `MOST_IMAGES` images or `MOST_OBSERVATIONS`, too few
+        keypoints, or images without a connection to the others.
     """
     model = _usable(model)
     images, rows = len(model.names), 2 * len(model.obs_point)
@@ -95,7 +95,7 @@ def precision_of(model: SparseModel) -> Precision | None:
 
 
 def _usable(model: SparseModel) -> SparseModel:
-    """Leave out observations from behind, and of points that only one image sees: they say nothing."""
+    """Leave out observations from behind, and those of points that only one image sees, which add no information."""
     poses = model.poses[model.obs_image]
     ahead = np.einsum("mi,mi->m", model.points[model.obs_point] - poses[:, :3, 3], poses[:, :3, 2])
     kept = ahead > _NEAREST * float(np.ptp(model.poses[:, :3, 3], axis=0).max(initial=0.0))
@@ -108,7 +108,8 @@ def _derivatives(model: SparseModel, centers: F64, points: F64, free: list[int])
     """Differentiate the pixel of every observation.
 
     Returns:
-        By center and turn of its camera, shape (M, 2, 6); by the free parameters of the lens, shape (M, 2, K); by its
+        By center and rotation of its camera, shape (M, 2, 6); by the free parameters of the lens, shape (M, 2, K); by
+        its
         point, shape (M, 2, 3); and pixel minus keypoint [px], shape (M, 2).
     """
     rays = points[model.obs_point] - centers[model.obs_image]
@@ -132,7 +133,7 @@ def _derivatives(model: SparseModel, centers: F64, points: F64, free: list[int])
     flat[:, 0, 0] = flat[:, 1, 1] = 1.0 / depth
     flat[:, :, 2] = -plane / depth[:, None]
     by_point = np.einsum("mij,mjk,mlk->mil", by_plane, flat, turns)
-    by_turn = np.asarray(np.cross(rays[:, None, :], -by_point), np.float64)  # a turn w moves the ray by -w x ray
+    by_turn = np.asarray(np.cross(rays[:, None, :], -by_point), np.float64)  # a rotation w moves the ray by -w x ray
     return np.concatenate([-by_point, by_turn], axis=2), by_lens, by_point, seen(plane, params) - model.obs_uv
 
 
@@ -148,7 +149,7 @@ def _reduced(model: SparseModel, parts: tuple[F64, F64, F64], size: int) -> F64:
     np.add.at(normal, model.obs_point, np.einsum("mij,mik->mjk", place, place))
     seen = np.bincount(model.obs_point, minlength=len(model.points)) > 0
     value, axes = np.linalg.eigh(normal[seen])
-    weak = value <= 1e-12 * value[:, -1:]  # a point that its views do not fix says nothing of them along that axis
+    weak = value <= 1e-12 * value[:, -1:]  # the views do not determine a point along this axis
     root = np.zeros((len(model.points), 3, 3))
     root[seen] = axes * np.where(weak, 0.0, 1.0 / np.sqrt(np.where(weak, 1.0, value)))[:, None, :]
     scaled = np.einsum("mij,mjk->mik", place, root[model.obs_point])
@@ -159,7 +160,7 @@ def _reduced(model: SparseModel, parts: tuple[F64, F64, F64], size: int) -> F64:
 
 
 def _inner_inverse(normal: F64, centers: F64, size: int) -> F64 | None:
-    """Invert singular normal equations under the conditions that make the centers move least."""
+    """Invert singular normal equations under the conditions that minimize the changes of the centers."""
     images = len(centers)
     null = np.zeros((images, _POSE, 7))
     null[:, :3, :3] = np.eye(3)

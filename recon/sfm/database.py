@@ -11,7 +11,7 @@ from groundwork.errors import ChildError, OutOfSpaceError
 DATABASE = "database.db"
 """Name of the database in the folder of a step."""
 
-_SMALL = ("rigs", "rig_sensors", "cameras", "frames", "frame_data")  # what images refer to
+_SMALL = ("rigs", "rig_sensors", "cameras", "frames", "frame_data")  # tables that images refer to
 _OF_IMAGES = ("keypoints", "descriptors")
 _OF_PAIRS = ("matches", "two_view_geometries")
 _BROKEN = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR)  # the last one: there is no such table

@@ -1,9 +1,10 @@
-"""Doubtful pairs of images: taken far apart, they match in what is far away only, or in two parts that look alike.
+"""Doubtful pairs of images: taken far apart, they match only in the background, or in two parts that look alike.
 
 The two ends of a bridge often look alike. If matches between them are used, the mapper registers one half of the bridge
 on top of the other: a dozen of 3,068 pairs put 140 of 282 images 50 to 250 m off. Two-view geometry and the distance of
-the two GPS positions tell how far away the matched surfaces would be. If that is much farther than what else the images
-show, the pair matches either the background, which says little about the cameras' places, or two different parts.
+the two GPS positions determine how far away the matched surfaces would be. If that is much farther than the other
+surfaces of the images, the pair matches either the background, which hardly determines the cameras' positions, or two
+different parts.
 """
 
 from dataclasses import dataclass
@@ -24,12 +25,12 @@ FARTHER = 3.0
 a suspension bridge, pairs at one tower implied 0.8 to 2.0 times as much, pairs of its two towers 3.3 and more."""
 _NEAREST = 4  # pairs of an image, those taken nearest to each other, whose median gives its usual distance
 _LEAST_MATCHES = 3
-_MOST = 0.08  # share of the pairs; beyond it the fixes are wrong, not the pairs: with exchanged ones it was 10 to 17 %
+_MOST = 0.08  # share of the pairs; above it the fixes are wrong, not the pairs: with exchanged fixes it was 10 to 17 %
 
 
 @dataclass(frozen=True)
 class PairGeometry:
-    """What two-view geometry and GPS say of pairs of images.
+    """Facts about pairs of images from two-view geometry and GPS.
 
     Attributes:
         images: Ids of the two images of each pair, shape (P, 2), int64.
@@ -51,7 +52,7 @@ def doubtful_pairs(database: Path, fixes: Fixes) -> set[int]:
         fixes: GPS position by name of image [m]; an image may have none.
 
     Returns:
-        Ids of the pairs; none if so many are doubtful that GPS must be wrong itself.
+        Ids of the pairs; none if so many are doubtful that GPS itself must be wrong.
     """
     found = _pair_geometry(database, fixes)
     wrong = doubtful(found)
@@ -61,10 +62,10 @@ def doubtful_pairs(database: Path, fixes: Fixes) -> set[int]:
 
 
 def doubtful(pairs: PairGeometry) -> NDArray[np.bool_]:
-    """Tell which pairs imply surfaces much farther away than what else their images show.
+    """Tell which pairs imply surfaces much farther away than the other surfaces of their images.
 
-    Only pairs are judged whose images are farther apart than their usual distance from the surfaces: of nearer ones,
-    the error of the fixes decides what they imply.
+    Only pairs whose images are farther apart than their usual distance from the surfaces are judged: for closer ones,
+    the error of the fixes is larger than what they imply.
 
     Args:
         pairs: Pairs of images.
@@ -92,7 +93,7 @@ def _pair_geometry(database: Path, fixes: Fixes) -> PairGeometry:
         for number, geometry in zip(numbers, geometries, strict=True):
             pair = pycolmap.pair_id_to_image_pair(number)
             places = [fixes.get(by_id[image].name) for image in pair]
-            known = geometry.E is not None and geometry.H is not None  # without either, COLMAP has no pose to give
+            known = geometry.E is not None and geometry.H is not None  # without both, COLMAP returns no pose
             if not known or len(geometry.inlier_matches) < _LEAST_MATCHES or places[0] is None or places[1] is None:
                 continue
             for image in set(pair) - set(points):

@@ -16,9 +16,10 @@ _LEAST_SIGMA = 0.01  # [m] a deviation of 0 would give the prior infinite weight
 
 
 def extract(capture: Capture, folder: Path, settings: SparseSettings, progress: Progress) -> dict[str, Any]:
-    """Decode every image once, then find its keypoints; images that are in the database already are left as they are.
+    """Decode every image once, then find its keypoints; images that are already in the database do not change.
 
-    Images enter the database in sorted order before the extraction: its threads would number them as they finish.
+    Images enter the database in sorted order before the extraction: its threads would number them in the order in which
+    they finish.
 
     Args:
         capture: Photographs.
@@ -58,7 +59,7 @@ def extract(capture: Capture, folder: Path, settings: SparseSettings, progress: 
 
 
 def _reader(capture: Capture) -> pycolmap.ImageReaderOptions:
-    """Set the calibration; where the focal length is a guess, tell COLMAP so."""
+    """Set the calibration; if the focal length is a guess, mark it as such for COLMAP."""
     prior = capture.prior
     if capture.facts.get("focal") == FOCAL_GUESSED:
         return pycolmap.ImageReaderOptions(camera_model=prior.model)

@@ -1,8 +1,8 @@
-"""Register further images to the largest model with fewer inliers; keep the result only if its scale held.
+"""Register further images to the largest model with fewer inliers; keep the result only if its scale did not change.
 
 Where a flight turns between two images, the pair may have 40 matches, and fewer of them become points than COLMAP
-requires to register an image. Growth requires fewer. Images that so few points connect may lose their common scale: the
-model then folds. And so few points do not distinguish two towers that look alike: without GPS, nothing is registered.
+requires to register an image. Growth requires fewer. But images that few points connect may lose their common scale,
+and the model folds. Few points also do not distinguish two towers that look alike: without GPS, nothing is registered.
 """
 
 from pathlib import Path
@@ -27,7 +27,7 @@ MOST_MOVED = 0.003
 0.0002 on that flight where growth was sound, 0.001 and 0.002 in two models that folded, before the removal."""
 _ROUNDS = 3  # of growth: an image that was removed may connect to images that a later round adds
 _FITS, _TWENTY = 10, 20
-_LEAST = 3  # cameras that a similarity needs
+_LEAST = 3  # cameras that a similarity requires
 
 
 def grow(
@@ -40,8 +40,8 @@ def grow(
 ) -> tuple[pycolmap.Reconstruction, dict[str, float]]:
     """Register more images with fewer inliers; remove those that GPS does not confirm and loosely connected ones.
 
-    A round that bent the model is discarded. Two-view points do not fix the scale across a gap: with them, one model
-    shrank to a ten-millionth of its size.
+    A round that deformed the model is discarded. Two-view points do not fix the scale across a gap: with them, one
+    model shrank to a ten-millionth of its size.
 
     Args:
         model: The model; not changed.
@@ -130,7 +130,7 @@ def shift(model: pycolmap.Reconstruction, grown: pycolmap.Reconstruction) -> flo
         Runaway cameras are ignored, and so are the 5 % that moved most: at the end of one model the last camera was 11
         m off, and growth corrected it.
     """
-    away = set(runaways(model))  # they would make every other distance small
+    away = set(runaways(model))  # they would make all other distances small
     numbers = sorted((set(model.reg_image_ids()) & set(grown.reg_image_ids())) - away)
     if len(numbers) < _LEAST:
         return 0.0

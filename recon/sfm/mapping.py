@@ -1,6 +1,6 @@
 """Camera poses and points from verified matches, by COLMAP's incremental or global mapper; runs in a child.
 
-The mapper works with tie points; once its cameras are known, all other matches are triangulated too.
+The mapper works with tie points; after that, all other matches are triangulated too.
 """
 
 import shutil
@@ -25,13 +25,13 @@ from render.capture import Capture
 
 MODEL = "model"
 _MODELS = "models"
-_LOSS_SCALE = 0.5  # [px] error from which on a match counts less and less
-_ROUNDS = 10  # of the last adjustment, which begins where the mapper's ended
+_LOSS_SCALE = 0.5  # [px] error from which on the weight of a match decreases
+_ROUNDS = 10  # of the last adjustment, which begins with the mapper's result
 _TIES = "ties.db"
 # Looser limits for the initial pair where COLMAP's own limits find none: views of a walk straight ahead, which meet at
 # small angles. 28 of 29 photographs of such a walk along a street have a model then.
 _STRAIGHT_AHEAD = {"init_max_forward_motion": 1.0, "init_min_tri_angle": 8.0}  # [1], [deg]; COLMAP: 0.95 and 16
-_POINT_ROUNDS = 5  # of the adjustment of points whose cameras are fixed: each is a problem of three unknowns
+_POINT_ROUNDS = 5  # of the adjustment of points whose cameras are fixed: each point has three unknowns
 
 
 def map_images(
@@ -74,7 +74,7 @@ def map_images(
         largest = ranked[0]
         progress.stage("last adjustment", 0)
         adjust_robustly(largest, _threads(settings))
-        if thinned or growth.get("added"):  # growth makes no points of two views
+        if thinned or growth.get("added"):  # growth makes no two-view points
             progress.stage("points of all matches", 0)
             largest = _triangulate_all(capture, largest, matches / DATABASE, models, settings, seed)
             adjust_robustly(largest, _threads(settings))
@@ -223,7 +223,7 @@ def _begun_anew(
     options: pycolmap.IncrementalPipelineOptions,
     progress: Progress,
 ) -> list[pycolmap.Reconstruction]:
-    """Map again from images that GPS does not contradict where it contradicts many; the better one of both stays."""
+    """Map again from images that GPS does not contradict, if it contradicts many; the better result is kept."""
     fixes = _fixes(capture)
     if not ranked or not (wrong := contradicted_images(ranked[0], fixes)):
         return ranked
@@ -320,7 +320,7 @@ def _map_globally(
     mapper.global_positioning.use_gpu = mapper.bundle_adjustment.ceres.use_gpu = False
     mapper.retriangulation.ignore_two_view_tracks = not settings.two_view_tracks
     mapper.retriangulation.min_angle = mapper.min_tri_angle_deg = settings.min_triangulation_angle
-    options.image_path = str(capture.folder)  # where it takes the points' colours from
+    options.image_path = str(capture.folder)  # folder from which it reads the points' colors
     progress.stage("mapping, all images at once", 0)
     done = 0
 

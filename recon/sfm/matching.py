@@ -1,4 +1,4 @@
-"""Which images show the same thing: pairs, their matches, and the geometry that verifies them; runs in children."""
+"""Image pairs: which images show the same surfaces, their matches, and the verifying geometry; runs in children."""
 
 import math
 import shutil
@@ -23,13 +23,13 @@ SHARE = "match_share"
 
 _CHILD = "recon.sfm.sparse_child"
 _NAMES = "pairs.txt"  # in the folder of a share that is at work
-# Pairs of a share. COLMAP builds an index of each image that a share names, which takes as long as matching one
-# and a half pairs, and a child's start costs a second: so shares are few, large, and as many for each process.
+# Pairs of a batch ("share"). COLMAP builds an index of each image of a batch, which takes as long as matching 1.5
+# pairs, and the start of a child takes a second; therefore batches are few, large, and equally many per process.
 _SHARE, _LEAST_SHARE = 512, 64
-_LOOK = 0.5  # [s] how often the shares are asked how far they are
-_LEAP = 32  # [images] the first one; each further one is twice as far
-_LEAPER = 4  # every fourth image is paired with distant ones: as exact as if all were, at a quarter of the time
-_SAME_PLACE = 2  # decimals [m] to which two fixes are the same
+_LOOK = 0.5  # [s] interval at which the progress of the batches is read
+_LEAP = 32  # [images] the first distance; each further one is twice as large
+_LEAPER = 4  # every fourth image is paired with distant ones: as exact as with all, in a quarter of the time
+_SAME_PLACE = 2  # decimals [m] up to which two fixes count as the same
 _NO_LIMIT = 1e9  # [m] spatial pairing drops pairs that are farther apart than this
 
 
@@ -38,15 +38,16 @@ def match(
 ) -> dict[str, Any]:
     """Match image pairs and verify them geometrically, in a copy of the database of features.
 
-    COLMAP's linear algebra is not thread-safe: with two threads each of 28 runs on 53 images matched 2
-    to 12 of the 547 pairs otherwise, some to nothing (COLMAP 4.2.1). So the pairs are split into shares, each matched
-    by a process of one thread, as many at a time as `threads` says; a share is saved as soon as it is done.
+    COLMAP's linear algebra is not thread-safe: with two threads, each of 28 runs on 53 images gave other matches for 2
+    to 12 of the 547 pairs, some none at all (COLMAP 4.2.1). Therefore the pairs are split into batches, each matched by
+    a process of one thread, with as many processes at a time as `threads` states; a batch is saved as soon as it is
+    done.
 
     Args:
         capture: Photographs.
         features: Folder of the database of features.
         folder: Receives the database of matches; pairs that an interrupted run matched are already in it, or in its
-            shares.
+            batches.
         settings: Pairing, and the number of processes.
         seed: Seed of the verification.
         progress: Listener.
@@ -55,7 +56,7 @@ def match(
         `pairing` used, number of `pairs` tried, `verified` ones, and `overlapping`: whether each image is in one.
 
     Raises:
-        ChildError: A share ran into a limit or died; the others stay.
+        ChildError: A batch exceeded a limit or crashed; the results of the others stay.
     """
     path = folder / DATABASE
     done = _take_over(features / DATABASE, path)
@@ -71,7 +72,7 @@ def match(
 
 
 def match_share(pairs: Iterable[tuple[int, int]], features: Path, folder: Path, seed: int) -> None:
-    """Match and verify some pairs, in a small database of their own.
+    """Match and verify some pairs, in a separate small database.
 
     Args:
         pairs: Ids of the images of each.
@@ -98,14 +99,14 @@ def match_share(pairs: Iterable[tuple[int, int]], features: Path, folder: Path, 
 def _take_over(features: Path, path: Path) -> set[int]:
     """Continue the database of matches of an interrupted run, or copy that of the features; return its pairs.
 
-    Results of shares that were killed are merged too: a pair is finished when its geometry is written, and its result
-    does not depend on its share.
+    Results of interrupted batches are merged too: a pair is finished when its geometry is written, and its result does
+    not depend on its batch.
     """
     done = paired(path)
     if not done:
         for left in path.parent.glob(f"{path.name}*"):
             left.unlink()
-        shutil.copyfile(features, path)  # not atomic: a copy that was cut off holds no pairs
+        shutil.copyfile(features, path)  # not atomic: an incomplete copy contains no pairs
     for share in sorted(path.parent.glob("share*")):
         found = paired(share / DATABASE)
         if found:
@@ -126,7 +127,7 @@ class _Work:
 
 
 def _match_shares(left: list[tuple[int, int]], finished: int, work: _Work, progress: Progress) -> list[BaseException]:
-    """Distribute the remaining pairs to child processes, and merge what each found, even if others fail."""
+    """Distribute the remaining pairs to child processes, and merge their results, even if some fail."""
     folder, settings = work.folder, work.settings
     whole, seen, failures = folder / DATABASE, 0, list[BaseException]()
     rounds = max(1, math.ceil(len(left) / (_SHARE * settings.threads)))
@@ -145,7 +146,7 @@ def _match_shares(left: list[tuple[int, int]], finished: int, work: _Work, progr
                     failure = future.exception()
                     if failure is not None:
                         failures.append(failure)
-                        waiting = {other for other in waiting if not other.cancel()}  # running shares are merged too
+                        waiting = {other for other in waiting if not other.cancel()}  # running batches are merged too
                         continue
                     share = future.result()
                     merge_pairs(share / DATABASE, whole)
@@ -158,7 +159,7 @@ def _match_shares(left: list[tuple[int, int]], finished: int, work: _Work, progr
 
 
 def _run_share(pairs: list[tuple[int, int]], share: Path, work: _Work) -> Path:
-    """Match a share in a child process, on one thread; the parent of this process enforces the time limit."""
+    """Match a batch in a child process, on one thread; the parent of this process enforces the time limit."""
     share.mkdir()
     images = len({image for pair in pairs for image in pair})
     run_child(
@@ -172,12 +173,12 @@ def _run_share(pairs: list[tuple[int, int]], share: Path, work: _Work) -> Path:
 
 
 def _begun(folder: Path) -> int:
-    """Count the pairs of running shares; a database that is being filled is not opened: COLMAP does not wait."""
+    """Count the pairs of running batches; a database that is being filled is not opened: COLMAP does not wait."""
     return sum(count_rows(names.parent / DATABASE, "two_view_geometries") for names in folder.glob(f"share*/{_NAMES}"))
 
 
 def _name_pairs(database: Path, kind: str, settings: SparseSettings) -> list[tuple[int, int]]:
-    """List the pairs as COLMAP names them, each once; spatial pairing names most of them from both sides."""
+    """List the pairs as COLMAP generates them, each once; spatial pairing generates most of them from both sides."""
     named: dict[frozenset[int], tuple[int, int]] = {}
     with pycolmap.Database.open(database) as opened:
         for generator, options in _ways(kind, settings):
@@ -185,7 +186,7 @@ def _name_pairs(database: Path, kind: str, settings: SparseSettings) -> list[tup
                 named.setdefault(frozenset(pair), pair)
         images = sorted(image.image_id for image in opened.read_all_images())
         if kind == "spatial" and named and not _is_connected(named.values(), len(images)):
-            for generator, options in _ways("sequential", settings):  # two stations far apart: the way between them
+            for generator, options in _ways("sequential", settings):  # connects stations that are far apart
                 for pair in generator(options, opened).all_pairs():
                     named.setdefault(frozenset(pair), pair)
     if kind == "spatial" and named and len(images) >= settings.leaps_from:
@@ -210,7 +211,7 @@ def _is_connected(pairs: Iterable[tuple[int, int]], count: int) -> bool:
 
 
 def _leaps(images: list[int]) -> Iterator[tuple[int, int]]:
-    """Pair every fourth image with some far along the path: with neighbouring pairs only, a long model bends."""
+    """Pair every fourth image with some far ahead on the path: with neighboring pairs only, a long model bends."""
     leap = _LEAP
     while leap < len(images):
         yield from zip(images[::_LEAPER], images[leap::_LEAPER], strict=False)
@@ -224,7 +225,7 @@ def _ways(kind: str, settings: SparseSettings) -> list[tuple[Any, Any]]:
             ignore_z=False, max_num_neighbors=settings.neighbours, max_distance=_NO_LIMIT, num_threads=1
         )
         return [(pycolmap.SpatialPairGenerator, spatial)]
-    if kind == "sequential":  # the next ones; and those 2, 4, 8 … further on, for flights that come back
+    if kind == "sequential":  # the next ones, and those 2, 4, 8 … further on, for flights that return
         following, leaps = (
             pycolmap.SequentialPairingOptions(overlap=settings.overlap, quadratic_overlap=far, num_threads=1)
             for far in (False, True)
@@ -248,7 +249,7 @@ def choose_pairing(capture: Capture, settings: SparseSettings) -> str:
     places = [image.gps for image in capture.images]
     if all(place is not None for place in places):
         _, alike = np.unique(np.round(np.array(places, float), _SAME_PLACE), axis=0, return_counts=True)
-        if alike.max() <= settings.neighbours:  # a GPS fix shared by many does not tell which are near
+        if alike.max() <= settings.neighbours:  # a GPS fix shared by many images does not determine which are near
             return "spatial"
     return "exhaustive" if len(capture.images) <= settings.exhaustive_below else "sequential"
 

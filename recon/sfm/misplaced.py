@@ -1,4 +1,4 @@
-"""Images that GPS contradicts: they were registered at a part of the bridge that looks like the one that they show.
+"""Images that GPS contradicts: they were registered at a part of the bridge that looks like the one in the image.
 
 Few matches do not distinguish the two towers of a bridge: 22 points connected 58 images of the second tower to the
 first one, 40 to 75 m from where they were taken.
@@ -17,19 +17,19 @@ LIMIT = 6.0
 """Standard deviations between a camera and its fix, beyond which it was registered at the wrong place [1]."""
 LEAST_SIGMA = 0.5
 """Least standard deviation of a fix along an axis [m]: the drift of a receiver does not show in a few fixes."""
-_SURE = 3.0  # standard deviations of a fix: a place that is predicted worse than that along two axes is not checked
-_LEAST = 4  # known cameras with a fix: three fit any similarity too well
+_SURE = 3.0  # standard deviations of a fix: a position predicted less precisely than that along two axes is not checked
+_LEAST = 4  # known cameras with a fix: with three, a similarity fits too well
 
 
 def misplaced_images(grown: pycolmap.Reconstruction, known: Iterable[int], fixes: Fixes) -> list[int]:
-    """Find the images whose cameras are not where their fixes and the known images say.
+    """Find the images whose camera positions contradict their fixes and the known images.
 
     The similarity from the known cameras to their fixes predicts the fix of each other camera. The covariance of its
     seven parameters gives the precision of the prediction, which falls with the distance from the known cameras.
 
     Args:
         grown: A model.
-        known: Ids of its images whose places among each other are trusted.
+        known: Ids of its images whose relative positions are trusted.
         fixes: GPS position by name of image [m]; an image may have none.
 
     Returns:
@@ -58,18 +58,18 @@ def misplaced_images(grown: pycolmap.Reconstruction, known: Iterable[int], fixes
 
 
 def predicted_covariance(known: F64, asked: F64) -> F64:
-    """Compute how precisely a similarity that was fitted to some places predicts others.
+    """Compute how precisely a similarity that was fitted to some positions predicts others.
 
     Args:
-        known: Places that it was fitted to [m], shape (N, 3), float64.
-        asked: Places that it predicts [m], shape (M, 3), float64.
+        known: Positions that it was fitted to [m], shape (N, 3), float64.
+        asked: Positions that it predicts [m], shape (M, 3), float64.
 
     Returns:
-        Covariance in variances of a known place along an axis [1], shape (M, 3, 3), float64; very large along
-        directions that the known places leave open, as cameras in a row do with the rotation about it.
+        Covariance in variances of a known position along an axis [1], shape (M, 3, 3), float64; very large along
+        directions that the known positions do not determine, such as the rotation about cameras in a row.
     """
     middle = known.mean(axis=0)
-    size = max(float(np.sqrt(np.mean((known - middle) ** 2))), 1e-9)  # the parameters get alike in size
+    size = max(float(np.sqrt(np.mean((known - middle) ** 2))), 1e-9)  # so that the parameters have similar magnitudes
     before, after = _jacobian((known - middle) / size), _jacobian((asked - middle) / size)
     normal = np.einsum("nij,nik->jk", before, before)
     values, vectors = np.linalg.eigh(normal)
@@ -78,7 +78,7 @@ def predicted_covariance(known: F64, asked: F64) -> F64:
 
 
 def _jacobian(places: F64) -> F64:
-    """Give the change of each place by a shift, a small turn and a change of scale, shape (N, 3, 7)."""
+    """Compute the change of each position by a shift, a small rotation and a change of scale, shape (N, 3, 7)."""
     x, y, z = places.T
     zero = np.zeros_like(x)
     turn = np.stack([zero, z, -y, -z, zero, x, y, -x, zero], axis=1).reshape(-1, 3, 3)
@@ -89,7 +89,7 @@ def _jacobian(places: F64) -> F64:
 def fit_trimmed(
     places: F64, measured: F64, count: int, rounds: int = 3
 ) -> tuple[pycolmap.Sim3d | None, NDArray[np.int64]]:
-    """Fit the similarity from places to fixes by least squares, again and again without those that lie farthest off.
+    """Fit the similarity from positions to fixes by least squares, repeatedly without those with the largest residuals.
 
     Args:
         places: Centers of cameras, in the units of their model [1], shape (N, 3), float64.
@@ -98,7 +98,7 @@ def fit_trimmed(
         rounds: Number of fits.
 
     Returns:
-        The similarity, None where there is none, and the rows that lie nearest to it, ascending, shape (count,), int64.
+        The similarity, or None; and the rows with the smallest residuals, ascending, shape (count,), int64.
     """
     fit, kept = None, np.arange(len(places))
     for _ in range(rounds):
@@ -111,14 +111,14 @@ def fit_trimmed(
 
 
 def moved_by(fit: pycolmap.Sim3d, places: F64) -> F64:
-    """Move places by a similarity.
+    """Transform positions by a similarity.
 
     Args:
         fit: The similarity.
-        places: Places in the units of a model [1], shape (N, 3), float64.
+        places: Positions in the units of a model [1], shape (N, 3), float64.
 
     Returns:
-        Where they are then [m], shape (N, 3), float64.
+        Transformed positions [m], shape (N, 3), float64.
     """
     return fit.scale * places @ fit.rotation.matrix().T + fit.translation
 

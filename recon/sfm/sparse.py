@@ -22,20 +22,20 @@ from render.capture import Capture
 NO_TEXTURE, NO_OVERLAP, NOT_IN_LARGEST = "no_texture", "no_overlap", "not_in_largest_model"
 _CHILD = "recon.sfm.sparse_child"
 _SECTION = "recon.sparse"
-_MODEL = "model"  # the name that the child uses; importing it from there would load COLMAP
-_VERSION = 6  # raise it whenever the same settings would give another model
+_MODEL = "model"  # the child's name for it; importing it from there would load COLMAP
+_VERSION = 6  # increase it whenever the same settings would give another model
 _MAPPING_VERSION = 6  # the same, of the mapper alone
-_SLACK = 120.0  # [s] beside the time per image
+_SLACK = 120.0  # [s] in addition to the time per image
 _LOOK = 0.5  # [s] how often progress is read from the database
 _FEW_KEYPOINTS = 50
 _MIN_IMAGES = 3
-_BYTES_PER_KEYPOINT = 200  # descriptor, place, matches
-_COPIES, _SHARE_IMAGES = 2, 256  # databases of all images, and images in that of a share of the matching, or fewer
+_BYTES_PER_KEYPOINT = 200  # descriptor, position, matches
+_COPIES, _SHARE_IMAGES = 2, 256  # databases of all images; most images in the database of one batch of the matching
 
 
 @dataclass(frozen=True)
 class Sparse:
-    """What structure from motion found.
+    """Result of structure from motion.
 
     Attributes:
         model: The largest model, in its own units.
@@ -53,7 +53,7 @@ class Sparse:
 
 
 def run_sparse(capture: Capture, work: Path, settings: ReconSettings, progress: Progress) -> Sparse:
-    """Reconstruct camera poses and sparse points; never looks at the truth.
+    """Reconstruct camera poses and sparse points; never uses the truth.
 
     Args:
         capture: Photographs.
@@ -107,7 +107,7 @@ def run_sparse(capture: Capture, work: Path, settings: ReconSettings, progress: 
 def absent_reasons(
     capture: Capture, keypoints: list[int], overlapping: list[bool], elsewhere: list[str]
 ) -> dict[str, str]:
-    """Give reasons for images that are not in the largest model, where more is known than the mapper's rejection.
+    """Give reasons for images that are not in the largest model, if more than the mapper's rejection is known.
 
     Args:
         capture: Photographs.

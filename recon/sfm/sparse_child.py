@@ -1,6 +1,6 @@
 """The stages of structure from motion that run in a child process: `python -m recon.sfm.sparse_child`.
 
-COLMAP may abort the whole process (a full disk, a broken file), so each stage is one request to a process of its own.
+COLMAP may abort the whole process (a full disk, a broken file), so each stage is one request to a separate process.
 """
 
 from pathlib import Path
@@ -23,7 +23,7 @@ def serve(request: dict[str, Any], progress: Progress) -> object:
     """Run one stage.
 
     Args:
-        request: `stage`, `folder` to fill, `seed`; `before`: folder of the stage before; `pairs` for a share of the
+        request: `stage`, `folder` to fill, `seed`; `before`: folder of the stage before; `pairs` for a batch of the
             matching, `similarity` for `transform`, `capture` and `settings` for all others.
         progress: Listener.
 

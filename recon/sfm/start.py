@@ -1,8 +1,8 @@
-"""Where a mapper begins anew: at two images of the part of its model that GPS does not contradict.
+"""Restart of the mapper: with two images of the part of its model that GPS does not contradict.
 
 COLMAP begins with the pair of images that has most matches and a wide angle. Where parts of a bridge look alike, this
-pair may be wrong, and so is what hangs on it: one flight round a girder bridge of 109 images began so, and 13 cameras
-were turned by 62 degrees; begun with another pair, all were right.
+pair may be wrong, and then every camera registered to it is wrong: one flight around a girder bridge with 109 images
+began so, and 13 cameras were rotated by 62 degrees; when begun with another pair, all were right.
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ _LEAST_ANGLE = 16.0  # [deg] between the rays of the first two images, COLMAP's 
 
 
 def contradicted_images(model: pycolmap.Reconstruction, fixes: Fixes) -> list[int]:
-    """Find the images of a model whose places their fixes contradict, if most are where their fixes say.
+    """Find the images of a model whose positions contradict their fixes, if most positions agree with theirs.
 
     Args:
         model: A model.
@@ -44,14 +44,14 @@ def contradicted_images(model: pycolmap.Reconstruction, fixes: Fixes) -> list[in
 
 
 def starting_pair(model: pycolmap.Reconstruction, without: list[int]) -> tuple[int, int] | None:
-    """Choose the two images that share most points under a wide angle.
+    """Choose the two images that share the most points at a wide angle.
 
     Args:
         model: A model.
-        without: Ids of images that are not to be chosen.
+        without: Ids of images that must not be chosen.
 
     Returns:
-        Their ids, the smaller one first; None where no two share points under such an angle.
+        Their ids, the smaller one first; None if no two share points at such an angle.
     """
     images = sorted(set(model.reg_image_ids()) - set(without))
     row = {number: place for place, number in enumerate(images)}

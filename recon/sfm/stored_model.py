@@ -1,4 +1,4 @@
-"""A structure-from-motion model in a folder of its own, so that several clouds can be made from it.
+"""A structure-from-motion model in a separate folder, so that several clouds can be made from it.
 
 The folder holds `model.json` and the COLMAP model beside it, in the model's own units, and no truth.
 """

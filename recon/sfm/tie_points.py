@@ -21,7 +21,7 @@ I64 = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 _CELLS = 8  # cells along each side of an image; each cell keeps its share of tie points
-_LONG = 3  # views above which a longer track is no better: the longest tracks show distant objects
+_LONG = 3  # views above which a longer track is not preferred: the longest tracks show distant objects
 _SPREAD_SHARE = 0.5  # share of an image's tie points that is distributed evenly over its cells [1]
 _PAIR_TIES = 100  # matches that a pair always keeps: COLMAP initialises only from pairs with at least as many
 
@@ -160,12 +160,12 @@ def _gather(
 def _copy_images(
     source: pycolmap.Database, out: pycolmap.Database, images: Sequence[Any], keypoints: Mapping[int, Any]
 ) -> None:
-    """Copy cameras, rigs, frames, images under the numbers they have, and their keypoints and positions."""
+    """Copy cameras, rigs, frames and images with their numbers, and their keypoints and positions."""
     for camera in source.read_all_cameras():
         out.write_camera(camera, use_camera_id=True)
     for rig in source.read_all_rigs():
         out.write_rig(rig, use_rig_id=True)
-    for frame in source.read_all_frames():  # before the images: these look for theirs
+    for frame in source.read_all_frames():  # before the images, which refer to them
         out.write_frame(frame, use_frame_id=True)
     for image in images:
         out.write_image(image, use_image_id=True)

@@ -1,4 +1,4 @@
-"""Labels of reconstructed points: what the true label images show at the keypoints that made them, put to the vote."""
+"""Labels of reconstructed points: a vote of the true label images at the keypoints that the points were made from."""
 
 from dataclasses import dataclass
 
@@ -38,7 +38,7 @@ class ObservedTruth:
 
 @dataclass(frozen=True)
 class Annotation:
-    """The verdict on each point.
+    """The labels of each point.
 
     Attributes:
         label: Class id, shape (N,), uint8.
@@ -56,8 +56,8 @@ class Annotation:
 def gather(truth: Truth, observations: Observations, threads: int = 1) -> ObservedTruth:
     """Look up the truth at each keypoint's pixel, one image at a time.
 
-    The pixel is that of the keypoint as it was found, not of the reprojected point: the images and their truth share
-    pixels exactly, whatever the reconstruction thinks of its lens.
+    The pixel is that of the detected keypoint, not of the reprojected point: the images and their truth have exactly
+    the same pixels, whatever lens the reconstruction estimates.
 
     Args:
         truth: True label and depth images.
@@ -65,7 +65,7 @@ def gather(truth: Truth, observations: Observations, threads: int = 1) -> Observ
         threads: How many images are read at a time.
 
     Returns:
-        What is there.
+        The truth at each observation.
 
     Raises:
         InputError: A truth image is missing, damaged, or of another size; names it.
@@ -78,7 +78,7 @@ def gather(truth: Truth, observations: Observations, threads: int = 1) -> Observ
 
     def read(image: int, rows: I64) -> None:
         pixel = np.floor(observations.uv[rows]).astype(np.int64)
-        pixel = np.clip(pixel, 0, [width - 1, height - 1])  # a keypoint may lie on the image's very edge
+        pixel = np.clip(pixel, 0, [width - 1, height - 1])  # a keypoint may lie exactly on the image's edge
         column, row = np.ascontiguousarray(pixel.T)
         labels, instances, depth = truth.semantic(image), truth.instance(image), truth.depth(image)
         for kind, values in (("semantic", labels), ("instance", instances), ("depth", depth)):
@@ -100,23 +100,23 @@ def gather(truth: Truth, observations: Observations, threads: int = 1) -> Observ
 
 
 def annotate(observed: ObservedTruth, depth_error: F64, observations: Observations) -> Annotation:
-    """Put labels to the vote: the class first, then the instance among the observations of that class.
+    """Label each point by a vote of its observations: the class first, then the instance among those of that class.
 
-    An observation votes when the surface that it shows lies within 0.1 m of the point in depth; for a point that none
-    shows as near, the nearest does. The others look past the point: at the sky behind a cable, at the rail in front of
-    its sleeper. On a suspension bridge that mends one wrong label in six.
+    An observation votes if the surface that it shows lies within 0.1 m of the point in depth; if none does, the nearest
+    one votes. The others see another surface: the sky behind a cable, or the rail in front of its sleeper. On a
+    suspension bridge this corrects one wrong label in six.
 
-    The class goes first because a class may be many instances: three shrubs outvote two views of one parapet, and
-    the instance must belong to the class that won. Of labels with equally many votes, that with the smallest depth
-    error wins, then the smaller one.
+    The class is decided first because a class may have many instances: three shrubs would outvote two views of one
+    parapet, and the instance must belong to the chosen class. Of labels with equally many votes, the one with the
+    smallest depth error is chosen, then the smaller number.
 
     Args:
         observed: Truth at the observations.
-        depth_error: Depth error of each observation [m], shape (M,), float64; the smallest settles a tie.
+        depth_error: Depth error of each observation [m], shape (M,), float64; the smallest decides between equal votes.
         observations: Their points.
 
     Returns:
-        The verdict on each point.
+        The labels of each point.
     """
     return Annotation(
         *_verdicts(

@@ -1,4 +1,4 @@
-"""Which bridge a cloud shows: a hash of the bridge's shape, which no look, surroundings, light or flight changes."""
+"""Identity of a bridge: a hash of its shape, which does not depend on look, surroundings, light or flight."""
 
 import hashlib
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ def bridge_digest(
         corners: Corners of every triangle of the stage [m], shape (T, 3, 3), float64.
         ids: Instance id of each, shape (T,), uint32.
         labels: Class id of each, shape (T,), uint8.
-        instances: What each instance id stands for.
+        instances: Meaning of each instance id.
 
     Returns:
         SHA-256 in 64 hexadecimal digits; empty where there is no surface.
@@ -45,7 +45,7 @@ def bridge_digest(
 def _of_bridge(
     ids: NDArray[np.uint32], labels: NDArray[np.uint8], instances: Sequence[InstanceRow]
 ) -> NDArray[np.bool_]:
-    """What stands below the stage's bridge; elsewhere what is a bridge's component or has a class; else everything."""
+    """Select the triangles of the stage's bridge prim; else of components of a bridge or of any class; else all."""
     classes = component_classes()
     below = [row.id for row in instances if row.path.startswith(f"{tokens.BRIDGE}/")]
     parts = [row.id for row in instances if classes.get(row.component, "background") != "background"]

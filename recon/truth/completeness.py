@@ -1,4 +1,4 @@
-"""How much of what the cameras saw is in a cloud: samples of the true surface, and the nearest point to each."""
+"""Completeness of a cloud: samples of the true surface that the cameras saw, and the nearest point to each."""
 
 from dataclasses import dataclass
 
@@ -10,14 +10,14 @@ from render.capture import Truth
 
 F64 = NDArray[np.float64]
 
-_STRIDE = 4  # [px] every such pixel of each image is a sample
-_CELL = 0.1  # [m] one sample a cell, so that what fills the images does not fill the figure
+_STRIDE = 4  # [px] every fourth pixel of each image is a sample
+_CELL = 0.1  # [m] one sample per cell, so that surfaces that fill the images do not dominate the figures
 _SAME = 0.02  # [1] a camera sees a sample whose depth differs from its true depth image by no more than this share
 
 
 @dataclass(frozen=True)
 class Completeness:
-    """How much of the surface is there, and how exact what is there.
+    """Share of the surface that a cloud covers, and the accuracy of its points.
 
     Attributes:
         samples: Samples of the true surface that count.
@@ -33,7 +33,7 @@ class Completeness:
 
 
 def visible_surface(truth: Truth, far: float, min_views: int) -> tuple[F64, NDArray[np.uint8]]:
-    """Sample the true surface that several cameras see from near by.
+    """Sample the true surface that several cameras see from a short distance.
 
     Args:
         truth: True depth and label images.
@@ -62,7 +62,7 @@ def visible_surface(truth: Truth, far: float, min_views: int) -> tuple[F64, NDAr
 
 
 def count_cameras(points: F64, truth: Truth, far: float) -> NDArray[np.int64]:
-    """Count the cameras that see points from near by.
+    """Count the cameras that see points from a short distance.
 
     Args:
         points: World positions on the true surface [m], shape (N, 3), float64.
@@ -100,7 +100,7 @@ def measure_completeness(
         surface_distance: Their distance to the true surface [m], shape (N,), float32.
         nearest_depth: Smallest depth of each in the views that made it [m], shape (N,), float64.
         samples: World positions of the surface [m], shape (M, 3), float64.
-        reach: Distance within which a point stands for a sample [m].
+        reach: Distance within which a point covers a sample [m].
         far: Depth up to which a point counts as near [m].
 
     Returns:

@@ -1,8 +1,8 @@
-"""How far pixels lie from the next edge between labels: exact, and only at the pixels that are asked for.
+"""Distance of pixels from the next edge between labels: exact, and only at the requested pixels.
 
-A distance transform of whole images costs more than all other reading of the truth where a cloud is sparse. So the
-distance along the column is found for every pixel, which is a matter of two sweeps, and that across it is searched for
-row by row where it is wanted.
+A distance transform of whole images would take longer than all other reading of the truth for a sparse cloud. Therefore
+the distance along the column is computed for every pixel, in two passes, and the distance across columns is searched
+for only in the rows of the requested pixels.
 
 Source: the separation into columns and rows is that of Felzenszwalb and Huttenlocher, "Distance transforms of sampled
 functions", 2012; rows are searched outwards instead of by a lower envelope.
@@ -18,8 +18,8 @@ I64 = NDArray[np.int64]
 U8 = NDArray[np.uint8]
 
 _HALF_PIXEL = np.float32(0.5)
-_FAR = np.int16(30_000)  # [px] in a column without an edge; its square and that of a row's length fit 32 bits together
-_BLOCK = 64  # pixels that are searched at a time, without a branch
+_FAR = np.int16(30_000)  # [px] in a column without an edge; its square plus that of a row's length fits 32 bits
+_BLOCK = 64  # pixels that are searched at a time, without branches
 
 
 def edge_distance(labels: U8, row: I64, column: I64) -> F32:

@@ -1,4 +1,4 @@
-"""How far the measured uncertainty tells good points from bad ones, and where the bad ones lie."""
+"""How well the measured uncertainty detects points with errors, and where these are."""
 
 from collections.abc import Mapping
 from itertools import pairwise
@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-THRESHOLD = 0.1  # [m] the paper's: a point with more is noisy
+THRESHOLD = 0.1  # [m] as in the paper: a point with a larger uncertainty is noisy
 BANDS = (0.0, 8.0, 15.0, 40.0, np.inf)  # [m] from the nearest camera that saw a point
 
 
 def describe_noise(columns: Mapping[str, NDArray[Any]], distance: NDArray[np.float64]) -> dict[str, Any] | None:
     """Sum up the noisy points of a cloud with truth.
 
-    Precision is the share of the noisy points that are off by more than the threshold; recall is the share of the
-    points which are off that are noisy. Off is measured twice: from the true surface, and from the place that the true
+    Precision is the share of the noisy points with an error above the threshold; recall is the share of the points with
+    such an error that are noisy. The error is measured twice: from the true surface, and from the point that the true
     camera sees.
 
     Args:

@@ -1,4 +1,4 @@
-"""What became of the points of each class, and where along the bridge they are few."""
+"""Fates of the points of each class, and where along the bridge there are few."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -13,7 +13,7 @@ from usd_schemas.components import UNLABELED, ClassRow
 U8 = NDArray[np.uint8]
 I64 = NDArray[np.int64]
 
-FEW = 50  # points of a class in a window: fewer teach a network little
+FEW = 50  # points of a class in a window: with fewer, a network learns little
 PIXEL_WORDS = {
     "no_depth": "no depth found",
     "views": "too few photographs agree",
@@ -21,7 +21,7 @@ PIXEL_WORDS = {
     "angle": "photographs too close together",
 }
 """Why pixels of a dense cloud's depth maps are in no point, by their names in its statistics."""
-_MUCH = 0.5  # share of a class's points that `max_deviation` takes before its user is told
+_MUCH = 0.5  # share of a class's points removed by `max_deviation` above which a message is printed
 
 
 def describe_classes(
@@ -32,17 +32,17 @@ def describe_classes(
     classes: tuple[ClassRow, ...],
     windows: Windows | None,
 ) -> dict[str, Any]:
-    """Count what stays and what goes, and what stays in each window.
+    """Count the points kept and removed per class, and those kept in each window.
 
-    A class counts as few in the windows that hold its surface and that the flight saw: where any point of the bridge
-    was made.
+    A class counts as scarce only in windows that contain its surface and that the flight saw: those with any point of
+    the bridge.
 
     Args:
         segment: Class id of every point that was made, shape (N,), uint8.
-        fate: What became of each, a number of `FATES`, shape (N,), uint8.
-        copies: Equal points that each stands for, itself included, shape (N,), int64.
-        coord: Their places [m], shape (N, 3), float64.
-        classes: Class table in force.
+        fate: Fate of each, a number of `FATES`, shape (N,), uint8.
+        copies: Number of equal points merged into each, itself included, shape (N,), int64.
+        coord: Their positions [m], shape (N, 3), float64.
+        classes: Class table of the cloud.
         windows: Cuts across the bridge, or None where the bridge is unknown.
 
     Returns:
@@ -83,10 +83,10 @@ def describe_classes(
 
 
 def lost_classes(figures: Mapping[str, Any]) -> list[str]:
-    """Name the classes of which `max_deviation` took more than half.
+    """Name the classes of which `max_deviation` removed more than half.
 
     Args:
-        figures: What `describe_classes` found.
+        figures: Result of `describe_classes`.
     """
     lost = []
     for name, row in figures["classes"].items():
@@ -97,9 +97,9 @@ def lost_classes(figures: Mapping[str, Any]) -> list[str]:
 
 
 def scarce_classes_in_words(clouds: Iterable[Mapping[str, Any]]) -> str:
-    """Name the classes that are few somewhere, over one cloud or several, those that most often are first.
+    """Name the classes that are scarce somewhere, over one cloud or several; the most frequent ones first.
 
-    Of dense clouds it says, too, how many of a class's pixels are in points and why most others are not.
+    For dense clouds it also states how many of a class's pixels are in points, and why most others are not.
 
     Args:
         clouds: Statistics of each cloud.
@@ -127,7 +127,7 @@ def scarce_classes_in_words(clouds: Iterable[Mapping[str, Any]]) -> str:
 
 
 def _why(pixels: Mapping[str, int]) -> str:
-    """Say how many of a class's pixels are in points, and why most others are not."""
+    """State how many of a class's pixels are in points, and why most others are not."""
     lost = {fate: pixels.get(fate, 0) for fate in PIXEL_WORDS}
     if not sum(lost.values()):
         return ""

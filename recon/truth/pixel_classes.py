@@ -1,4 +1,4 @@
-"""What became of the pixels of the depth maps, class by class: why dense points are many here and few there."""
+"""Fates of the pixels of the depth maps by class: why a class has many or few dense points."""
 
 from typing import Any
 
@@ -22,11 +22,11 @@ def describe_pixels(
     """Count the fates of pixels by the class that the photograph shows there.
 
     Args:
-        fates: What became of every pixel.
+        fates: Fate of every pixel.
         rows: Row in the capture of each image of the model, shape (I,), int64.
         valid: Whether a camera of the capture is valid, shape (K,), bool; only images of these are counted.
         truth: True label images, or None.
-        classes: Class table in force.
+        classes: Class table of the cloud.
 
     Returns:
         JSON figures by class name: number of pixels of each fate [px]; all are unlabelled without truth.

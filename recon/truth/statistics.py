@@ -1,4 +1,4 @@
-"""The figures of a cloud: how many cameras and points, how far off, how well labelled."""
+"""The figures of a cloud: numbers of cameras and points, errors, and quality of the labels."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ def describe(
         columns: The cloud's columns, shape (N,) or (N, width) each; units and types as in `recon.cloud.COLUMNS`.
         alignment: Its alignment.
         model: The model that it came from.
-        classes: Class table in force.
+        classes: Class table of the cloud.
 
     Returns:
         JSON figures; None where nothing is known.
@@ -62,14 +62,14 @@ def describe(
 
 
 def verdict_in_words(status: tuple[str, ...], points: int, found: int, note: str, lost: Sequence[str]) -> str:
-    """Say in one line what became of the photographs.
+    """Describe in one line the result for the photographs.
 
     Args:
         status: Reason code of each.
         points: Number of points in the cloud.
-        found: Number of points that there were before unsure ones were left out.
+        found: Number of points before uncertain ones were removed.
         note: What the model was aligned to.
-        lost: Classes of which `max_deviation` took more than half.
+        lost: Classes of which `max_deviation` removed more than half.
     """
     others = ", ".join(f"{count} {code}" for code, count in sorted(Counter(status).items()) if code != OK)
     where = f" ({others})" if others else ""
@@ -108,7 +108,7 @@ def _quantile(values: NDArray[Any], share: float) -> float | None:
     known = values[~np.isnan(values)]
     if not len(known):
         return None
-    value = float(np.quantile(known.astype(np.float64), share, method="nearest"))  # "nearest" never mixes infinities
+    value = float(np.quantile(known.astype(np.float64), share, method="nearest"))  # "nearest" does not mix infinities
     return value if np.isfinite(value) else None
 
 

@@ -1,4 +1,4 @@
-"""Distance of reconstructed points to the true surface, and what that surface is."""
+"""Distance of reconstructed points to the true surface, and the class of that surface."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,8 @@ F64 = NDArray[np.float64]
 def nearest_surface(points: F64, truth: Truth) -> tuple[F64, NDArray[np.uint8]]:
     """Find the nearest true surface of each point.
 
-    Which triangle is nearest, an engine of single precision tells; how far it is, is found in double precision: of long
-    thin triangles the engine's own nearest point may be centimetres off.
+    The nearest triangle is found in single precision, the distance to it in double precision: for long thin triangles
+    the nearest point of the engine may be centimeters off.
 
     Args:
         points: World positions [m], shape (N, 3), float64.
@@ -35,17 +35,16 @@ def nearest_surface(points: F64, truth: Truth) -> tuple[F64, NDArray[np.uint8]]:
 def without_moving(
     instance: NDArray[np.uint32], truth: Truth, distance: NDArray[np.float64], nearest: NDArray[np.uint8]
 ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """Mark the surface distance of points on moving things as unknown: the true surface is that of the first image.
+    """Mark the surface distance of points on moving objects as unknown: the true surface is that of the first image.
 
     Args:
         instance: Instance id of each point, shape (N,), uint32.
-        truth: The truth, whose table marks what moves.
+        truth: The truth; its table marks moving instances.
         distance: Distance of each point to the true surface [m], shape (N,), float64.
         nearest: Class of that surface, shape (N,), uint8.
 
     Returns:
-        Distances [m], NaN on things that move, shape (N,), float64; classes, 255 on things that move, shape (N,),
-        uint8.
+        Distances [m], NaN on moving objects, shape (N,), float64; classes, 255 on moving objects, shape (N,), uint8.
     """
     moving = np.isin(instance, [row.id for row in truth.instances if row.moves])
     return np.where(moving, np.nan, distance), np.where(moving, np.uint8(UNLABELED), nearest)

@@ -5,14 +5,14 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
-_ROWS = 1 << 17  # points at a time: what is in between takes some hundred bytes each
+_ROWS = 1 << 17  # points at a time: intermediate results take some hundred bytes each
 
 
 def nearest_on_triangles(points: F64, corners: F64, rows: NDArray[np.int64]) -> F64:
     """Find the nearest point of one triangle for each point.
 
-    It is the foot of the perpendicular where that falls inside, else the nearest point of the three edges: so it holds
-    for triangles of no area, too.
+    It is the foot of the perpendicular if that is inside, else the nearest point of the three edges; this also holds
+    for triangles without area.
 
     Args:
         points: Query positions [m], shape (N, 3), float64.

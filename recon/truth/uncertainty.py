@@ -1,4 +1,4 @@
-"""How wrong each point is, measured three ways against the truth of the images that saw it."""
+"""Errors of each point, measured in three ways against the truth of the images that saw it."""
 
 from dataclasses import dataclass
 
@@ -34,12 +34,12 @@ class Uncertainty:
 
 
 def depths(points: F64, poses: F64, observations: Observations) -> F64:
-    """Take the planar depth of each observed point in the image that saw it.
+    """Compute the planar depth of each observed point in the image that saw it.
 
     Args:
         points: World positions [m], shape (N, 3), float64.
         poses: camera_to_world of every image of the capture [m], shape (K, 4, 4), float64.
-        observations: Who saw what.
+        observations: The images that saw each point.
 
     Returns:
         Depths [m], shape (M,), float64.
@@ -65,19 +65,19 @@ def measure(
 ) -> tuple[F64, Uncertainty]:
     """Compare each observation with the truth.
 
-    The depth error takes the reconstructed depth with the aligned reconstructed pose, as the paper does: a camera that
-    drifted together with its points shows none. The displacement takes the true pose, and shows it.
+    The depth error compares the reconstructed depth, in the aligned reconstructed pose, as in the paper: it is zero for
+    a camera that drifted together with its points. The displacement uses the true pose, and shows the drift.
 
     Args:
         points: World positions [m], shape (N, 3), float64.
         depth: Reconstructed depth of each observation [m], shape (M,), float64.
         true_depth: True depth at its keypoint's pixel [m], shape (M,), float64, +inf for sky.
-        truth: True cameras, with whatever their lenses bend and their shutters move.
-        observations: Who saw what.
+        truth: True cameras, including lens distortion and rolling shutter.
+        observations: The images that saw each point.
         threads: How many images are compared at a time.
 
     Returns:
-        Depth error of each observation [m], shape (M,), float64, and what it says about each point.
+        Depth error of each observation [m], shape (M,), float64, and the errors of each point.
     """
     error = np.abs(true_depth - depth)
     sky = ~np.isfinite(true_depth)

@@ -1,4 +1,4 @@
-"""Windows of ten metres along a bridge, read off its true surface: the same for every cloud of it."""
+"""Windows of ten meters along a bridge, determined from its true surface: the same for every cloud of it."""
 
 from dataclasses import dataclass
 
@@ -11,9 +11,9 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 U8 = NDArray[np.uint8]
 
-LENGTH = 10.0  # [m] as the method's training pieces
+LENGTH = 10.0  # [m] the length of the method's training pieces
 BACKGROUND = 0
-_PRESENT = 0.1  # [m2] of true surface that a class needs in a window to be missed there
+_PRESENT = 0.1  # [m2] of true surface from which on a class is expected in a window
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,9 +21,10 @@ class Windows:
     """Cuts across a bridge.
 
     Attributes:
-        origin: Where they begin, horizontally [m], shape (2,), float64.
-        direction: Unit vector along the bridge, horizontally [1], shape (2,), float64.
-        count: How many; all are `LENGTH` long but the last, which is between half of that and one and a half.
+        origin: Horizontal position where they begin [m], shape (2,), float64.
+        direction: Horizontal unit vector along the bridge [1], shape (2,), float64.
+        count: Number of windows; all have the length `LENGTH` except the last, which has half of that to one and a
+            half.
         area: True surface of each class in each [m2], shape (256, count), float64.
     """
 
@@ -38,7 +39,7 @@ class Windows:
         return self.area >= _PRESENT
 
     def of(self, points: F64) -> I64:
-        """Number the windows of points; what lies beyond an end belongs to the window there.
+        """Find the windows of points; points beyond an end belong to the window there.
 
         Args:
             points: World positions [m], shape (N, 3), float64.

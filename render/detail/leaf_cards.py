@@ -1,6 +1,6 @@
 """Levels of detail of tree crowns made of leaf cards: fewer, larger cards, so that shape and cover are kept.
 
-Edges of separate cards cannot collapse into each other without spanning the gap between them.
+Edges of separate cards cannot collapse into each other without bridging the gap between them.
 
 Source: Cook et al., Stochastic simplification of aggregate detail, SIGGRAPH 2007; here the cards that are farthest
 apart are kept, so that no part of the crown becomes empty.
@@ -20,17 +20,17 @@ from render.detail.soup import Soup
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-_STEP = 0.7  # cards of a level over those of the one before
+_STEP = 0.7  # ratio of the number of cards of a level to that of the level before
 _FEWEST = 3  # cards of the last level
 _LARGEST = 2.0  # size of a card over that in the crown as authored [1]
-_SHEETS = 0.05  # distance of the two sheets of one card, at most, over the card's size [1]
+_SHEETS = 0.05  # largest distance of the two sheets of one card, as a share of the card's size [1]
 _UNLIKE = 1e-3  # greatest difference of normals, texture coordinates and colours at a corner of two sheets [1]
 
 
 def cards_of(soup: Soup) -> I64:
     """Find the card of each triangle.
 
-    A card is a piece of one or two triangles that touches no other; sheets that lie on each other are one card.
+    A card is a piece of one or two triangles that touches no other; coincident sheets are one card.
 
     Args:
         soup: Triangles.
@@ -58,7 +58,7 @@ def single_sheets(soup: Soup, card: I64) -> tuple[Soup, I64] | None:
 
     Returns:
         Half the triangles, and the number of the card of each, shape (T / 2,), int64; None where a card has not two
-        sheets that lie back to back, carry the same at each corner, and have one normal there.
+        sheets that lie back to back, with the same values at each corner and a single normal.
     """
     piece, size = _pieces(soup), _sizes(soup, card)
     fronts: list[I64] = []
@@ -66,7 +66,7 @@ def single_sheets(soup: Soup, card: I64) -> tuple[Soup, I64] | None:
     for number in range(len(size)):
         members = np.flatnonzero(card == number)
         left = [members[piece[members] == one] for one in dict.fromkeys(piece[members].tolist())]
-        while left:  # more than two where two cards lie in each other
+        while left:  # more than two if two cards intersect
             front = left.pop(0)
             pairs = ((row, _between(soup, front, back, _SHEETS * size[number])) for row, back in enumerate(left))
             row, middle = next(((row, middle) for row, middle in pairs if middle is not None), (-1, None))
@@ -120,7 +120,7 @@ def _pieces(soup: Soup) -> I64:
 
 
 def _between(soup: Soup, front: I64, back: I64, most: float) -> F64 | None:
-    """Lay a sheet between two of one card, no farther apart than told, shape (N, 3, 3); None if they differ."""
+    """Make a sheet between the two of one card, at most `most` apart, shape (N, 3, 3); None if they differ."""
     if len(front) != len(back):
         return None
     here, there = (

@@ -1,4 +1,4 @@
-"""Levels of detail of background objects that a survey sees only from afar, chosen once for all of its images.
+"""Levels of detail of background objects that a survey sees only from a distance, chosen once for all of its images.
 
 Photographs, truth, shadows, light and the true surface use the same triangles, in every view and worker. Ground,
 buildings and all parts of the bridge are never simplified.
@@ -25,7 +25,7 @@ I64 = NDArray[np.int64]
 KINDS = frozenset(
     ("tree", "shrub", "vegetation", "rock", "vehicle", "vessel", "fence", "pole", "lamp_post", "traffic_sign")
 )
-# How far a surface may move in the nearest image [px], tried in turn where there is too much in view.
+# Largest movement of a surface in the nearest image [px], tried in turn while too many triangles are in view.
 _ERRORS = (0.0, *(0.5 * 2 ** (step / 2) for step in range(7)))
 _WORTH = 1 / 300  # share of the budget: meshes with fewer triangles in all draws are kept
 _SMALLEST = 8  # triangles; smaller meshes are drawn unchanged, or not at all
@@ -38,7 +38,7 @@ class _Level:
     Attributes:
         part: Row in the parts, of all levels; -1 for nothing.
         triangles: Their number.
-        error: Its distance from the authored part [stage units].
+        error: Its largest distance from the authored part [stage units].
     """
 
     part: int
@@ -97,7 +97,7 @@ def repeated(scene: FlatScene) -> I64:
     """Find the draws that may be simplified.
 
     They are of one of `KINDS`, of the class background, of a mesh that is drawn more than once, and not below the prim
-    that holds whatever has another class: the bridge.
+    that contains the draws of all other classes: the bridge.
 
     Args:
         scene: A scene.
@@ -127,7 +127,7 @@ class _Crowd:
         rows: Draws that may be simplified and are in a view that holds too many triangles, shape (N,), int64.
         as_authored: Their triangles, shape (N,), int64.
         inside: Which of `rows` each view shows, shape (M,), int64.
-        rest: Triangles of all else that it shows.
+        rest: Triangles of everything else that each view shows.
     """
 
     rows: I64
@@ -151,12 +151,12 @@ class _Crowd:
         return cls(rows, triangles[rows], inside, rest)
 
     def full(self, counts: I64, budget: int) -> list[I64]:
-        """List what may be simplified in each view that holds too much, given the triangles of each of `rows`."""
+        """List what may be simplified in each view with too many triangles, given the triangles of `rows`."""
         views = zip(self.rest, self.inside, strict=True)
         return [view for rest, view in views if len(view) and rest + int(counts[view].sum()) > budget]
 
     def steps(self, counts: I64, budget: int) -> tuple[I64, int]:
-        """Choose a step of the errors for each of `rows`; tell how many triangles the fullest view then holds."""
+        """Choose a step of the errors for each of `rows`; also return the number of triangles in the fullest view."""
         steps, every = np.zeros(len(self.rows), np.int64), np.arange(len(self.rows))
         for step in range(1, len(counts)):
             for view in self.full(counts[steps, every], budget):
@@ -166,7 +166,7 @@ class _Crowd:
 
 
 def _pixels(scene: FlatScene, rows: I64, pixel: F64) -> F64:
-    """Most pixels that a unit of each draw's mesh spans, given the width of a pixel there [m], shape (N,)."""
+    """Compute the most pixels per unit of each draw's mesh, given the width of a pixel there [m], shape (N,)."""
     return np.linalg.norm(scene.draws.transform[rows, :3, :3], axis=(1, 2), ord=2) / pixel
 
 
@@ -175,13 +175,13 @@ def _taken(draws: Draws, rows: NDArray[np.bool_]) -> Draws:
 
 
 class _Pile:
-    """A geometry that grows by coarser parts."""
+    """A geometry to which coarser parts are added."""
 
     def __init__(self, geometry: Geometry) -> None:
         self._geometry, self._added = geometry, list[tuple[Soup, int]]()
 
     def levels(self, part: int, most: float) -> list[_Level]:
-        """List a part, its coarser levels up to an error [stage units], and nothing at all; errors ascend."""
+        """List a part, its coarser levels up to an error [stage units], and an empty level; errors ascend."""
         source = _soup(self._geometry, part)
         found = [_Level(part, len(source), 0.0)]
         for soup in coarser_levels(source) if len(source) > _SMALLEST else ():

@@ -22,21 +22,21 @@ from render.detail.soup import Soup
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-_AT_ONCE = 0.2  # share of the triangles that one round takes away
-_STEP = 0.7  # triangles of a level over those of the one before
-_RIM = 4.0  # weight of what keeps an open edge where it is
-_HOLD = 1e-3  # how much a new place is drawn to the middle of its edge, which flat ground leaves open
-_CLOSEST, _MOST_CLOSE = 8, 128  # triangles that a distance is taken to: first, and for points far from those
+_AT_ONCE = 0.2  # share of the triangles that one round removes
+_STEP = 0.7  # ratio of the number of triangles of a level to that of the level before
+_RIM = 4.0  # weight of the planes that keep an open edge in place
+_HOLD = 1e-3  # [1] weight of the middle of an edge for its new vertex, which flat ground does not determine
+_CLOSEST, _MOST_CLOSE = 8, 128  # nearest triangles tried: at first, and for points far from these
 _FAR = 0.7  # of the greatest distance
 
 
 def coarser_levels(soup: Soup) -> Iterator[Soup]:
     """Make successively coarser levels with 0.7 of the triangles of the one before, down to two or to a few cards.
 
-    Cards of two sheets that take the same light become cards of one first.
+    Cards of two sheets that are lit alike are first replaced by cards of one.
 
     Args:
-        soup: Triangles; corners at one place count as connected.
+        soup: Triangles; corners at the same position count as connected.
 
     Yields:
         The next level; nothing is computed ahead.
@@ -66,21 +66,21 @@ def coarser_levels(soup: Soup) -> Iterator[Soup]:
 
 
 def deviation(one: Soup, other: Soup) -> float:
-    """Bound the two-sided distance of two surfaces, at corners, midpoints of edges and centres of triangles.
+    """Bound the two-sided distance of two surfaces from above, at corners, midpoints of edges and centres of triangles.
 
     Args:
         one: Triangles.
         other: Triangles.
 
     Returns:
-        Greatest distance [stage units]; nowhere less than the true one of these points.
+        Greatest distance [stage units]; not less than the true distance of any of these points.
     """
     return max(_farthest(one.corners, other.corners), _farthest(other.corners, one.corners))
 
 
 @dataclass(frozen=True)
 class _Mesh:
-    """Places, shape (P, 3); their rows by triangle, shape (T, 3); each triangle's row in the soup, shape (T,)."""
+    """Positions, shape (P, 3); their rows by triangle, shape (T, 3); each triangle's row in the soup, shape (T,)."""
 
     places: F64
     triangles: I64
@@ -88,7 +88,7 @@ class _Mesh:
 
 
 def _quadrics(mesh: _Mesh) -> F64:
-    """Sum of squared distances from the planes around each place, as a form of (x, y, z, 1), shape (P, 4, 4)."""
+    """Sum of squared distances from the planes around each position, as a form of (x, y, z, 1), shape (P, 4, 4)."""
     corners = mesh.places[mesh.triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normal, axis=1)
@@ -115,7 +115,7 @@ def _planes(unit: F64, point: F64, weight: F64) -> F64:
 
 
 def _collapse(mesh: _Mesh, quadrics: F64, fewer: int) -> _Mesh:
-    """Collapse the cheapest edges that do not touch, until about `fewer` triangles are gone; adds to `quadrics`."""
+    """Collapse the edges of lowest cost that do not touch, removing about `fewer` triangles; adds to `quadrics`."""
     ends = np.sort(np.stack([mesh.triangles, np.roll(mesh.triangles, -1, axis=1)], axis=-1), axis=-1).reshape(-1, 2)
     edges, count = np.unique(ends, axis=0, return_counts=True)
     place, cost = _targets(mesh.places, edges, quadrics)
@@ -133,13 +133,13 @@ def _collapse(mesh: _Mesh, quadrics: F64, fewer: int) -> _Mesh:
             break
     triangles = joined[mesh.triangles]
     whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
-    _, single = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)  # of a flap one side is enough
+    _, single = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)  # one side of a folded pair is enough
     kept = np.intersect1d(np.flatnonzero(whole), single)
     return _Mesh(places, triangles[kept], mesh.origin[kept])
 
 
 def _targets(places: F64, edges: I64, quadrics: F64) -> tuple[F64, F64]:
-    """Best place of each collapsed edge, shape (E, 3), and what it costs, shape (E,)."""
+    """Compute the best position of each collapsed edge, shape (E, 3), and its cost, shape (E,)."""
     total = quadrics[edges[:, 0]] + quadrics[edges[:, 1]]
     middle = (places[edges[:, 0]] + places[edges[:, 1]]) / 2
     hold = _HOLD * np.trace(total[:, :3, :3], axis1=1, axis2=2) + 1e-30
@@ -148,11 +148,11 @@ def _targets(places: F64, edges: I64, quadrics: F64) -> tuple[F64, F64]:
     point = np.concatenate([place, np.ones((len(place), 1))], axis=1)
     cost = np.einsum("ei,eij,ej->e", point, total, point)
     apart = np.linalg.norm(places[edges[:, 0]] - places[edges[:, 1]], axis=1)
-    return place, np.maximum(cost, 0.0) + 1e-6 * hold * apart**2  # of those that cost nothing, short ones first
+    return place, np.maximum(cost, 0.0) + 1e-6 * hold * apart**2  # of edges without cost, short ones first
 
 
 def _dressed(soup: Soup, mesh: _Mesh) -> Soup:
-    """Give triangles their corners' old attributes; flat ones turn their normals with them."""
+    """Assign the former attributes to the corners of triangles; normals of flat ones are rotated with them."""
     corners, old = mesh.places[mesh.triangles], soup.corners[mesh.origin]
     normals = soup.normals[mesh.origin].copy()
     before, after = (np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (old, corners))
@@ -164,13 +164,13 @@ def _dressed(soup: Soup, mesh: _Mesh) -> Soup:
 
 
 def _farthest(source: F64, target: F64) -> float:
-    """Greatest distance of points of triangles from the nearest of other triangles."""
+    """Compute the greatest distance of points of triangles from the nearest other triangles."""
     middles = (source + np.roll(source, -1, axis=1)) / 2
     points = np.unique(np.concatenate([source.reshape(-1, 3), middles.reshape(-1, 3), source.mean(axis=1)]), axis=0)
     tree, most = KDTree(target.mean(axis=1)), min(_MOST_CLOSE, len(target))
     least, settled = np.empty(len(points)), np.zeros(len(points), bool)
     rows, count = np.arange(len(points)), min(_CLOSEST, most)
-    while True:  # more triangles for those points alone that are far from all so far
+    while True:  # more triangles, only for points that are far from all so far
         near = tree.query(points[rows], count)[1].reshape(len(rows), count)
         least[rows] = _distances(points[rows, None], target[near]).min(axis=1)
         settled[rows] = count == most

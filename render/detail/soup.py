@@ -10,13 +10,13 @@ F64 = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Soup:
-    """Triangles with what their corners carry.
+    """Triangles with attributes at their corners.
 
     Attributes:
         corners: Positions [stage units], shape (T, 3, 3), float64.
         normals: Unit normals [1], shape (T, 3, 3), float64.
-        carried: Texture coordinates and colours [1], shape (T, 3, K), float64; corners keep them wherever they go.
-        alike: Both sides take the same light.
+        carried: Texture coordinates and colors [1], shape (T, 3, K), float64; they stay with a corner when it moves.
+        alike: Whether both sides are lit alike.
     """
 
     corners: F64

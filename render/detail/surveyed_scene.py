@@ -22,7 +22,7 @@ class SurveyedScene:
         scene: The scene, with this survey's product first.
         camera: Exact intrinsics of its images.
         needs: For each texture, the least width of a pixel in widths of the texture [1].
-        bars: Members that may be too thin for samples.
+        bars: Members that may be thinner than a pixel.
     """
 
     scene: FlatScene
@@ -39,7 +39,7 @@ class SurveyedScene:
         """Return the data that is needed after the meshes and draws are uploaded."""
         empty = {name: rows[:0].copy() for name, rows in vars(self.scene.geometry).items()}
         draws = self.scene.draws
-        if not self.scene.moments:  # else they are placed anew
+        if not self.scene.moments:  # otherwise they are needed at each moment
             draws = replace(draws, transform=draws.transform[:0].copy())
         return replace(self, scene=replace(self.scene, geometry=Geometry(**empty), draws=draws))
 
@@ -49,13 +49,13 @@ def survey_scene(scene: FlatScene, triangle_budget: int) -> SurveyedScene:
 
     Args:
         scene: A scene.
-        triangle_budget: Most triangles in view; 0 leaves all of them.
+        triangle_budget: Largest number of triangles in view; 0: no limit.
 
     Raises:
         InputError: The scene has no product, nothing to draw, or numbers that cannot be drawn.
     """
     from render.detail.level_of_detail import (
-        level_of_detail,  # with scipy, which takes memory that drawing does not need
+        level_of_detail,  # imports scipy, whose memory drawing does not need
     )
     from render.detail.texel_need import survey_sight, texel_needs
 
@@ -67,7 +67,7 @@ def survey_scene(scene: FlatScene, triangle_budget: int) -> SurveyedScene:
     product = scene.products[0]
     track = scene.cameras[product.camera]
     camera = product_camera(track, product.width, product.height)
-    if scene.moments:  # moving objects may come near
+    if scene.moments:  # moving objects may come close
         return SurveyedScene(scene, camera, {}, find_bars(scene))
     sight = survey_sight(track, camera)
     scene = level_of_detail(scene, track, camera, sight, triangle_budget)

@@ -20,10 +20,10 @@ from usd_schemas.pinhole import Pinhole
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-_SLACK = 0.1  # [m] a rolling shutter's poses stray from the frame's
-_WIDER = 1.5  # a lens that distorts looks at a view that is at most so much wider
+_SLACK = 0.1  # [m] [m] largest difference of a rolling shutter's positions from the frame's
+_WIDER = 1.5  # a view for a distorting lens is wider by at most this factor
 _BLOCK = 200_000  # triangles at once
-_LARGE = 0.3  # times its distance: what is larger than that is looked at triangle by triangle, or box by box
+_LARGE = 0.3  # ratio to its distance; larger objects are measured triangle by triangle, or box by box
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,8 @@ class Sight:
 
     Attributes:
         eyes: Camera centres [m], shape (N, 3), float64.
-        pixel: Least width that a pixel covers on a surface, over its distance from the camera [1].
-        near: Nearest thing that is drawn [m].
+        pixel: Smallest width of a pixel on a surface, as a share of its distance from the camera [1].
+        near: Smallest distance of drawn surfaces [m].
     """
 
     eyes: F64
@@ -56,15 +56,15 @@ def survey_sight(track: CameraTrack, camera: Pinhole) -> Sight:
 
 
 def texel_needs(scene: FlatScene, sight: Sight) -> dict[TextureKey, float]:
-    """Find the least share of each texture that a pixel covers.
+    """Find the smallest share of each texture that a pixel covers.
 
     Args:
         scene: A scene.
-        sight: What its survey can see.
+        sight: Positions and resolution of its survey's cameras.
 
     Returns:
-        For each texture of a material that is drawn, the width of a pixel in widths of the texture, where a camera
-        comes nearest to it or sees it widest [1].
+        For each texture of a drawn material, the smallest width of a pixel in widths of the texture, over all cameras
+        [1].
     """
     needs = _draw_needs(scene, sight)
     least = np.full((len(scene.materials), 2), np.inf)
@@ -78,12 +78,12 @@ def texel_needs(scene: FlatScene, sight: Sight) -> dict[TextureKey, float]:
 
 
 def least_distances(lower: F64, upper: F64, sight: Sight) -> F64:
-    """Find the distance of boxes from the nearest camera, never less than what is drawn.
+    """Find the distance of boxes from the nearest camera, at least that of the nearest drawn surface.
 
     Args:
         lower: Lower corners [m], shape (N, 3), float64.
         upper: Upper corners [m], shape (N, 3), float64.
-        sight: What the survey can see.
+        sight: Positions and resolution of the survey's cameras.
 
     Returns:
         Distances [m], shape (N,), float64.
@@ -96,7 +96,7 @@ def least_distances(lower: F64, upper: F64, sight: Sight) -> F64:
 
 
 def _draw_needs(scene: FlatScene, sight: Sight) -> F64:
-    """Least width of a pixel in units of each UV set, for each draw; shape (D, 2)."""
+    """Compute the smallest width of a pixel in units of each UV set, for each draw; shape (D, 2)."""
     geometry, draws = scene.geometry, scene.draws
     density = _densities(geometry)
     starts, stops = geometry.part_first.astype(np.int64), (geometry.part_first + geometry.part_count).astype(np.int64)
@@ -141,7 +141,7 @@ def _densities(geometry: Geometry) -> F64:
 
 
 def _from_triangles(corners: F64, sight: Sight) -> F64:
-    """Least distance of each triangle from a camera [m], shape (T,)."""
+    """Compute the smallest distance of each triangle from a camera [m], shape (T,)."""
     middle = corners.mean(axis=1)
     radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
     away = KDTree(sight.eyes).query(middle)[0] - radius - _SLACK

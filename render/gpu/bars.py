@@ -17,14 +17,14 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 _SLENDER = 6.0  # least ratio of length to thickness; shorter bars need no ribbon
-_STEP = 2.0  # an edge along a bar is this much longer than the longest one of its cross-sections, at least
-_ROUND_FROM = 6  # corners of a cross-section that is taken for round
-_ROUNDNESS = 0.15  # unlikeness of the radii of a round cross-section [1]
+_STEP = 2.0  # an edge along a bar is at least this many times as long as the longest one of its cross-sections
+_ROUND_FROM = 6  # corners from which on a cross-section may be round
+_ROUNDNESS = 0.15  # largest difference of the radii of a round cross-section [1]
 _ROUNDEST = 1.0  # [m] thickest round bar: the main cable of a large suspension bridge
 _BROADEST = 0.35  # [m] broadest flat one: a road marking
-_THICKEST = 0.25  # [m] thickest of all others: what is thicker may be half buried
-_TIP = 0.01  # of the other end's half axes: those of a point, which still need a direction
-_FLAT = 0.03  # [m] thickness of a flat one
+_THICKEST = 0.25  # [m] thickest of all others: thicker ones may be half embedded
+_TIP = 0.01  # half axes at a pointed end, as a share of those at the other end, because its directions are needed
+_FLAT = 0.03  # [m] largest thickness of a flat one
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ class Bars:
         first: First half axis of these [stage units], shape (S, 2, 3), float64.
         second: Second half axis, shorter than the first [stage units], shape (S, 2, 3), float64.
         round: Whether the cross-section is an ellipse, else a rectangle, shape (S,), bool.
-        vertex: A vertex of each of the two, whose texture coordinates and colour count, shape (S, 2), int64.
+        vertex: A vertex of each of the two, whose texture coordinates and color are used, shape (S, 2), int64.
         vertices: Vertices of the geometry that lie on bars, ascending, shape (M,), int64.
         segment: A segment that each of these belongs to, shape (M,), int64.
-        end: Which of its ends it lies at, shape (M,), int64.
+        end: Which end of the segment the vertex belongs to, shape (M,), int64.
     """
 
     part: I64
@@ -78,7 +78,7 @@ def find_bars(scene: FlatScene) -> Bars:
 
 
 def _edges(scene: FlatScene) -> tuple[I64, I64, I64]:
-    """Place of each vertex, part of each place, and the edges between places, without those of parts that have none."""
+    """Find the position of each vertex, the part of each position, and the edges, of parts that may have bars."""
     geometry = scene.geometry
     unfit = np.array([material.opacity_threshold > 0 or material.blends for material in scene.materials])
     usable = np.zeros(len(geometry.part_first), bool)
@@ -110,8 +110,8 @@ def _edges(scene: FlatScene) -> tuple[I64, I64, I64]:
 
 
 def _joined(edges: I64, count: int) -> I64:
-    """Number what edges join, shape (count,)."""
-    from scipy.sparse import coo_matrix  # takes memory that drawing does not need
+    """Number the connected components of edges, shape (count,)."""
+    from scipy.sparse import coo_matrix  # its memory is not needed for drawing
     from scipy.sparse.csgraph import connected_components
 
     graph = coo_matrix((np.ones(len(edges), np.int8), (edges[:, 0], edges[:, 1])), (count, count))
@@ -119,9 +119,9 @@ def _joined(edges: I64, count: int) -> I64:
 
 
 def _longest_across(body: I64, length: F64, count: int) -> F64:
-    """Find for each body the length that parts the edges of its cross-sections from those along it, shape (count,).
+    """Find for each body the edge length that separates edges of cross-sections from those along it, shape (count,).
 
-    It is where the sorted lengths rise most; 0 for a body whose lengths rise evenly.
+    It is where the sorted lengths increase most; 0 for a body whose lengths increase evenly.
     """
     order = np.lexsort((length, body))
     body, length = body[order], length[order]
@@ -136,7 +136,7 @@ def _longest_across(body: I64, length: F64, count: int) -> F64:
 
 
 def _paths(ring: I64, body: I64, along: I64) -> I64:
-    """Join cross-sections by the edges along a body, where these make one open path of it.
+    """Connect cross-sections by the edges along a body, if these form a single open path.
 
     Returns:
         Pairs of cross-sections that follow each other, shape (P, 2).
@@ -184,14 +184,14 @@ def _segments(place: I64, part: I64, positions: F64, ring: I64, path: I64) -> Ba
 
 
 def _section(corners: F64) -> tuple[F64, F64, F64, bool]:
-    """Middle and half axes of a cross-section from its corners, the longer axis first, and whether it is round."""
+    """Find middle and half axes of a cross-section from its corners, the longer axis first, and whether it is round."""
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2 if len(corners) < 3 else corners.mean(axis=0)
     if len(corners) == 1:
         return middle, np.zeros(3), np.zeros(3), False
     spokes = corners - middle
     if len(corners) == 2:
         return middle, spokes[0], np.zeros(3), False
-    if len(corners) == 4:  # sides, for a square has no principal axes
+    if len(corners) == 4:  # its sides, because a square has no principal axes
         away = np.linalg.norm(corners[1:] - corners[0], axis=1)
         near = 1 + np.argsort(away)[:2]
         axes = (corners[near] - corners[0]) / 2
@@ -219,7 +219,7 @@ def _listed(
     sections: tuple[F64, F64, F64],
     is_round: NDArray[np.bool_],
 ) -> Bars:
-    """Put segments in the order of their parts, and tell which vertices belong to them."""
+    """Sort segments by their parts, and list the vertices that belong to them."""
     ring, order, starts = rings
     of_ring = part[order[starts]] if len(starts) else np.zeros(0, np.int64)
     rows = np.argsort(of_ring[path[:, 0]], kind="stable")
@@ -248,6 +248,6 @@ def _listed(
 
 
 def _pointed(axes: F64) -> F64:
-    """Give the tip of what ends in a point the directions of its other end, shape (S, 2, 3)."""
+    """Set the half axes of a pointed end to the directions of the other end, shape (S, 2, 3)."""
     size = np.linalg.norm(axes, axis=2, keepdims=True)
     return np.where(size < _TIP * size[:, ::-1], _TIP * axes[:, ::-1], axes)

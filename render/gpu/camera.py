@@ -14,7 +14,7 @@ F32 = NDArray[np.float32]
 
 
 def clip_from_camera(camera: Pinhole, near: float) -> F64:
-    """Build the projection; pixel position (u, v) lands on (2u/W - 1, 2v/H - 1).
+    """Build the projection; pixel position (u, v) becomes (2u/W - 1, 2v/H - 1).
 
     Args:
         camera: Intrinsics.
@@ -35,10 +35,10 @@ def clip_from_camera(camera: Pinhole, near: float) -> F64:
 
 
 def clip_from_relative(camera: Pinhole, camera_to_world: F64, near: float) -> F32:
-    """Build the projection of world-axes positions that are counted from the camera centre.
+    """Build the projection of positions relative to the camera center, in world axes.
 
     The centre is subtracted in float64 before anything becomes float32, so that coordinates of millions of metres
-    cost no precision.
+    lose no precision.
 
     Args:
         camera: Intrinsics.
@@ -54,7 +54,7 @@ def clip_from_relative(camera: Pinhole, camera_to_world: F64, near: float) -> F3
 
 
 def visible_boxes(lower: F64, upper: F64, camera: Pinhole, camera_to_world: F64) -> NDArray[np.int64]:
-    """Find the boxes that may be in view, nearest first; large ones later, for the ground hides little of the rest.
+    """Find the boxes that may be in view, nearest first; large ones later, because the ground hides little of the rest.
 
     Args:
         lower: Lower corners [m], shape (D, 3), float64.

@@ -49,7 +49,7 @@ class Gl:
     """An open context.
 
     Attributes:
-        context: moderngl's view of it.
+        context: The context of moderngl.
         functions: OpenGL functions that moderngl lacks.
         driver: The driver.
     """
@@ -74,7 +74,7 @@ def open_context(device: str = "auto") -> Gl:
         The open context.
 
     Raises:
-        InputError: There is no OpenGL 4.5, or not on the device asked for; the line names the packages to install.
+        InputError: There is no OpenGL 4.5, or not on the requested device; the message names the packages to install.
     """
     if device != "osmesa":
         for index in _candidates(device):
@@ -138,7 +138,7 @@ def _open_egl(index: int) -> Any:
         return glcontext.get_backend_by_name("egl")(
             glversion=_GL_VERSION, mode="standalone", device_index=index, **_LIBRARIES
         )
-    except Exception:  # glcontext raises a bare Exception for whatever EGL refuses
+    except Exception:  # glcontext raises a plain Exception for any error of EGL
         return None
 
 

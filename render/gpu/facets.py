@@ -1,7 +1,7 @@
 """Long thin triangles, whose depth is drawn again from planes computed in double precision.
 
 A rasterizer computes the depth gradient from a triangle's corners on the image, in single precision. The thinner the
-triangle, the more digits cancel: rails and kerbs that recede from the camera would have depth errors of a
+triangle, the more digits cancel: rails and curbs along the line of sight would have relative depth errors of a
 ten-thousandth. There are few such triangles, so their planes are computed here for each view.
 """
 
@@ -17,23 +17,23 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-# One corner of a facet: where it is, in the words of the renderer's vertices; then the facet's 1 / depth [1/m] at some
-# place of the image, its change per pixel along rows and columns [1/m], and that place [px].
+# One corner of a facet: its position, as a vertex attribute of the renderer; then the facet's 1 / depth [1/m] at some
+# pixel of the image, its change per pixel along rows and columns [1/m], and that pixel [px].
 CORNER = np.dtype([("position", "3f4"), ("offset", "3f4"), ("plane", "3f4"), ("place", "2f4"), ("draw", "u4")])
 CORNER_FORMAT = "3f4 3f4 3f4 2f4 1u4"
 CORNER_NAMES = ("in_position", "in_offset", "in_plane", "in_place", "in_draw")
 
 _ROUNDING = 2.0**-24
-_LOSS = 4e-6  # relative error of the depth from which on a facet is drawn anew
-_SLENDER = _LOSS / _ROUNDING  # slenderness over the distance of the camera from the plane: others lose less than that
-_LEAST = 300.0  # slenderness in near distances of the camera: the planes of others are never that close
+_LOSS = 4e-6  # relative error of the depth from which on a facet is drawn again
+_SLENDER = _LOSS / _ROUNDING  # ratio of slenderness to the camera's distance from the plane: smaller ones lose less
+_LEAST = 300.0  # slenderness as a multiple of the near distance: planes of less slender ones are never close enough
 _AT_ONCE = 1 << 16  # triangles that are measured together
-_ALIKE = 1e-3  # of its square; stretches less unlike along the axes count as one scale
+_ALIKE = 1e-3  # of the squared scale; if scales along the axes differ by less, they count as one
 
 
 @dataclass(frozen=True)
 class Facets:
-    """Every triangle of a scene that may be long and thin on some image, by draw.
+    """Every triangle of a scene that may be long and thin in some image, by draw.
 
     Attributes:
         draw: Draw of each, ascending, shape (N,), int64.
@@ -42,7 +42,7 @@ class Facets:
         normals: Unit normals [1], shape (3, N), float64.
         heights: Distance of the plane from `anchor` along the normal [m], shape (N,), float64.
         slenderness: Length^2 over height [m], shape (N,), float64.
-        anchor: What corners are counted from [m], shape (3,), float64.
+        anchor: Origin of `corners` [m], shape (3,), float64.
     """
 
     draw: I64
@@ -54,11 +54,11 @@ class Facets:
     anchor: F64
 
     def near(self, eyes: F64, stray: float) -> "Facets":
-        """Keep those alone that cameras come so near to that `seen` may find them.
+        """Keep only those that the cameras come close enough to for `seen` to find them.
 
         Args:
             eyes: Camera centres [m], shape (N, 3), float64.
-            stray: How far a camera may be from its centre [m].
+            stray: Largest distance of a camera from its stated center [m].
         """
         kept = np.zeros(len(self.draw), bool)
         for eye in eyes - self.anchor:
@@ -76,9 +76,9 @@ class Facets:
     def seen(
         self, visible: NDArray[np.bool_], camera: Pinhole, window: tuple[int, int], pose: F64, near: float, origins: F64
     ) -> NDArray[np.void]:
-        """Find the planes of those facets whose depth a rasterizer would get wrong.
+        """Find the planes of those facets whose depth a rasterizer would compute wrongly.
 
-        What is found of a facet does not depend on the others nor on the window, not even in the last bit.
+        The result for a facet depends neither on the other facets nor on the window, not even in the last bit.
 
         Args:
             visible: Whether to look at the facets of a draw, shape (D,), bool.
@@ -89,7 +89,7 @@ class Facets:
             origins: Origin of each draw [m], shape (D, 3), float64.
 
         Returns:
-            Corners, three a facet, shape (3 K,), dtype `CORNER`.
+            Corners, three per facet, shape (3 K,), dtype `CORNER`.
         """
         eye = pose[:3, 3] - self.anchor
         away = self.heights - _dot(self.normals, eye)
@@ -116,7 +116,7 @@ def find_facets(scene: FlatScene, anchor: F64) -> Facets:
 
     Args:
         scene: A scene.
-        anchor: What to count their corners from [m], shape (3,), float64.
+        anchor: Origin of their corners [m], shape (3,), float64.
     """
     geometry, draws = scene.geometry, scene.draws
     least = _LEAST * min((track.near for track in scene.cameras), default=0.1)
@@ -144,7 +144,7 @@ def find_facets(scene: FlatScene, anchor: F64) -> Facets:
 
 
 def _growth(linear: F64) -> F64:
-    """By how much a linear map makes a triangle more slender, at most, shape (N,)."""
+    """Compute by how much a linear map makes a triangle more slender, at most, shape (N,)."""
     square = np.einsum("nki,nkj->nij", linear, linear)
     scale = np.trace(square, axis1=1, axis2=2) / 3
     growth = np.sqrt(scale)
@@ -155,7 +155,7 @@ def _growth(linear: F64) -> F64:
 
 
 def _slenderness(corners: NDArray[np.floating]) -> tuple[F64, F64]:
-    """Length^2 over height of triangles [m], 0 where they have no area, shape (N,); unit normals, shape (3, N)."""
+    """Find length^2 over height of triangles [m], 0 for those without area, shape (N,); unit normals, shape (3, N)."""
     a, b, c = (corners[:, corner].T for corner in range(3))
     (ux, uy, uz), (vx, vy, vz), (wx, wy, wz) = (b - a).astype(np.float64), (c - a).astype(np.float64), c - b
     normals = np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
@@ -167,17 +167,17 @@ def _slenderness(corners: NDArray[np.floating]) -> tuple[F64, F64]:
 
 
 def _dot(vectors: F64, other: F64) -> F64:
-    """Products of vectors, shape (3, N), with one or as many; a matrix product would round by its size."""
+    """Multiply vectors, shape (3, N), with one or as many; a matrix product would round depending on its size."""
     return vectors[0] * other[0] + vectors[1] * other[1] + vectors[2] * other[2]
 
 
 def _turned(vectors: F64, pose: F64) -> F64:
-    """Vectors in world axes, shape (3, ...), in camera axes."""
+    """Rotate vectors, shape (3, ...), from world axes to camera axes."""
     return np.stack([_dot(vectors, pose[:3, axis]) for axis in range(3)])
 
 
 def _in_view(corners: F64, camera: Pinhole, window: tuple[int, int], near: float) -> NDArray[np.bool_]:
-    """Whether facets may be in some rows of the image, with a pixel to spare, shape (N,)."""
+    """Tell whether facets may be in some rows of the image, with a margin of one pixel, shape (N,)."""
     (x, y, z), (first, end) = corners, window
     outside = (z < near).all(axis=1)
     for place, low, high in (
@@ -189,7 +189,7 @@ def _in_view(corners: F64, camera: Pinhole, window: tuple[int, int], near: float
 
 
 def _loss(corners: F64, camera: Pinhole, near: float) -> F64:
-    """Relative error of the depth to expect, shape (N,): what cancels in the area, times how much the depth changes."""
+    """Estimate the relative error of the depth, shape (N,): cancellation in the area, times the change of the depth."""
     x, y, z = corners
     depth = np.maximum(z, near)
     across, down = camera.fx * x / depth, camera.fy * y / depth

@@ -16,11 +16,11 @@ class GlFunctions:
     """OpenGL functions of the current context.
 
     Attributes:
-        flush: Tells the driver to begin what it has been told so far.
+        flush: Makes the driver start the commands issued so far.
     """
 
     def __init__(self, load: Callable[[str], int]) -> None:
-        """Look the functions up.
+        """Look up the functions.
 
         Args:
             load: Gives the address of a function by name, 0 when absent.
@@ -43,11 +43,11 @@ class GlFunctions:
         )
 
     def bind_sampler(self, unit: int, sampler: int) -> None:
-        """Let a texture unit look up as a sampler says.
+        """Let a texture unit use a sampler.
 
         Args:
             unit: Texture unit.
-            sampler: OpenGL name of the sampler; 0 for what its texture says.
+            sampler: OpenGL name of the sampler; 0 for the modes of its texture.
         """
         self._bind_sampler(unit, sampler)
 
@@ -55,8 +55,8 @@ class GlFunctions:
         """Make a sampler, whose border is black and transparent.
 
         Args:
-            modes: OpenGL's modes beyond the edges along s and t.
-            filters: OpenGL's filters of minified and magnified texels.
+            modes: OpenGL's wrap modes along s and t.
+            filters: OpenGL's filters for minification and magnification.
             anisotropy: Anisotropic filtering [1]; 1 for none.
 
         Returns:
@@ -79,12 +79,12 @@ class GlFunctions:
 
         Args:
             attachment: Number of the colour attachment.
-            value: What every pixel becomes [any unit].
+            value: New value of every pixel [any unit].
         """
         self._clear_float(_COLOR, attachment, (ctypes.c_float * 4)(*value))
 
     def clear_ids(self, attachment: int) -> None:
-        """Clear one unsigned integer attachment to 0; glClear leaves such a one undefined.
+        """Clear one unsigned integer attachment to 0; glClear leaves it undefined.
 
         Args:
             attachment: Number of the colour attachment.
@@ -95,12 +95,12 @@ class GlFunctions:
         """Clear the depth of the bound framebuffer.
 
         Args:
-            value: What every pixel becomes [1].
+            value: New value of every pixel [1].
         """
         self._clear_float(_DEPTH, 0, (ctypes.c_float * 1)(value))
 
     def blend_only(self, attachment: int) -> None:
-        """Let one attachment of the bound framebuffer be blended, and no other.
+        """Enable blending for one attachment of the bound framebuffer only.
 
         Args:
             attachment: Number of the colour attachment.
@@ -108,19 +108,19 @@ class GlFunctions:
         self._enable_one(_BLEND, attachment)
 
     def make_array(self, texture: int, side: int, layers: int, channels: int) -> None:
-        """Give a texture array storage for all of its levels; else mipmaps are built in a copy, twice as large.
+        """Allocate all levels of a texture array; otherwise mipmaps are built in a copy, twice as large.
 
         Args:
             texture: OpenGL name of the texture.
             side: Side of the layers [px], a power of two.
             layers: Number of layers.
-            channels: 1 or 4 bytes a texel.
+            channels: 1 or 4 bytes per texel.
         """
         self._bind_texture(_TEXTURE_2D_ARRAY, texture)
         self._texture_storage(_TEXTURE_2D_ARRAY, side.bit_length(), _BYTES[channels], side, side, layers)
 
     def make_depth_float(self, texture: int, width: int, height: int) -> None:
-        """Give a depth texture 32-bit float storage; moderngl's own has 24-bit integers.
+        """Allocate a depth texture of 32-bit floats; moderngl's own has 24-bit integers.
 
         Args:
             texture: OpenGL name of the texture.

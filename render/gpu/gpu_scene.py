@@ -26,13 +26,13 @@ I64 = NDArray[np.int64]
 VERTEX_NAMES = ("in_position", "in_normal", "in_st", "in_st1", "in_color")
 _ATTRIBUTES = dict(zip(VERTEX_NAMES, (("3f", 12), ("3f", 12), ("2f", 8), ("2f", 8), ("4f2", 8)), strict=True))
 _VERTEX = np.dtype([("p", "3f4"), ("n", "3f4"), ("st", "2f4"), ("st1", "2f4"), ("color", "4f2")])
-# One row of the shader's draws: rows of the linear map, then of its cofactors; beside the second, its `sides`.
+# One row of the shader's draws: rows of the linear map, then of its cofactors; with the second, its `sides`.
 _DRAW = np.dtype([("linear", "(3,4)f4"), ("cofactor", "(3,4)f4")])
 # DrawElementsIndirectCommand
 COMMAND = np.dtype([("count", "u4"), ("instances", "u4"), ("first", "u4"), ("vertex", "u4"), ("draw", "u4")])
-_WAITING = 30_000  # triangles; a driver on the CPU takes 0.5 kB for each that it has not drawn yet, up to 36 MB
+_WAITING = 30_000  # triangles; a driver on the CPU needs 0.5 kB for each that it has not drawn yet, up to 36 MB
 _AT_ONCE = 1 << 15  # vertices
-_APART = 256  # [bytes] from one material to the next: where a driver lets a uniform block begin
+_APART = 256  # [bytes] from one material to the next: drivers require this alignment of uniform blocks
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,10 @@ class GpuScene:
     Attributes:
         vertices: Vertex buffer.
         indices: Triangle buffer.
-        draw_numbers: Instanced attribute 0, 1, 2 …; a command's base instance picks its draw.
-        draws: Draw rows, as `row_texture` lays them.
+        draw_numbers: Instanced attribute 0, 1, 2 …; a command's base instance selects its draw.
+        draws: Draw rows, in the layout of `row_texture`.
         materials: Material rows, `_APART` bytes from one to the next.
-        offsets: Instanced attribute: camera-relative origin of each draw [m], written anew for each view.
+        offsets: Instanced attribute: camera-relative origin of each draw [m], written for each view.
         origins: Origin of each draw's mesh in the world [m], shape (D, 3), float64.
         lower: Lower corner of each draw's box [m], shape (D, 3), float64.
         upper: Upper corner of each draw's box [m], shape (D, 3), float64.
@@ -53,11 +53,11 @@ class GpuScene:
         variants: Material variants in use.
         variant_rows: Row in `variants` of each draw, shape (D,), int64.
         material_rows: Row of the material of each draw, shape (D,), int64.
-        anchor: Point that shading counts positions from [m], shape (3,), float64.
-        facets: Triangles whose depth may have to be drawn anew.
-        ribbons: What may be too thin for samples.
+        anchor: Origin of positions in the shading [m], shape (3,), float64.
+        facets: Triangles whose depth may have to be drawn again.
+        ribbons: Members that may be thinner than a pixel.
         of_material: Row in `variants` of each material, shape (M,), int64.
-        wraps: How textures go on beyond their edges.
+        wraps: Samplers for textures that do not repeat.
     """
 
     vertices: moderngl.Buffer
@@ -85,7 +85,7 @@ class GpuScene:
         Args:
             context: Open context.
             scene: The scene at that moment.
-            facets: Its triangles whose depth may have to be drawn anew.
+            facets: Its triangles whose depth may have to be drawn again.
         """
         placed = _placed(context, scene, self.of_material)
         return replace(self, facets=facets, ribbons=self.ribbons.moved(scene.draws, placed["commands"]), **placed)
@@ -198,15 +198,15 @@ class GpuScene:
 
 
 def upload_scene(gl: Gl, scene: FlatScene, table: MaterialTable, anchor: F64, facets: Facets, bars: Bars) -> GpuScene:
-    """Check a scene and put it into buffers.
+    """Check a scene and upload it to buffers.
 
     Args:
         gl: Open context.
         scene: Scene to upload.
         table: Its materials.
-        anchor: Point that shading counts positions from [m], shape (3,), float64.
-        facets: Triangles whose depth may have to be drawn anew.
-        bars: Members that may be too thin for samples.
+        anchor: Origin of positions in the shading [m], shape (3,), float64.
+        facets: Triangles whose depth may have to be drawn again.
+        bars: Members that may be thinner than a pixel.
 
     Raises:
         InputError: Nothing to draw, an index out of range, or a number that is not finite.
@@ -215,7 +215,7 @@ def upload_scene(gl: Gl, scene: FlatScene, table: MaterialTable, anchor: F64, fa
     geometry, context = scene.geometry, gl.context
     count = len(geometry.positions)
     vertices = context.buffer(reserve=max(count, 1) * _VERTEX.itemsize)
-    for first in range(0, count, _AT_ONCE):  # all of them once more, and their bytes, would take 50 MB
+    for first in range(0, count, _AT_ONCE):  # a copy of all of them, and its bytes, would take 50 MB
         block = _vertices(geometry, slice(first, first + _AT_ONCE))
         vertices.write(block.tobytes(), offset=first * _VERTEX.itemsize)
     materials = np.zeros((len(table.rows), _APART // 4), np.float32)
@@ -239,7 +239,7 @@ def upload_scene(gl: Gl, scene: FlatScene, table: MaterialTable, anchor: F64, fa
 
 
 def _vertices(geometry: Geometry, rows: slice | I64) -> NDArray[np.void]:
-    """Vertices as the shaders read them, of some rows of a geometry."""
+    """Convert some rows of a geometry's vertices to the shaders' format."""
     positions = geometry.positions[rows]
     vertices = np.zeros(len(positions), _VERTEX)
     vertices["p"], vertices["n"] = positions, geometry.normals[rows]
@@ -249,7 +249,7 @@ def _vertices(geometry: Geometry, rows: slice | I64) -> NDArray[np.void]:
 
 
 def _placed(context: moderngl.Context, scene: FlatScene, of_material: I64) -> dict[str, Any]:
-    """Upload where everything is drawn: the fields of a `GpuScene` that change as things move."""
+    """Upload the positions of all draws: the fields of a `GpuScene` that change when objects move."""
     geometry, draws = scene.geometry, scene.draws
     count = len(draws.part)
     linear = draws.transform[:, :3, :3]
@@ -283,18 +283,18 @@ def run_commands(
     first: int,
     waiting: int,
 ) -> int:
-    """Run draw commands, and let the driver begin whenever many triangles wait; no pixel changes by it.
+    """Run draw commands, and flush whenever many triangles are waiting; this changes no pixel.
 
     Args:
         flush: OpenGL's.
-        vertices: What they draw, shape (V,).
-        commands: Draw commands, of which some are run.
+        vertices: Vertex array that they draw, shape (V,).
+        commands: Draw commands, some of which are run.
         triangles: Number of triangles of each of these, shape (N,), int64.
         first: Number of the first of them.
-        waiting: Triangles that wait already.
+        waiting: Triangles that are already waiting.
 
     Returns:
-        Triangles that wait now.
+        Triangles that are waiting now.
     """
     total = waiting + np.cumsum(triangles)
     ends = np.flatnonzero(np.diff(total // _WAITING, prepend=0)) + 1
@@ -368,7 +368,7 @@ def _numbers(rows: NDArray[np.void]) -> NDArray[np.float32]:
 
 
 def _cofactors(linear: F64) -> F64:
-    """Normals turn with the cofactors, which exist where an inverse does not; shape (D, 3, 3)."""
+    """Compute the cofactors, which transform normals and exist even without an inverse; shape (D, 3, 3)."""
     rows = np.cross(np.roll(linear, -1, axis=1), np.roll(linear, -2, axis=1))
     size = np.abs(rows).max(axis=(1, 2), keepdims=True)
     return rows / np.where(size > 0, size, 1.0)

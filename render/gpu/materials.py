@@ -1,4 +1,4 @@
-"""Materials as the shader reads them, and which shader each of them needs."""
+"""Materials in the shader's format, and the variant of the shader that each of them needs."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ ROW = np.dtype(
         ("amplitudes", "4f4"),  # detail: contrast of each octave, macro layer
         ("options", "4f4"),  # opacity threshold, takes the vertex colour, opacity
         ("emission", "(2,4)f4"),
-        ("specular", "4f4"),  # colour of the shine straight on
+        ("specular", "4f4"),  # specular color at normal incidence
     ]
 )
 _AVERAGED = {
@@ -51,13 +51,13 @@ SLOTS = ("albedo", "roughness", "normal", "detail", "macro", "metallic", "emissi
 
 @dataclass(frozen=True)
 class Variant:
-    """What a material needs of the shader; materials of one variant are drawn together.
+    """The features of the shader that a material needs; materials of one variant are drawn together.
 
     Attributes:
         features: Names that the shader is compiled with.
         arrays: Texture array of each of `SLOTS`, shape (side, side, layers), uint8, or None.
-        wraps: How each goes on beyond its edges along s and t; None where it repeats.
-        mostly_transparent: Lets more light through than it holds back: neither in the truth nor in shadows.
+        wraps: Wrap modes of each along s and t; None if it repeats.
+        mostly_transparent: Its opacity is below 0.5: it is neither in the truth nor in shadows.
     """
 
     features: tuple[str, ...]
@@ -82,14 +82,14 @@ class MaterialTable:
 
 
 def texture_keys(materials: tuple[Material, ...], quality: str) -> tuple[list[TextureKey], list[TextureKey]]:
-    """List the textures that materials name.
+    """List the textures of materials.
 
     Args:
         materials: Materials.
         quality: As for `tabulate_materials`.
 
     Returns:
-        Those that are looked up at pixels, and those of which only the mean counts.
+        Those that are looked up at pixels, and those of which only the mean is used.
     """
     named = [item for material in materials for item in _keys(material).items() if item[0] not in _UNREAD[quality]]
     return (
@@ -99,7 +99,7 @@ def texture_keys(materials: tuple[Material, ...], quality: str) -> tuple[list[Te
 
 
 def channel_pairs(materials: tuple[Material, ...]) -> list[ChannelPair]:
-    """List which roughness may lie in the opacity of which colour, as `load_textures` takes it: one look-up finds both.
+    """List which roughness may be stored in the opacity of which color: one look-up then finds both.
 
     Args:
         materials: Materials.
@@ -107,7 +107,7 @@ def channel_pairs(materials: tuple[Material, ...]) -> list[ChannelPair]:
     packable: list[ChannelPair] = []
     for material in materials:
         keys, albedo, roughness = _keys(material), material.base_texture, material.roughness_texture
-        cut_out = material.opacity_threshold > 0  # blended ones have one, too
+        cut_out = material.opacity_threshold > 0  # blended ones have an opacity, too
         if "albedo" in keys and cut_out:
             packable.append((keys["albedo"], None))
         packable += [(None, keys[name]) for name in ("metallic", "detail") if name in keys]
@@ -124,10 +124,10 @@ def tabulate_materials(
 
     Args:
         materials: Materials.
-        slots: Textures that could be loaded; a missing one leaves the constant.
-        quality: `fast` leaves out normal maps and images of the sky, and takes the mean of metallic textures; only
-            `fine` looks the roughness up at each pixel, else its mean serves: concrete, soil and grass shine too little
-            to show the difference.
+        slots: Textures that could be loaded; for a missing one the constant is used.
+        quality: `fast` leaves out normal maps and images of the sky, and uses the mean of metallic textures; only
+            `fine` looks up the roughness at each pixel, else its mean is used: the reflections of concrete, soil and
+            grass are too weak to show the difference.
     """
     rows = np.zeros(len(materials), ROW)
     variants = []
@@ -173,7 +173,7 @@ def _maps(material: Material) -> dict[str, Texture | None]:
 
 
 def _wraps(material: Material, found: dict[str, TextureSlot]) -> tuple[tuple[str, str] | None, ...]:
-    """How the texture of each slot goes on beyond its edges; None where it repeats."""
+    """List the wrap modes of the texture of each slot; None where it repeats."""
     maps = _maps(material)
     told = (texture.wrap if (texture := maps.get(name)) and name in found else _REPEATS for name in SLOTS)
     return tuple(None if wrap == _REPEATS else wrap for wrap in told)
@@ -202,7 +202,7 @@ def _keys(material: Material) -> dict[str, TextureKey]:
 
 
 def placed_textures(material: Material) -> Iterator[tuple[TextureKey, float, int]]:
-    """List the textures of a material by how they lie on it.
+    """List the textures of a material with their scale.
 
     Args:
         material: A material.
@@ -239,7 +239,7 @@ def _fill(row: NDArray[np.void], material: Material, found: dict[str, TextureSlo
 
 
 def _placement(texture: Texture, layer: int) -> F32:
-    """Scale, then turn, then move (s, t), as UsdTransform2d does; shape (2, 4), float32."""
+    """Scale, then rotate, then translate (s, t), as UsdTransform2d does; shape (2, 4), float32."""
     angle = np.deg2rad(texture.rotation)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     placement = np.zeros((2, 4), np.float32)

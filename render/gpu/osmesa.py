@@ -1,6 +1,6 @@
 """OpenGL in memory from the OSMesa wheel, for machines without any system OpenGL.
 
-The wheel `lavavu-osmesa` brings libOSMesa and its own LLVM; nothing else of it is used.
+The wheel `lavavu-osmesa` contains libOSMesa and its own LLVM; nothing else of it is used.
 """
 
 import ctypes
@@ -23,13 +23,13 @@ _ATTRIBUTES = (
     5,  # version 4.5
     0,
 )
-_MODE = os.RTLD_NOW | os.RTLD_LOCAL | os.RTLD_DEEPBIND  # never mixed up with a system Mesa of the same symbols
+_MODE = os.RTLD_NOW | os.RTLD_LOCAL | os.RTLD_DEEPBIND  # no conflict with the symbols of a system Mesa
 _UNSIGNED_BYTE = 0x1401
-_SIDE = 16  # its own surface is never drawn to
+_SIDE = 16  # [px] its own surface is never drawn to
 
 
 class OsmesaContext:
-    """A context as moderngl takes it: it loads functions, can be made current, and can be released."""
+    """A context for moderngl: it loads functions, can be made current, and can be released."""
 
     def __init__(self, folder: Path) -> None:
         """Load the libraries and make the context current.
@@ -56,7 +56,7 @@ class OsmesaContext:
         self.__enter__()
 
     def load(self, name: str) -> int:
-        """Give the address of an OpenGL function, 0 when absent.
+        """Return the address of an OpenGL function, 0 when absent.
 
         Args:
             name: Name of the function.

@@ -1,6 +1,6 @@
 """Shader programs, compiled with the features that a material needs and no others.
 
-A driver on the CPU runs both sides of a branch, so that what a material does not use must not be in its program.
+A driver on the CPU runs both sides of a branch, so a program must not contain what its material does not use.
 """
 
 import re
@@ -14,10 +14,10 @@ _INCLUDE = re.compile(r"^// #include (\S+)$", re.MULTILINE)
 
 
 class Programs:
-    """Compiles programs and keeps them."""
+    """Compiles programs and caches them."""
 
     def __init__(self, context: moderngl.Context) -> None:
-        """Start with none.
+        """Start without programs.
 
         Args:
             context: Open context.

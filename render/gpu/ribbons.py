@@ -19,18 +19,18 @@ I64 = NDArray[np.int64]
 
 BAR_NAMES = ("in_axis", "in_first", "in_second", "in_shape")
 _BAR_FORMATS = ("3f4", "3f4", "3f4", "3f4")
-# Way to the segment's other end, half axes of the cross-section here; then side of a ribbon, whether it is round or
+# Vector to the segment's other end, half axes of the cross-section here; then side of a ribbon, whether it is round or
 # `_NOT_A_BAR`, and 1 at one end of a segment, -1 at the other.
 _BAR = np.dtype([("axis", "3f4"), ("first", "3f4"), ("second", "3f4"), ("shape", "3f4")])
 _NOT_A_BAR = -1.0
-WIDEST = 2.5  # [px] from here on a surface alone is drawn; as in bar.glsl
-_SHORTEST = 8.0  # [px]; what is shorter, as grass from afar, is no line for the eye, and there is much of it
-_LEAST = 1e-3  # [m] thickness that a flat bar is taken to have as seen from the side
+WIDEST = 2.5  # [px] from this thickness on only the surface is drawn; as in bar.glsl
+_SHORTEST = 8.0  # [px]; shorter ones, such as distant grass, do not look like lines, and are many
+_LEAST = 1e-3  # [m] smallest thickness of a flat bar seen from the side
 
 
 @dataclass(frozen=True)
 class PartBars:
-    """Where the bars of each part of a geometry are, and their size in mesh-local axes.
+    """Positions of the bars of each part of a geometry, and their size in mesh-local axes.
 
     Attributes:
         first: First triangle of its surfaces and of its ribbons, shape (P, 2), int64.
@@ -45,10 +45,10 @@ class PartBars:
     length: F64
 
     def placed(self, draws: Draws, commands: NDArray[np.void]) -> dict[str, Any]:
-        """Find what of a `Ribbons` depends on where things are drawn.
+        """Compute the fields of `Ribbons` that depend on the draws.
 
         Args:
-            draws: What is drawn.
+            draws: The draws.
             commands: Their draw commands, shape (D,).
         """
         part, scale = draws.part, np.linalg.norm(draws.transform[:, :3, :3], axis=1)
@@ -67,13 +67,13 @@ class Ribbons:
 
     Attributes:
         vertices: Vertices of the parts that have bars, then four for each segment.
-        shapes: What these know of their bars.
+        shapes: Attributes of these that describe their bars.
         indices: Triangles of both.
         surfaces: Draw command of the surfaces of each draw, shape (D,), dtype as the scene's.
         ribbons: Draw command of the ribbons of each draw, shape (D,), dtype as the scene's.
         thickness: Thickness of the thinnest bar of each draw [m], +inf without any, shape (D,), float64.
         length: Length of the longest segment of each draw [m], shape (D,), float64.
-        parts: Where to find the bars of each part.
+        parts: Positions of the bars of each part.
     """
 
     vertices: moderngl.Buffer
@@ -86,16 +86,16 @@ class Ribbons:
     parts: PartBars
 
     def moved(self, draws: Draws, commands: NDArray[np.void]) -> "Ribbons":
-        """Return the same bars, drawn where another moment of the scene has them.
+        """Return the same bars, at the positions of another moment of the scene.
 
         Args:
-            draws: What is drawn then.
+            draws: The draws at that moment.
             commands: Their draw commands, shape (D,).
         """
         return replace(self, **self.parts.placed(draws, commands))
 
     def thin(self, rows: I64, lower: F64, upper: F64, eye: F64, focal: float) -> NDArray[np.bool_]:
-        """Tell which draws have bars that a view may show too thin, shape (N,).
+        """Tell which draws have bars that may be thinner than a pixel in a view, shape (N,).
 
         Args:
             rows: Draws, shape (N,), int64.
@@ -119,13 +119,13 @@ def upload_ribbons(
     vertices: Callable[[I64], NDArray[np.void]],
     commands: NDArray[np.void],
 ) -> Ribbons:
-    """Put the bars of a scene into buffers.
+    """Upload the bars of a scene to buffers.
 
     Args:
         context: Open context.
         scene: The scene.
         bars: Its bars.
-        vertices: Gives some of its vertices as the renderer has them, positions in mesh-local axes [stage units].
+        vertices: Returns some of its vertices in the renderer's format, positions in mesh-local axes [stage units].
         commands: Draw command of each draw, shape (D,).
     """
     geometry = scene.geometry
@@ -158,7 +158,7 @@ def upload_ribbons(
 
 
 def shape_attributes(program: moderngl.Program) -> tuple[str, list[str]]:
-    """Describe what of the shapes a program reads, as moderngl wants it.
+    """Describe the attributes of shapes that a program reads, for moderngl.
 
     Args:
         program: Compiled program.
@@ -195,7 +195,7 @@ def _ribbon_shapes(bars: Bars) -> NDArray[np.void]:
 
 
 def _sizes(bars: Bars, parts: int) -> tuple[F64, F64]:
-    """Thickness of the thinnest bar and length of the longest segment of each part, each shape (P,)."""
+    """Compute the thickness of the thinnest bar and length of the longest segment of each part, each shape (P,)."""
     least, longest = np.full(parts, np.inf), np.zeros(parts)
     half = np.minimum(np.linalg.norm(bars.second, axis=-1), np.linalg.norm(bars.first, axis=-1)).min(axis=1)
     np.minimum.at(least, bars.part, np.maximum(2 * half, _LEAST))

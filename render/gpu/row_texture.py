@@ -1,4 +1,4 @@
-"""Rows of numbers that shaders read, kept in a texture: what a draw is placed by.
+"""Rows of numbers that shaders read from a texture: the transforms of draws.
 
 A driver on the CPU reads a storage buffer number by number and pixel by pixel, a texture four numbers at a time.
 """
@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 F32 = NDArray[np.float32]
 
-DRAW_UNIT = 12  # behind those of light and materials
+DRAW_UNIT = 12  # after those of light and materials
 UNITS = {"draw_rows": DRAW_UNIT}
 _ROWS_ACROSS = 1024  # of rows.glsl; a texture has at most 16384 texels a side
 
 
 def row_texture(context: moderngl.Context, rows: F32) -> moderngl.Texture:
-    """Put rows into a texture, `_ROWS_ACROSS` beside each other, four numbers a texel.
+    """Store rows in a texture, `_ROWS_ACROSS` side by side, four numbers per texel.
 
     Args:
         context: Open context.

@@ -1,6 +1,6 @@
 """Texture files as texture arrays: one array per side length, so that one draw call can reach every texture of a size.
 
-Colours are kept as square roots of linear values: the shader squares what it has filtered, which is nearly the sRGB
+Colours are kept as square roots of linear values: the shader squares the filtered values, which is nearly the sRGB
 decoding at a fraction of its cost on a CPU.
 """
 
@@ -24,9 +24,9 @@ from render.images.tga import decode_tga
 U8 = NDArray[np.uint8]
 
 _SMALLEST = 16
-# A level is let go where every pixel covers at least this many of its texels, as the root of the sum of squares over
-# both directions: 1.4 texels of a square look-up. The next level then still has a texel for all but 1.4 pixels, which
-# is finer than the lens draws.
+# A level is omitted if every pixel covers at least this many of its texels, as the root of the sum of squares over both
+# directions: 1.4 texels of a square look-up. The next level then still has one texel per 1.4 pixels or better, which is
+# finer than the lens resolves.
 _UNSEEN = 2.0
 _OPACITY = 3  # channel
 _ONE, _NONE = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
@@ -34,13 +34,13 @@ _ONE, _NONE = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class TextureKey:
-    """A texture file with its interpretation; the same file as a colour and as a number is two textures.
+    """A texture file with its interpretation; the same file used as a color and as a number is two textures.
 
     Attributes:
         file: Path.
         srgb: Whether its values are sRGB-coded.
-        kind: `color` is kept as the square root of its linear value, with its opacity; `vector` as it is; of a `number`
-            one channel is kept.
+        kind: `color` is stored as the square root of its linear value, with its opacity; `vector` unchanged; of a
+            `number`, one channel is stored.
         channel: Channel of a `number`: 0 red, 1 green, 2 blue, 3 alpha.
         gain: Multiplier of linear red, green, blue [1].
         bias: Added after `gain` [1].
@@ -67,10 +67,10 @@ class TextureSlot:
 
     Attributes:
         array: The texture array, shape (side, side, layers), uint8: RGBA, or one channel of numbers; None where only
-            the mean was asked for.
+            the mean was requested.
         side: Side of the array's layers [px].
         layer: Its layer.
-        channel: Channel of the array that a number is in: 3 where it lies in the unused opacity of a colour.
+        channel: Channel of the array that contains a number: 3 where it is stored in the unused opacity of a color.
         mean: Mean linear value of red, green, blue [1]; of a number, three times the same.
         cut_out: Whether any texel is transparent.
     """
@@ -93,7 +93,7 @@ def load_textures(
     enough: Callable[[TextureKey, int], int] | None = None,
     packable: Sequence[ChannelPair] = (),
 ) -> tuple[dict[TextureKey, TextureSlot], list[str]]:
-    """Read texture files into texture arrays with mipmaps, one layer in memory at a time, each content once.
+    """Read texture files into texture arrays with mipmaps, one layer in memory at a time, equal contents once.
 
     Args:
         gl: Open context.
@@ -102,8 +102,8 @@ def load_textures(
         largest: Larger textures are reduced to this side [px].
         anisotropy: Anisotropic filtering [1]; 1 for none.
         enough: Returns the side [px] of the finest level that is used, for a texture of a given side.
-        packable: Which numbers may lie in the opacity of which colours: a colour and a number that is looked up at the
-            same places; a colour and None where its opacity is looked up; None and a number that is looked up apart.
+        packable: Which numbers may be stored in the opacity of which colors: a color and a number that is looked up at
+            the same coordinates; a color and None if its opacity is used; None and a number with its own coordinates.
 
     Returns:
         Slot of each texture that could be read, and one line for each that could not.
@@ -157,7 +157,7 @@ def sufficient_side(side: int, need: float) -> int:
 
 
 def _copies(keys: list[TextureKey]) -> dict[TextureKey, TextureKey]:
-    """Name for each texture the first that has the same content and is read in the same way."""
+    """Map each texture to the first one with the same content and interpretation."""
     sizes: dict[int, list[str]] = {}
     for file in sorted({key.file for key in keys}):
         path = Path(file)
@@ -188,7 +188,7 @@ def _kept_sides(
 
 
 def _sides(keys: list[TextureKey], largest: int, warnings: list[str]) -> dict[TextureKey, int]:
-    """Side of each texture whose file says one [px]; a warning for each of the others."""
+    """Find the side of each texture whose file states one [px]; a warning for each of the others."""
     sides: dict[TextureKey, int] = {}
     for key in keys:
         try:
@@ -212,7 +212,7 @@ def _groups(
 def _packed_numbers(
     packable: Sequence[ChannelPair], copies: dict[TextureKey, TextureKey], kept: dict[TextureKey, int]
 ) -> dict[TextureKey, TextureKey]:
-    """Find for each colour the number that its layer has room for: looked up with it, of its size, never without it."""
+    """Find for each color the number that its layer can hold: always looked up with it, and of the same size."""
     numbers: dict[TextureKey, set[TextureKey | None]] = {}
     colors: dict[TextureKey, set[TextureKey | None]] = {}
     for color, number in packable:
@@ -230,7 +230,7 @@ def _packed_numbers(
 
 
 def _halved(image: U8, side: int) -> U8:
-    """Take means of 2x2 texels until the side is right, as the driver makes the smaller levels."""
+    """Average 2x2 texels until the side is right, as the driver does for the smaller levels."""
     while (half := len(image) // 2) >= side:
         smaller = cv2.resize(image, (half, half), interpolation=cv2.INTER_AREA)
         image = smaller.astype(np.uint8, copy=False).reshape(half, half, -1)
@@ -265,13 +265,13 @@ def _read(key: TextureKey, side: int) -> U8:
 
 
 def _bytes(file: str, srgb: bool) -> U8:
-    """Decode a file to 8 bits a channel; floating-point values above 1 are cut."""
+    """Decode a file to 8 bits per channel; floating-point values above 1 are clipped."""
     pixels = _decode(Path(file))
     if pixels.dtype == np.uint16:
         return (pixels >> 8).astype(np.uint8)
     if pixels.dtype == np.float32:
         plain = np.clip(pixels, 0.0, 1.0)
-        if srgb:  # what the table decodes again: eight bits of linear values would show steps
+        if srgb:  # decoded again by the table: 8 bits of linear values would show steps
             plain = np.where(plain <= 0.0031308, 12.92 * plain, 1.055 * plain ** (1 / 2.4) - 0.055)
         return np.rint(255.0 * plain).astype(np.uint8)
     if pixels.dtype != np.uint8:
@@ -280,7 +280,7 @@ def _bytes(file: str, srgb: bool) -> U8:
 
 
 def _channel(pixels: U8, channel: int) -> U8:
-    """Take one channel, shape (H, W); of a grey picture that is itself, and opacity is whole where there is none."""
+    """Take one channel, shape (H, W); a gray image has only one, and opacity is 1 if there is none."""
     if channel == 3 and (pixels.ndim == 2 or pixels.shape[2] == 3):
         return np.full(pixels.shape[:2], 255, np.uint8)
     return np.ascontiguousarray(pixels if pixels.ndim == 2 else pixels[..., channel])
@@ -295,7 +295,7 @@ def _decode(path: Path) -> NDArray[Any]:
 
 
 def _table(key: TextureKey, channels: int) -> U8:
-    """What becomes of each of the 256 values of a file, shape (1, 256, channels); opacity stays."""
+    """Compute the new value for each of the 256 values of a file, shape (1, 256, channels); opacity is not changed."""
     coded = np.arange(256)[None, :, None] / 255.0
     linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4) if key.srgb else coded
     told = np.clip(linear * np.array(key.gain) + np.array(key.bias), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Which materials are water: smooth, no metal, on level ground only. A photograph shows what they mirror."""
+"""Detection of water: smooth, non-metallic materials on level surfaces only. Photographs show its reflections."""
 
 from dataclasses import replace
 
@@ -11,12 +11,12 @@ from usd_schemas.flat_scene import FlatScene
 F64 = NDArray[np.float64]
 
 WATER = "WATER"
-_LEVEL = 0.01  # greatest height of a draw's box over its shorter side [1]
-_SMALLEST = 3.0  # [m] a sheet of water is at least that wide
+_LEVEL = 0.01  # largest ratio of the height of a draw's box to its shorter side [1]
+_SMALLEST = 3.0  # [m] smallest width of a water surface
 
 
 def with_waters(table: MaterialTable, scene: FlatScene, lower: F64, upper: F64) -> MaterialTable:
-    """Let the materials of water be shaded as such.
+    """Use the shader of water for the materials of water.
 
     Args:
         table: The materials.

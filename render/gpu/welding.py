@@ -1,4 +1,4 @@
-"""Which vertices of meshes lie at one place: flat shading doubles them, and seams of texture coordinates do."""
+"""Vertices of meshes at the same position: flat shading and seams of texture coordinates duplicate them."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +10,12 @@ U64 = NDArray[np.uint64]
 
 
 def welded_places(geometry: Geometry) -> I64:
-    """Number the places of vertices, shape (V,).
+    """Number the positions of vertices, shape (V,).
 
     Args:
         geometry: Meshes.
     """
-    bits = (geometry.positions + np.float32(0)).view(np.uint32).astype(np.uint64)  # -0 and 0 are one place
+    bits = (geometry.positions + np.float32(0)).view(np.uint32).astype(np.uint64)  # -0 and 0 are the same
     return np.unique(mixed(mixed(bits[:, 0], bits[:, 1]), bits[:, 2]), return_inverse=True)[1].astype(np.int64)
 
 

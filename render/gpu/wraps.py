@@ -1,4 +1,4 @@
-"""How textures go on beyond their edges, where they do not repeat: sampler objects, bound beside the texture arrays."""
+"""Wrap modes of textures that do not repeat: sampler objects, bound in addition to the texture arrays."""
 
 import moderngl
 
@@ -11,7 +11,7 @@ class Wraps:
     """The samplers of a scene, each made once."""
 
     def __init__(self, functions: GlFunctions) -> None:
-        """Start with none.
+        """Start without samplers.
 
         Args:
             functions: The OpenGL functions of the context.
@@ -21,12 +21,12 @@ class Wraps:
         self._bound: set[int] = set()
 
     def bind(self, unit: int, array: moderngl.TextureArray, wrap: tuple[str, str] | None) -> None:
-        """Bind a texture array, and how it goes on.
+        """Bind a texture array, and its wrap modes.
 
         Args:
             unit: Texture unit.
             array: The textures, shape (side, side, layers).
-            wrap: Modes along s and t; None where it repeats.
+            wrap: Modes along s and t; None if it repeats.
         """
         array.use(unit)
         if wrap is None:
@@ -42,7 +42,7 @@ class Wraps:
         self._bound.add(unit)
 
     def clear(self) -> None:
-        """Let every unit look up as its texture says."""
+        """Let every unit use the modes of its texture."""
         for unit in sorted(self._bound):
             self._functions.bind_sampler(unit, 0)
         self._bound.clear()

@@ -1,4 +1,4 @@
-"""Arrays in an .npz archive from elsewhere: what its headers promise is checked before memory is taken."""
+"""Arrays in an .npz archive from another program: its headers are checked before memory is allocated."""
 
 import math
 import zipfile
@@ -15,9 +15,9 @@ from groundwork.errors import InputError
 from groundwork.foreign_file import check_regular
 
 MOST_BYTES = 16_000_000_000  # of all arrays of an archive, unpacked
-_TIGHTEST = 1032  # bytes that Deflate can pack into one
+_TIGHTEST = 1032  # largest compression ratio of Deflate
 _SLACK = 4096  # [bytes] an .npy header
-_UNSOUND = (  # what reading a damaged archive raises
+_UNSOUND = (  # errors of reading a damaged archive
     ValueError,
     TypeError,
     OSError,
@@ -41,11 +41,12 @@ def read_arrays(path: Path, wanted: Mapping[str, tuple[str, tuple[int, ...]]]) -
         wanted: Name of each array to its numpy dtype and the shape of one row.
 
     Returns:
-        The arrays, each of shape (rows, *shape of a row); others in the archive are left alone.
+        The arrays, each of shape (rows, *shape of a row); others in the archive are ignored.
 
     Raises:
         MissingError: There is no such file.
-        InputError: No archive, an array is missing, damaged or of another type or shape, or claims more than is there.
+        InputError: No archive, an array is missing, damaged or of another type or shape, or states more data than the
+            file has.
     """
     size = check_regular(path)
     try:
@@ -81,6 +82,6 @@ def _read_array(member: BinaryIO, name: str, size: int, kind: str, row: tuple[in
     if need < 0 or member.tell() + need != size:
         raise ValueError(f"{name} states the shape {shape}, but has {size} bytes")
     data = member.read(need)
-    if len(data) != need or member.read(1):  # the last read compares the check sum
+    if len(data) != need or member.read(1):  # the last read verifies the checksum
         raise ValueError(f"{name} is cut off")
     return np.frombuffer(data, dtype).reshape(shape).copy()

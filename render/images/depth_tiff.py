@@ -1,4 +1,4 @@
-"""Depth images as TIFF without loss, in a third of the time that OpenCV takes, a twentieth smaller.
+"""Depth images as TIFF without loss, written in a third of OpenCV's time, and 5 % smaller.
 
 Source: TIFF 6.0, Adobe 1992; predictor 3 of TIFF Technical Note 3, Adobe 2005 (bytes of a row sorted by significance,
 then differences); Deflate, RFC 1950.
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 _LEVEL = 1
 _SHORT, _LONG = 3, 4
 _DEFLATE, _FLOATING, _PREDICTOR = 8, 3, 3
-_BAND = 64  # rows that are sorted at once: a processor's cache holds them
+_BAND = 64  # rows that are sorted at once, so that they fit the processor's cache
 
 
 def encode_depth_tiff(depth: NDArray[np.float32]) -> bytes:
@@ -29,10 +29,10 @@ def encode_depth_tiff(depth: NDArray[np.float32]) -> bytes:
     steps = np.empty((height, 4 * width), np.uint8)
     for first in range(0, height, _BAND):
         _take_steps(depth[first : first + _BAND], steps[first : first + _BAND])
-    # libdeflate: 0.4 of zlib's time, a twentieth smaller, and the same bytes on every processor. ISA-L takes a third of
-    # its time, but now and then a process of it packs the same pixels into other bytes.
+    # libdeflate: 0.4 of zlib's time, 5 % smaller, and the same bytes on every processor. ISA-L needs a third of its
+    # time, but sometimes compresses the same pixels to other bytes.
     data = bytes(deflate.zlib_compress(steps, _LEVEL))
-    table_at = 8 + len(data) + len(data) % 2  # an even place
+    table_at = 8 + len(data) + len(data) % 2  # an even offset
     entries = (
         (256, _LONG, width),
         (257, _LONG, height),
@@ -60,7 +60,7 @@ def encode_depth_tiff(depth: NDArray[np.float32]) -> bytes:
 
 
 def _take_steps(depth: NDArray[np.float32], steps: NDArray[np.uint8]) -> None:
-    """Fill in the bytes of each row by significance, each less the one before, shape (rows, 4 W)."""
+    """Fill in the bytes of each row by significance, each minus the one before, shape (rows, 4 W)."""
     height, width = depth.shape
     bits = np.ascontiguousarray(depth, np.float32).view(np.uint32)
     planes = np.empty((height, 4, width), np.uint8)

@@ -1,4 +1,4 @@
-"""EXIF for simulated photographs: the data that a reconstruction reads, and nothing about this machine.
+"""EXIF for simulated photographs: the data that a reconstruction reads, without data about this computer.
 
 Source: CIPA DC-008 (Exif 2.32), TIFF 6.0 structure in an APP1 segment.
 """
@@ -14,7 +14,7 @@ _EPOCH = datetime(2024, 6, 21, 12, 0, 0)  # every capture was taken at this mome
 _EARTH_A, _EARTH_E2 = 6_378_137.0, 6.694_379_990_14e-3  # WGS 84
 _ASCII, _BYTE, _SHORT, _LONG, _RATIONAL = 2, 1, 3, 4, 5
 _LARGEST_SHORT, _LARGEST_LONG = 0xFFFF, 0xFFFFFFFF
-_LONGEST = 100 * 365 * 86_400.0  # [s] a survey of a century
+_LONGEST = 100 * 365 * 86_400.0  # [s] a survey of 100 years
 _SIZES = {_BYTE: "B", _SHORT: "H", _LONG: "I", _RATIONAL: "II"}
 
 Entry = tuple[int, int, bytes, int]
@@ -31,8 +31,8 @@ class Shot:
         seconds: Seconds since the first image [s].
         gps: Measured east, north, up from `origin` [m], or None.
         origin: Latitude [deg], longitude [deg] and height [m] of the local frame's zero.
-        make: Maker of the camera; empty for none that is known.
-        model: Name of the camera; empty for none that is known.
+        make: Maker of the camera; empty if unknown.
+        model: Name of the camera; empty if unknown.
     """
 
     focal_length: float
@@ -50,7 +50,7 @@ def insert_exif(jpeg: bytes, shot: Shot, width: int, height: int) -> bytes:
 
     Args:
         jpeg: A JPEG file.
-        shot: What to note.
+        shot: Data to write.
         width: Image width [px].
         height: Image height [px].
 
@@ -58,14 +58,14 @@ def insert_exif(jpeg: bytes, shot: Shot, width: int, height: int) -> bytes:
         The JPEG file with EXIF.
     """
     start = 2
-    if jpeg[2:4] == b"\xff\xe0":  # APP0 and APP1 both want to be first
+    if jpeg[2:4] == b"\xff\xe0":  # APP0 and APP1 both have to be first
         start += 2 + struct.unpack(">H", jpeg[4:6])[0]
     body = b"Exif\x00\x00" + _tiff(shot, width, height)
     return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(body) + 2) + body + jpeg[start:]
 
 
 def geodetic(gps: tuple[float, float, float], origin: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Turn a local east, north, up position into latitude, longitude and height, on WGS 84's curvature at the origin.
+    """Convert a local east, north, up position to latitude, longitude and height, with the curvature at the origin.
 
     Args:
         gps: East, north, up [m].
@@ -133,7 +133,7 @@ def _gps_entries(shot: Shot) -> list[Entry]:
 
 
 def _within(value: float, most: float) -> float:
-    """Clip a number to the range of its EXIF field, so that no value makes a photograph fail."""
+    """Clip a number to the range of its EXIF field, so that no value prevents writing a photograph."""
     return min(max(value, 0.0), most) if np.isfinite(value) else 0.0
 
 
@@ -147,7 +147,7 @@ def _degrees(tag: int, value: float, most: float) -> Entry:
 def _rational(tag: int, value: float, denominator: int) -> Entry:
     value = _within(value, _LARGEST_LONG)
     while denominator > 1 and round(value * denominator) > _LARGEST_LONG:
-        denominator //= 10  # a lens of metres has no room for its micrometres
+        denominator //= 10  # a focal length of meters has no room for micrometers
     return tag, _RATIONAL, struct.pack("<II", round(value * denominator), max(denominator, 1)), 1
 
 

@@ -1,4 +1,4 @@
-"""Pictures of floating-point numbers: OpenEXR, and what OpenCV reads of Radiance HDR."""
+"""Floating-point images: OpenEXR, and the Radiance HDR files that OpenCV reads."""
 
 from pathlib import Path
 
@@ -41,7 +41,7 @@ def decode_exr(path: Path) -> F32:
 
 
 def decode_float(path: Path) -> F32:
-    """Decode a floating-point picture; what is not finite becomes 0.
+    """Decode a floating-point picture; values that are not finite become 0.
 
     Args:
         path: `.exr` or `.hdr`.

@@ -16,9 +16,9 @@ from render.images.gray_png import SIGNATURE, decode_gray_png, encode_gray_png
 _DEFLATE = 8  # TIFF's Adobe Deflate: OpenCV's own wheel cannot read Zstandard
 _JPEG_END = b"\xff\xd9"
 _JPEG_SCAN = 0xDA
-_JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")  # what ends a scan: neither a stuffed byte nor a restart
-_HEADER = 1 << 16  # bytes in which the size of an image stands
-_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG markers that begin a frame: its size follows
+_JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")  # ends a scan: neither a stuffed byte nor a restart marker
+_HEADER = 1 << 16  # bytes that contain the size of an image
+_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG markers that begin a frame: followed by its size
 MOST_PIXELS = 400_000_000  # of one image; the largest cameras have 150 million
 _RUN_LENGTH = 3  # PNG strategy: half the time of the default at the same size
 _SHORT = 3  # TIFF's number for 16 bits
@@ -83,11 +83,11 @@ def ids_file(folder: Path, name: str) -> Path:
 
 
 def decode(path: Path, size: tuple[int, int] | None = None) -> NDArray[Any]:
-    """Decode an image file as it is: channels, depth and values unchanged, colours in the order red, green, blue.
+    """Decode an image file unchanged: channels, depth and values unchanged, colours in the order red, green, blue.
 
     Args:
         path: JPEG, PNG or TIFF.
-        size: Width and height that it must have [px]; one that says another is refused before it takes memory.
+        size: Width and height that it must have [px]; a file that states another is refused before memory is allocated.
 
     Returns:
         Values, shape (H, W), (H, W, 3), or (H, W, 4) with opacity last.
@@ -125,7 +125,7 @@ def size(path: Path) -> tuple[int, int] | None:
         path: JPEG or PNG.
 
     Returns:
-        Width and height [px], as stored; None where only decoding can tell.
+        Width and height [px], as stored; None if it needs decoding.
     """
     try:
         with open_regular(path) as file:
@@ -135,7 +135,7 @@ def size(path: Path) -> tuple[int, int] | None:
 
 
 def _said_size(data: bytes) -> tuple[int, int] | None:
-    """Read the size of a PNG, JPEG or classic TIFF from its bytes [px]; None where only decoding can tell."""
+    """Read the size of a PNG, JPEG or classic TIFF from its bytes [px]; None if it needs decoding."""
     if data[:8] == SIGNATURE and len(data) >= 24:
         return int.from_bytes(data[16:20]), int.from_bytes(data[20:24])
     place = 2
@@ -147,7 +147,7 @@ def _said_size(data: bytes) -> tuple[int, int] | None:
 
 
 def _tiff_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height are entries 256 and 257 of the first directory, 16 or 32 bits long. Source: TIFF 6.0."""
+    """Read a TIFF's size: entries 256 and 257 of the first directory, 16 or 32 bits long. Source: TIFF 6.0."""
     order = {b"II*\0": "<", b"MM\0*": ">"}.get(data[:4])
     if order is None:
         return None

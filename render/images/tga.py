@@ -16,7 +16,7 @@ from render.images.image_files import MOST_PIXELS
 U8 = NDArray[np.uint8]
 
 _HEADER = struct.Struct("<BBBHHBHHHHBB")
-_MAPPED, _COLOR, _GRAY = 1, 2, 3  # kinds; 8 more where runs are packed
+_MAPPED, _COLOR, _GRAY = 1, 2, 3  # kinds; plus 8 with run-length encoding
 _PACKED = 8
 _FROM_RIGHT, _FROM_TOP = 0x10, 0x20
 
@@ -31,7 +31,7 @@ def decode_tga(path: Path) -> U8:
         Grey values, shape (H, W), or red, green, blue and maybe opacity, shape (H, W, 3 or 4), uint8.
 
     Raises:
-        InputError: Cut off, of a kind that is not read, or too large.
+        InputError: Cut off, of an unsupported kind, or too large.
     """
     data = read_regular(path)
     try:
@@ -66,7 +66,7 @@ def _decoded(data: bytes) -> U8:
 
 
 def _unpacked(data: bytes, at: int, count: int, size: int) -> U8:
-    """Unpack runs: a byte that says how many pixels follow, as they are or one for all of them; shape (count, size)."""
+    """Decode runs: a byte gives the number of pixels, which follow separately or as one; shape (count, size)."""
     found = np.empty((count, size), np.uint8)
     done = 0
     while done < count:
@@ -81,7 +81,7 @@ def _unpacked(data: bytes, at: int, count: int, size: int) -> U8:
 
 
 def _colors(rows: U8) -> U8:
-    """Blue, green, red to red, green, blue; 15 and 16 bits hold 5 of each."""
+    """Convert blue, green, red to red, green, blue; 15 and 16 bits have 5 bits for each."""
     if rows.shape[1] == 1:
         return rows
     if rows.shape[1] == 2:

@@ -24,7 +24,7 @@ SURFACE = {
     "draw_instance": ("uint32", ()),
     "draw_label": ("uint8", ()),
 }
-MOST_TRIANGLES = 100_000_000  # of a surface, copies counted: 7 GB of corners; a scene has some millions
+MOST_TRIANGLES = 100_000_000  # of a surface, including copies: 7 GB of corners; a scene has some millions
 _MEND = "Render the survey again"
 _RIGID = 1e-5  # greatest error of a rotation's products [1]; files hold 17 digits
 
@@ -123,10 +123,10 @@ def check_bands(bands: tuple[tuple[int, int], ...], height: int, where: Path) ->
 
 
 def check_image(pixels: NDArray[Any], kinds: tuple[str, ...], size: tuple[int, int], where: Path) -> None:
-    """Refuse an image of the truth that is not of the kind and size that all have.
+    """Refuse an image of the truth with another type or size than required.
 
     Args:
-        pixels: Values as decoded, shape (H, W) where they are right.
+        pixels: Values as decoded, shape (H, W) if valid.
         kinds: numpy names of the types allowed.
         size: Width and height [px].
         where: The file.

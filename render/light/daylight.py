@@ -1,4 +1,4 @@
-"""The light of a scene as numbers: the sun, a panorama of the sky, and the irradiance that the open sky gives.
+"""Sun, sky panorama and sky irradiance of a scene.
 
 Radiance out of a Lambert surface is albedo * (E_sun * cos / pi * visibility + E_sky / pi). A DistantLight's colour
 times intensity is E_sun; a DomeLight's texel times intensity is the radiance of that direction.
@@ -21,9 +21,9 @@ F64 = NDArray[np.float64]
 _DEFAULT_SUN = Sun((0.45, -0.62, 0.64), (3.9, 3.7, 3.35))
 _ZENITH, _HORIZON, _GROUND = (0.16, 0.28, 0.55), (0.55, 0.66, 0.80), (0.13, 0.13, 0.11)
 _POLE_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # a dome's +y to the world's +z
-_ROWS = 512  # a larger panorama shows nothing more in a photograph
-_HORIZON_RING = (0.0, 0.10)  # sine of the heights that distant haze takes its colour from
-_GLOW = 0.08  # how near to the sun haze glows [1]
+_ROWS = 512  # [px] a larger panorama makes no visible difference in a photograph
+_HORIZON_RING = (0.0, 0.10)  # sines of the elevations from which the color of distant haze is taken
+_GLOW = 0.08  # angular extent of the brighter haze near the sun: see `glow` [1]
 
 
 @dataclass(frozen=True)
@@ -34,10 +34,10 @@ class Daylight:
         sun_direction: Unit vector towards the sun [1], world axes, shape (3,), float64.
         sun_irradiance: Linear irradiance on a facing surface [1], shape (3,), float64; zeros without a sun.
         panorama: Linear radiance by direction [1], first row at the dome's pole, shape (R, 2 R, 3), float32.
-        dome_from_world: Turns world directions into the dome's [1], shape (3, 3), float64.
+        dome_from_world: Rotation from world axes to the dome's [1], shape (3, 3), float64.
         open_sky: Irradiance coefficients of the unobstructed dome [1], shape (4, 3), float64: E(n) = c0 + c1..3 . n.
-        haze: Radiance that far air has, by the cosine c of the angle to the sun [1]: haze[0] + haze[1] c + haze[2]
-            g(c), where g is `glow`, shape (3, 3), float64.
+        haze: Radiance of distant haze, as a function of the cosine c of the angle to the sun [1]: haze[0] + haze[1] c +
+            haze[2] g(c), where g is `glow`, shape (3, 3), float64.
         sun_angle: Angular diameter of the sun [rad].
     """
 
@@ -110,7 +110,7 @@ def read_daylight(scene: FlatScene) -> tuple[Daylight, list[str]]:
 
 
 def glow(cosine: F64) -> F64:
-    """Compute the glow of haze near the sun, by the cosine of the angle to it: 1 there, little elsewhere.
+    """Compute the brightening of haze near the sun from the cosine of the angle to it: 1 at the sun, little elsewhere.
 
     Args:
         cosine: Cosines [1], shape (...), float64.
@@ -122,21 +122,21 @@ def glow(cosine: F64) -> F64:
 
 
 def _fit_haze(directions: F64, radiance: F64, sun: F64) -> F64:
-    """Fit what the air has as colour far away to the sky over the horizon, clouds and all; shape (3, 3)."""
+    """Fit the color of distant haze to the sky above the horizon, including clouds; shape (3, 3)."""
     cosine = directions @ sun
     basis = np.column_stack([np.ones(len(cosine)), cosine, glow(cosine)])
     mean = np.vstack([radiance.mean(axis=0), np.zeros((2, 3))])
-    if np.ptp(cosine) < 0.3:  # the sun stands overhead: all azimuths are alike
+    if np.ptp(cosine) < 0.3:  # the sun is overhead: all azimuths are alike
         return mean
     found = np.linalg.lstsq(basis, radiance, rcond=None)[0].astype(np.float64)
     ends = np.linspace(-1, 1, 41)
     lowest = (np.column_stack([np.ones(41), ends, glow(ends)]) @ found).min(axis=0)
-    share = np.clip(0.8 * mean[0] / np.maximum(mean[0] - lowest, 1e-9), 0, 1)  # no direction is left nearly black
+    share = np.clip(0.8 * mean[0] / np.maximum(mean[0] - lowest, 1e-9), 0, 1)  # no direction becomes nearly black
     return mean + share * (found - mean)
 
 
 def sphere(count: int) -> F64:
-    """Spread directions evenly over the sphere on a Fibonacci spiral.
+    """Distribute directions evenly over the sphere on a Fibonacci spiral.
 
     Args:
         count: Number of directions.
@@ -159,7 +159,7 @@ def irradiance_coefficients(directions: F64, radiance: F64 | F32) -> F64:
     Source: Ramamoorthi and Hanrahan, An efficient representation for irradiance environment maps, SIGGRAPH 2001.
 
     Args:
-        directions: Even directions [1], shape (N, 3), float64.
+        directions: Evenly distributed directions [1], shape (N, 3), float64.
         radiance: Radiance from each of them [1], shape (P, N, 3), float64.
 
     Returns:

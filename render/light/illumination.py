@@ -17,9 +17,9 @@ from usd_schemas.flat_scene import FlatScene
 
 F64 = NDArray[np.float64]
 
-CLEAR_DAY = 6000.0  # default distance at which haze takes 63 % of the contrast [m]
+CLEAR_DAY = 6000.0  # default distance at which haze removes 63 % of the contrast [m]
 LEAST_CONTRAST = 0.02  # contrast that is left at the visibility [1]
-BRIGHTEST = 16.0  # radiance that the 16-bit code of a pixel ends at
+BRIGHTEST = 16.0  # largest radiance of a pixel's 16-bit code
 _AIR = 1.16e-5  # extinction of green by air alone [1/m]
 _BY_AIR, _BY_HAZE = np.array([0.656, 1.0, 1.98]), np.array([0.874, 1.0, 1.244])  # of 610, 550 and 465 nm [1]
 _SHADOW_UNIT, _VOLUME_UNIT, _PANORAMA_UNIT, FIRST_FREE_UNIT = 0, 1, 4, 5
@@ -33,8 +33,8 @@ class Illumination:
         daylight: Sun and sky.
         shadow: The sun's shadow maps, or None without a sun.
         volume: The light volume, or None.
-        haze_distance: Distance at which haze takes 63 % of the contrast [m].
-        local: Lights that stand in the scene.
+        haze_distance: Distance at which haze removes 63 % of the contrast [m].
+        local: Lamps in the scene.
     """
 
     daylight: Daylight
@@ -44,13 +44,13 @@ class Illumination:
     local: LocalLights
 
     def features(self) -> tuple[str, ...]:
-        """Name what the surface shader must be compiled with."""
+        """List the features of the surface shader."""
         sun, volume = self.shadow is not None, self.volume is not None
         return (*(("SUN",) if sun else ()), *(("VOLUME",) if volume else ()), *self.local.features())
 
 
 def haze_distance(scene: FlatScene, settings: ShadingSettings) -> float:
-    """Find the distance at which haze takes 63 % of the contrast [m]: as the settings say, else the stage.
+    """Find the distance at which haze removes 63 % of the contrast [m]: from the settings, else the stage.
 
     Source: Koschmieder, Theorie der horizontalen Sichtweite, 1924: contrast falls with exp(-3.912 distance /
     visibility), to 2 % at the visibility.
@@ -68,7 +68,7 @@ class Lamps:
     """The light of a scene as textures and uniforms.
 
     Attributes:
-        features: What the surface shader must be compiled with.
+        features: Features of the surface shader.
         shadow: The sun's shadow maps, or None without a sun.
     """
 
@@ -77,8 +77,8 @@ class Lamps:
 
         Args:
             context: Open context.
-            light: What lights the scene.
-            anchor: Point that shading counts positions from [m], shape (3,), float64.
+            light: The illumination of the scene.
+            anchor: Origin of positions in the shading [m], shape (3,), float64.
         """
         self.features, self.shadow = light.features(), light.shadow
         panorama = light.daylight.panorama
@@ -99,7 +99,7 @@ class Lamps:
         return other
 
     def shine_on(self, program: moderngl.Program) -> None:
-        """Set a program's uniforms, and bind the textures that they name.
+        """Set a program's uniforms, and bind its textures.
 
         Args:
             program: Compiled program.
@@ -132,15 +132,15 @@ def _extinction(distance: float) -> F64:
     haze by its power of 1.3.
 
     Args:
-        distance: Distance at which haze takes 63 % of the contrast of green [m].
+        distance: Distance at which haze removes 63 % of the contrast of green [m].
     """
     air = min(_AIR, 1.0 / distance)
     return air * _BY_AIR + (1.0 / distance - air) * _BY_HAZE
 
 
 def _volume_textures(context: moderngl.Context, volume: LightVolume) -> list[moderngl.Texture3D]:
-    """One texture a colour channel; its four channels are the coefficients."""
-    coefficients = volume.coefficients.astype(np.float32)  # halves would take a processor longer to read
+    """Upload one texture per color channel; its four channels are the coefficients."""
+    coefficients = volume.coefficients.astype(np.float32)  # float16 would take a CPU longer to read
     textures = []
     for channel in range(3):
         texture = context.texture3d(coefficients.shape[2::-1], 4, coefficients[..., channel].tobytes(), dtype="f4")

@@ -15,8 +15,8 @@ from usd_schemas.flat_scene import FlatScene, Material
 F64 = NDArray[np.float64]
 Triple = tuple[float, float, float]
 
-_DARKEST, _BRIGHTEST = 1 / 64, 8.0  # radiance of a white card that is drawn as it is [1]
-_NEAR = 2.0  # what stands nearer to a lamp may be overexposed [m]
+_DARKEST, _BRIGHTEST = 1 / 64, 8.0  # range of the radiance of a white surface that is drawn without scaling [1]
+_NEAR = 2.0  # [m] surfaces closer to a lamp may be overexposed
 
 
 def exposure_stops(scene: FlatScene, daylight: Daylight, box: tuple[F64, F64]) -> int:
@@ -34,7 +34,7 @@ def exposure_stops(scene: FlatScene, daylight: Daylight, box: tuple[F64, F64]) -
         away, intensity = np.array(light.position) - middle, np.array(light.intensity)
         common = common + intensity / (away @ away + reach**2)
         most = max(most, intensity.max() / max(light.radius, _NEAR) ** 2)
-    usual, brightest = float(common.max() / np.pi), float(most / np.pi)  # radiance of a white card there [1]
+    usual, brightest = float(common.max() / np.pi), float(most / np.pi)  # radiance of a white surface there [1]
     if usual > _BRIGHTEST:
         return round(float(np.log2(usual)))
     return round(float(np.log2(brightest))) if 0.0 < brightest < _DARKEST else 0
@@ -45,7 +45,7 @@ def dimmed(scene: FlatScene, times: int) -> FlatScene:
 
     Args:
         scene: A scene.
-        times: How often; below 0, it is doubled.
+        times: How many times; if negative, it is doubled.
     """
     share = 2.0**-times
 

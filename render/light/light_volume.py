@@ -1,8 +1,8 @@
 """The light volume: irradiance from sky and reflected sunlight around the bridge, ray cast once per scene.
 
-A grid of probes stores the irradiance of the first two bands of spherical harmonics. The shader reads it one cell off
-the surface, so that a wall gets no light from its far side. It depends only on the scene, never on the view, so a
-surface looks the same in every photograph.
+A grid of probes stores the irradiance of the first two bands of spherical harmonics. The shader reads it one cell away
+from the surface, so that a wall receives no light from its far side. It depends only on the scene, never on the view,
+so a surface looks the same in every photograph.
 """
 
 from dataclasses import dataclass, replace
@@ -22,17 +22,17 @@ I64 = NDArray[np.int64]
 
 _MARGIN = np.array([5.0, 5.0, 1.5])  # [m] the volume reaches beyond the region of interest
 _SMALLEST_CELL = 0.35  # [m]
-_BURIED = 0.3  # a probe that sees more back faces than this stands inside something
-_PLACES = 1.2  # places on surfaces for each probe [1]
-_BOUNCES = 2  # of light between surfaces, after those that probes have
+_BURIED = 0.3  # a probe that sees more back faces than this is inside a solid
+_PLACES = 1.2  # positions on surfaces for each probe [1]
+_BOUNCES = 2  # reflections of light between surfaces, after those that the probes include
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """How finely a light volume is cast.
+    """Resolution of a light volume.
 
     Attributes:
-        probes: Most probes [1].
+        probes: Largest number of probes [1].
         rays: Rays per probe [1].
     """
 
@@ -73,15 +73,15 @@ class LightVolume:
 def cast_light_volume(
     scene: FlatScene, light: Daylight, albedo: F64, box: tuple[F64, F64], sampling: Sampling, progress: Progress
 ) -> LightVolume:
-    """Cast the light volume of a scene: probes in the air first, then fitted to what surfaces receive.
+    """Cast the light volume of a scene: probes in the air first, then fitted to the irradiance of surfaces.
 
     Args:
         scene: A scene.
         light: Its sun and sky.
         albedo: Mean base colour of each material [1], shape (M, 3), float64.
         box: Lower and upper corner of the region of interest [m], each of shape (3,), float64.
-        sampling: How many probes and rays.
-        progress: Told how far it is.
+        sampling: Numbers of probes and rays.
+        progress: Listener.
     """
     probes, rays = sampling.probes, sampling.rays
     low, high = box[0] - _MARGIN, box[1] + _MARGIN
@@ -94,10 +94,10 @@ def cast_light_volume(
     places = spread_places(tracer, low, low + cell * (counts - 1), round(_PLACES * probes))
     if not len(places.position):
         return volume
-    fewer = max(8, rays // 2)  # many places with few rays each are worth more than few with many
+    fewer = max(8, rays // 2)  # many positions with few rays each give more than few with many
     places, radiance, hits = cast_places(tracer, places, fewer)
     probed, fitted = volume.coefficients, None
-    for _ in range(_BOUNCES):  # each with what the one before has lit
+    for _ in range(_BOUNCES):  # each with the light of the one before
         total = radiance.copy()
         total[hits.ray] += hits.albedo / np.float32(np.pi) * _ambient(volume, light, hits)
         irradiance = np.float32(np.pi) * total.reshape(-1, fewer, 3).mean(axis=1)
@@ -107,7 +107,7 @@ def cast_light_volume(
 
 
 def _cast_probes(tracer: LightTracer, light: Daylight, grid: LightVolume, rays: int, progress: Progress) -> LightVolume:
-    """Cast what the sky and sunlit surfaces give to each probe; then once more with what these light up."""
+    """Compute the light of sky and sunlit surfaces at each probe; then again with surfaces that these illuminate."""
     counts = grid.coefficients.shape[:3]
     z, y, x = np.meshgrid(*(np.arange(count) for count in counts), indexing="ij")
     positions = grid.lower + grid.cell * np.stack([x, y, z], axis=-1).reshape(-1, 3)
@@ -124,7 +124,7 @@ def _cast_probes(tracer: LightTracer, light: Daylight, grid: LightVolume, rays: 
         parts.append(replace(hits, ray=hits.ray + start * rays))
         progress.advance(min(start + step, count))
     hits, buried = joined(parts), (back > _BURIED).reshape(counts)
-    parts.clear()  # a hundred megabytes that nothing reads again
+    parts.clear()  # a hundred megabytes that are not needed again
 
     def volume() -> LightVolume:
         coefficients = irradiance_coefficients(directions, radiance.reshape(-1, rays, 3)).reshape(*counts, 4, 3)
@@ -135,7 +135,7 @@ def _cast_probes(tracer: LightTracer, light: Daylight, grid: LightVolume, rays: 
 
 
 def _ambient(volume: LightVolume, light: Daylight, hits: Hits) -> F32:
-    """Irradiance at the hits: from the volume one cell off the surface, under the open sky outside it; shape (N, 3)."""
+    """Compute irradiance at the hits: from the volume one cell off the surface, of the open sky outside it; (N, 3)."""
     table, open_sky = volume.coefficients.reshape(-1, 4, 3), light.open_sky.astype(np.float32)
     result = np.empty((len(hits.ray), 3), np.float32)
     for start in range(0, len(result), CHUNK):
@@ -149,7 +149,7 @@ def _ambient(volume: LightVolume, light: Daylight, hits: Hits) -> F32:
 
 
 def _filled(coefficients: F64, buried: NDArray[np.bool_]) -> F32:
-    """Fill probes inside solids with the mean of their neighbours outside, layer by layer."""
+    """Fill probes inside solids with the mean of their neighbors outside solids, layer by layer."""
     values, known = coefficients.astype(np.float32), ~buried
     values[buried] = 0
     while known.any() and not known.all():

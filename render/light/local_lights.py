@@ -15,13 +15,13 @@ MOST = 8  # each is computed at every pixel
 
 @dataclass(frozen=True)
 class LocalLights:
-    """Balls and panels of light.
+    """Spherical and flat lamps.
 
     Attributes:
         positions: Centres in the world [m], shape (N, 3), float64.
         radii: Radii [m], shape (N,), float64.
         intensities: Linear radiant intensities [m2], shape (N, 3), float64.
-        sides: From the centre of each panel to two of its edges [m], shape (N, 2, 3), float64; zeros for a ball.
+        sides: From the centre of each panel to two of its edges [m], shape (N, 2, 3), float64; zeros for a sphere.
     """
 
     positions: F64
@@ -30,15 +30,15 @@ class LocalLights:
     sides: F64
 
     def features(self) -> tuple[str, ...]:
-        """Name what the surface shader must be compiled with: nothing where there is no light."""
+        """List the features of the surface shader: none if there is no lamp."""
         panels = ("LOCAL_PANELS",) if self.sides.any() else ()
         return (f"LOCAL_LIGHTS {len(self.radii)}", *panels) if len(self.radii) else ()
 
     def uniforms(self, anchor: F64) -> dict[str, object]:
-        """List what the surface shader reads.
+        """List the uniforms of the surface shader.
 
         Args:
-            anchor: Point that shading counts positions from [m], shape (3,), float64.
+            anchor: Origin of positions in the shading [m], shape (3,), float64.
         """
         if not len(self.radii):
             return {}
@@ -51,14 +51,14 @@ class LocalLights:
 
 
 def choose_local_lights(scene: FlatScene, box: tuple[F64, F64]) -> tuple[LocalLights, list[str]]:
-    """Choose the lamps that give most light to the region of interest.
+    """Choose the lamps that contribute the most light to the region of interest.
 
     Args:
         scene: A scene.
         box: Lower and upper corner of the region of interest [m], each of shape (3,), float64.
 
     Returns:
-        At most `MOST` of them in the order of the stage, and a line where some are left out.
+        At most `MOST` of them in the order of the stage, and a line if some are left out.
     """
     lights = scene.sphere_lights
     positions = np.array([light.position for light in lights], np.float64).reshape(-1, 3)

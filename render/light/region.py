@@ -1,4 +1,4 @@
-"""The region of interest of a scene, which gets the finest light."""
+"""The region of interest of a scene, which has the finest resolution of light and shadow."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,12 +8,12 @@ from usd_schemas.flat_scene import FlatScene
 
 F64 = NDArray[np.float64]
 
-_NEAR_CAMERA = 40.0  # [m] what lies closer to a camera counts where nothing is labelled
-_LARGEST = 400.0  # [m] a longer box is cut to its middle
+_NEAR_CAMERA = 40.0  # [m] without labels, objects closer to a camera than this belong to the region
+_LARGEST = 400.0  # [m] a longer box is reduced to its middle
 
 
 def region_of_interest(scene: FlatScene, lower: F64, upper: F64) -> tuple[F64, F64]:
-    """Compute the box of the labelled draws; without labels, of things near cameras; without cameras, of everything.
+    """Compute the box of the labelled draws; without labels, of objects near cameras; without cameras, of everything.
 
     Args:
         scene: A scene.
@@ -37,7 +37,7 @@ def region_of_interest(scene: FlatScene, lower: F64, upper: F64) -> tuple[F64, F
 
 
 def _labeled(scene: FlatScene) -> NDArray[np.bool_]:
-    """Mark the draws that are no background, shape (D,); by the base table, so that no other one moves the light."""
+    """Mark the draws that are not background, shape (D,); by the base table, for the same light in every table."""
     background = class_rows()[BACKGROUND].name
     known = {row.id: row.base_class != background for row in scene.instances if row.base_class}
     other = (scene.draws.label != BACKGROUND) & (scene.draws.label != UNLABELED)

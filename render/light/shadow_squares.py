@@ -17,7 +17,7 @@ I64 = NDArray[np.int64]
 
 SHARP_TEXEL = 0.02  # [m] side of a texel of the sharp maps, across the sun's rays
 _REACH = 25.0  # [m] everything that a camera sees within it is shadowed sharply
-_SHARE = 0.3  # of a map's side: a camera of a small map reaches no farther
+_SHARE = 0.3  # of a map's side: largest distance of sharp shadows for a small map
 _MARGIN = 0.5  # [m] a camera moves that far during a readout, and shadows are blurred
 
 
@@ -35,7 +35,7 @@ class ShadowSquares:
     of_pose: I64
 
     def together(self, rows: list[int]) -> list[int]:
-        """Order poses by their square, those of one square as they came.
+        """Order poses by their square, those of one square in their given order.
 
         Args:
             rows: Some of the poses.
@@ -44,7 +44,7 @@ class ShadowSquares:
 
 
 def near_reach(size: int) -> float:
-    """Tell how far from a camera shadows are sharp [m].
+    """Return the distance from a camera up to which shadows are sharp [m].
 
     Args:
         size: Side of the sharp map [px].

@@ -1,6 +1,6 @@
 """Shadow maps of the sun: one of the bridge and a coarse one of its surroundings, drawn once; a sharp one of a square.
 
-The sharp map is drawn again only when the camera leaves its square.
+The sharp map is only drawn again when the camera leaves its square.
 """
 
 import moderngl
@@ -18,9 +18,9 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 _NEAR_MARGIN = 6.0  # [m] the map of the bridge reaches beyond the region of interest
-_FAR_REACH = 300.0  # [m] no shadow is drawn farther from it
-_FILTER = 4  # [px] a map is not used that close to its rim: the filter would look beyond it
-_CUT_OUT_UNIT = 5  # the light's own textures stay bound from picture to picture, in the units before
+_FAR_REACH = 300.0  # [m] shadows farther away are not drawn
+_FILTER = 4  # [px] a map is not used this close to its edge, because the filter would read beyond it
+_CUT_OUT_UNIT = 5  # the light's own textures stay bound from image to image, in the units before
 _NOWHERE = np.array([1.0, 0.0, 0.0, -1.0])
 SHARP, NEAR, FAR = range(3)
 
@@ -78,7 +78,7 @@ class Shadows:
         self.texture.release()
 
     def squares(self, poses: F64, camera: Pinhole) -> ShadowSquares:
-        """Choose the squares that the cameras of a survey need sharp.
+        """Choose the squares in which the cameras of a survey need sharp shadows.
 
         Args:
             poses: camera_to_world [m], shape (N, 4, 4), float64.
@@ -100,7 +100,7 @@ class Shadows:
             self._draw(SHARP, center, SHARP_TEXEL * self._size / 2)
 
     def uniforms(self) -> dict[str, object]:
-        """Tell the surface shader how to look a shadow up."""
+        """List the surface shader's uniforms for looking up shadows."""
         length = 1.0 / float(np.linalg.norm(self.axes[2, :3]))
         return {
             "sun_axes": self.axes[:, :3].astype(np.float32).tobytes(),
@@ -109,7 +109,7 @@ class Shadows:
         }
 
     def seen_from(self, eye: F64) -> dict[str, object]:
-        """Tell the surface shader what changes with the camera.
+        """List the surface shader's uniforms that change with the camera.
 
         Args:
             eye: Camera centre, counted from the anchor [m], shape (3,), float64.
@@ -118,7 +118,7 @@ class Shadows:
         return {"sun_eye": tuple(place.tolist()), "shadow_maps": self.maps.astype(np.float32).tobytes()}
 
     def _draw(self, number: int, center: F64, half: float) -> None:
-        """Draw one map of the square around a place of the sun's view [m]."""
+        """Draw one map of the square around a position in the sun's view [m]."""
         size, context, gpu = self._size, self._gl.context, self._gpu
         self.maps[number] = [1 / half, *(-center / half), 1.0 - 2.0 * _FILTER / size]
         clip = np.vstack([self.axes, [0.0, 0.0, 0.0, 1.0]])
@@ -137,14 +137,14 @@ class Shadows:
 
 
 def depth_groups(gpu: GpuScene, rows: I64) -> list[tuple[tuple[str, ...], int, I64]]:
-    """Split draws by what their silhouette needs: nothing, or a cut-out texture.
+    """Group draws by whether their silhouette needs a cut-out texture.
 
     Args:
         gpu: Uploaded scene.
         rows: Draws, shape (N,), int64.
 
     Returns:
-        Features, material, and rows of the draws, shape (M,), int64, of each group; the material counts where there
+        Features, material, and rows of the draws, shape (M,), int64, of each group; the material is used if there
         are features.
     """
     rows = rows[~gpu.transparent_draws[rows]]
@@ -173,7 +173,7 @@ def _draw_depth(gl: Gl, programs: Programs, gpu: GpuScene, clip: F64, reached: I
 
 
 def _sun_axes(to_sun: F64, casters: F64) -> F64:
-    """Right and up of the sun's view [m], and its depth: 0 before the nearest caster, 1 behind the farthest."""
+    """Compute right and up of the sun's view [m], and its depth: 0 before the nearest caster, 1 behind the farthest."""
     up = np.array([0.0, 0.0, 1.0]) if abs(to_sun[2]) < 0.99 else np.array([0.0, 1.0, 0.0])
     right = np.cross(up, to_sun)
     right /= np.linalg.norm(right)

@@ -1,7 +1,7 @@
 """Fit of a light volume to the irradiance of surfaces, so that light does not leak through thin parts.
 
-Between two probes there may be a slab or a flange with one side lit and the other dark. So the irradiance of places on
-the surfaces is ray cast too, and the probes are changed as little as necessary to reproduce it in the shader.
+Between two probes there may be a slab or a flange with one side lit and the other dark. So the irradiance at positions
+on the surfaces is ray cast too, and the probes are changed as little as necessary to reproduce it in the shader.
 """
 
 from collections.abc import Callable
@@ -22,24 +22,24 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-_SEED = 28  # of places and of turns of their rays
-_TURNS = 61  # sets of rays, turned against each other
+_SEED = 28  # of positions and of the rotations of their rays
+_TURNS = 61  # sets of rays, rotated against each other
 _LIFT = 0.004  # [m] rays start off the surface
-_TOUCHING = 0.6  # [m] a surface that something covers this closely is not seen
-_COVERED = 0.6  # share of rays that end so: the place counts as covered, as a slab is by its surfacing
-_DARKEST = 0.03  # irradiance over the greatest below which errors count as they are, not as shares of it [1]
-_TRUST = 0.15  # weight of a probe as it was cast, against 1 of a place on a surface [1]
-_SMOOTH = 0.5  # weight of a difference between the changes of neighbouring probes, against `_TRUST` [1]
+_TOUCHING = 0.6  # [m] if a ray from a surface hits something this close, the surface may be covered
+_COVERED = 0.6  # share of such rays from which on the position counts as covered, such as a slab by its surfacing
+_DARKEST = 0.03  # share of the greatest irradiance below which errors count as absolute, not relative [1]
+_TRUST = 0.15  # weight of a probe's cast value, relative to 1 for a position on a surface [1]
+_SMOOTH = 0.5  # weight of a difference between the changes of neighbouring probes, relative to `_TRUST` [1]
 _STEPS = 40  # of conjugate gradients; the residual falls below a thousandth
-_SHARE = 0.7  # of the places lie on what is labelled [1]
+_SHARE = 0.7  # share of the positions that are on labeled objects [1]
 
 
 @dataclass(frozen=True)
 class Places:
-    """Places on surfaces.
+    """Positions on surfaces.
 
     Attributes:
-        position: Where [m], shape (N, 3), float64.
+        position: Positions [m], shape (N, 3), float64.
         normal: Unit normals [1], shape (N, 3), float64.
     """
 
@@ -48,13 +48,13 @@ class Places:
 
 
 def spread_places(tracer: LightTracer, low: F64, high: F64, count: int) -> Places:
-    """Spread places over the surfaces in a box by their area, most of them over what is labelled.
+    """Distribute positions over the surfaces in a box by area, most of them over labeled objects.
 
     Args:
         tracer: The scene.
         low: Lower corner of the box [m], shape (3,), float64.
         high: Upper corner [m], shape (3,), float64.
-        count: How many at most.
+        count: Largest number.
     """
     corners = tracer.corners
     inside = np.all((corners.max(axis=1) > low) & (corners.min(axis=1) < high), axis=1)
@@ -76,7 +76,7 @@ def _spread(
     lower, upper = np.maximum(corners.min(axis=1), low), np.minimum(corners.max(axis=1), high)
     span = corners.max(axis=1) - corners.min(axis=1)
     share = np.clip((upper - lower) / np.maximum(span, 1e-9), 1e-3, 1.0)
-    held = np.prod(np.where(span > 1e-6, share, 1.0), axis=1)  # about what share of it lies in the box
+    held = np.prod(np.where(span > 1e-6, share, 1.0), axis=1)  # approximate share of it in the box
     area = np.linalg.norm(np.cross(side, other), axis=1) * held
     if not len(rows) or not area.any():
         return np.zeros((0, 3)), np.zeros((0, 3))
@@ -93,15 +93,15 @@ def _spread(
 
 
 def cast_places(tracer: LightTracer, places: Places, rays: int) -> tuple[Places, F32, Hits]:
-    """Cast rays from places, more of them where light counts more: by the cosine.
+    """Cast rays from positions, distributed by the cosine to the normal.
 
     Args:
         tracer: The scene.
-        places: Places on its surfaces.
-        rays: Rays of each.
+        places: Positions on its surfaces.
+        rays: Number of rays of each.
 
     Returns:
-        Those that nothing covers; radiance along each ray [1], shape (N * rays, 3), float32; what the rays met.
+        Positions that are not covered; radiance along each ray [1], shape (N * rays, 3), float32; hits of the rays.
     """
     rng = np.random.default_rng(_SEED + 1)
     turns, _ = np.linalg.qr(rng.standard_normal((_TURNS, 3, 3)))
@@ -138,10 +138,10 @@ def cast_places(tracer: LightTracer, places: Places, rays: int) -> tuple[Places,
 def fit_to_surfaces(
     coefficients: F32, lower: F64, cell: float, places: Places, irradiance: F32, before: F32 | None = None
 ) -> F32:
-    """Change probes as little as it takes for surfaces to find their own irradiance one cell off them.
+    """Change probes as little as needed for the correct irradiance one cell off each surface.
 
-    Solves (A' W A + L) d = A' W (e - A c) for the change d, where A looks the volume up as the shader does and W and L
-    weigh errors as shares of the light.
+    Solves (A' W A + L) d = A' W (e - A c) for the change d, where A is the shader's look-up in the volume, and W and L
+    weigh errors as shares of the irradiance.
 
     Source: Hestenes and Stiefel, Methods of conjugate gradients for solving linear systems, 1952.
 
@@ -149,11 +149,12 @@ def fit_to_surfaces(
         coefficients: c0 to c3 of every probe [1], shape (Z, Y, X, 4, 3), float32.
         lower: Position of the first probe [m], shape (3,), float64.
         cell: Distance of neighbouring probes [m].
-        places: Places on surfaces, N of them.
-        irradiance: What they receive [1], shape (N, 3), float32.
-        before: Coefficients of an earlier fit, whose light errors are shares of [1], shape (Z, Y, X, 4, 3), float32. A
-            place casts few rays: as shares of what these few found, what they missed would count more than what they
-            met, and the fit would be a fifth too dark below decks. None: there is no better guess yet.
+        places: Positions on surfaces, N of them.
+        irradiance: Their irradiance [1], shape (N, 3), float32.
+        before: Coefficients of an earlier fit, whose irradiance errors are related to [1], shape (Z, Y, X, 4, 3),
+            float32. A position casts few rays: relative to the light that these few find, light that they miss would
+            count more than light that they hit, and the fit would be a fifth too dark below decks. None: there is no
+            earlier fit.
 
     Returns:
         Coefficients [1], shape (Z, Y, X, 4, 3), float32.
@@ -163,7 +164,8 @@ def fit_to_surfaces(
     if not len(wanted):
         return coefficients
     table = coefficients.reshape(-1, 3).astype(np.float64)
-    # Of surfaces and air: where few places are lit, those alone would make every error of the dark ones count hugely.
+    # From surfaces and air: if few positions are lit, surfaces alone would give the errors of dark ones too much
+    # weight.
     greatest = max(float(np.quantile(light.mean(axis=1), 0.99)) for light in (wanted, table[::4]))
     level = _DARKEST * max(greatest, 1e-9)
     guess = wanted if before is None else np.maximum(matrix @ before.reshape(-1, 3).astype(np.float64), 0)
@@ -182,7 +184,7 @@ def fit_to_surfaces(
 
 
 def _uneven(change: F64, held: F64, shape: tuple[int, ...]) -> F64:
-    """Weigh by how much a change differs between neighbouring probes, shape (M, 3)."""
+    """Weight the differences of the change between neighboring probes, shape (M, 3)."""
     grid = change.reshape(shape)
     weight = _SMOOTH * held.reshape(*shape[:4], 1)
     result = np.zeros(shape)
@@ -197,16 +199,17 @@ def _uneven(change: F64, held: F64, shape: tuple[int, ...]) -> F64:
 def look_up_matrix(
     counts: tuple[int, ...], lower: F64, cell: float, places: Places
 ) -> "tuple[csr_array, NDArray[np.bool_]]":
-    """Write the shader's look-up of a light volume as a matrix.
+    """Express the shader's look-up in a light volume as a matrix.
 
     Args:
         counts: Probes along x, y and z.
         lower: Position of the first probe [m], shape (3,), float64.
         cell: Distance of neighbouring probes [m].
-        places: Places on surfaces.
+        places: Positions on surfaces.
 
     Returns:
-        Weight of every coefficient, shape (N, 4 * probes), for the places that lie in the volume; which do, bool.
+        Weight of every coefficient, shape (N, 4 * probes), for the positions in the volume; whether each is in it,
+        bool.
     """
     from scipy.sparse import csr_array
 

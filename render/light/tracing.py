@@ -1,4 +1,4 @@
-"""Rays that gather light for the light volume: what they meet, and what it sends back of sun and sky."""
+"""Rays that gather light for the light volume: the surfaces that they hit, and the light that these reflect."""
 
 from dataclasses import dataclass
 
@@ -14,8 +14,8 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 _LIFT = 0.01  # [m] rays start off the surface
-# Share of light that a surface mirrors besides: that of Fresnel for a refractive index of 1.5 over the facets of a
-# roughness of 0.9, the mean over all directions. Grass, which is dark, sends back a third more by it.
+# Share of light that a surface reflects specularly in addition: that of Fresnel for a refractive index of 1.5 over the
+# facets of a roughness of 0.9, the mean over all directions. Grass, which is dark, reflects a third more because of it.
 # Source: Walter et al., Microfacet models for refraction, EGSR 2007.
 _MIRRORED = 0.025
 CHUNK = 400_000  # rays cast at once
@@ -23,14 +23,14 @@ CHUNK = 400_000  # rays cast at once
 
 @dataclass(frozen=True)
 class Hits:
-    """What rays met.
+    """Where rays hit surfaces.
 
     Attributes:
         ray: Number of the ray, shape (N,), int64.
-        position: Where it hit [m], shape (N, 3), float32.
+        position: Position of the hit [m], shape (N, 3), float32.
         normal: Unit normal that faces the ray [1], shape (N, 3), float32.
         albedo: Mean base colour there [1], shape (N, 3), float32.
-        near: Whether the hit is so near that the ray's start lies on or in something, shape (N,), bool.
+        near: Whether the hit is so near that the ray's start lies on or in a solid, shape (N,), bool.
         behind: Whether the ray hit the back of a face that is not `ALIKE` from both sides, shape (N,), bool.
     """
 
@@ -49,7 +49,7 @@ class LightTracer:
         corners: Corners of the triangles [m], shape (T, 3, 3), float64.
         normals: Their unit normals, outwards [1], shape (T, 3), float32.
         draws: Draw of each triangle, shape (T,), uint32.
-        scene: The scene without what light shines through.
+        scene: The scene without transparent draws.
     """
 
     def __init__(self, scene: FlatScene, light: Daylight, albedo: F64) -> None:
@@ -73,7 +73,7 @@ class LightTracer:
         self._rays = RayScene(self.corners, np.zeros(len(self.corners), np.uint32))
 
     def trace(self, origins: F64, directions: F64, touching: float = 0.0) -> tuple[F32, Hits]:
-        """Follow rays to what they meet first.
+        """Follow rays to their first hit.
 
         Args:
             origins: Starts [m], shape (N, 3), float64.
@@ -81,8 +81,8 @@ class LightTracer:
             touching: Distance up to which a hit counts as near [m].
 
         Returns:
-            Radiance that comes back along each ray from the sky, or from what the sun lights [1], shape (N, 3),
-            float32, and what was met.
+            Radiance along each ray from the sky, or from a sunlit surface [1], shape (N, 3),
+            float32, and the hits.
         """
         light = self._light
         distance, triangle, _ = self._rays.cast(origins, directions)
@@ -98,7 +98,7 @@ class LightTracer:
         return radiance, Hits(met, point.astype(np.float32), normal, color, distance[met] < touching, behind)
 
     def _sunlight(self, points: F64, normals: F32) -> F32:
-        """Cosine of the sun's rays where they reach a surface, else 0; shape (N,)."""
+        """Compute the cosine of the sun's rays where they reach a surface, else 0; shape (N,)."""
         light = self._light
         cosine = normals @ light.sun_direction.astype(np.float32)
         result = np.zeros(len(points), np.float32)
@@ -113,7 +113,7 @@ class LightTracer:
 
 
 def joined(parts: list[Hits]) -> Hits:
-    """Put the hits of several casts one after another.
+    """Concatenate the hits of several casts.
 
     Args:
         parts: Hits whose rays are numbered through.

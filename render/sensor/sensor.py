@@ -16,16 +16,16 @@ U8 = NDArray[np.uint8]
 U16 = NDArray[np.uint16]
 
 _BAND = 64  # rows developed at once
-_TILE = 128  # the noise tile is larger than a frame by this, so that every frame takes it from another place [px]
+_TILE = 128  # the noise tile is larger than a frame by this, so that every frame uses another part of it [px]
 _STEPS = 4096  # entries of the tone table
 _WHITEST = 6.0  # exposed radiance at the table's end; the curve is flat there
-_EXPOSED_GRAY, _LATITUDE = 0.20, 1.7  # where the middle tone and the brightest 2 % of a survey come to lie
-_LIT = 0.1  # share of the brightest card from which on a card counts as lit [1]
+_EXPOSED_GRAY, _LATITUDE = 0.20, 1.7  # exposed values of the middle tone and the brightest 2 % of a survey
+_LIT = 0.1  # share of the brightest gray card's luminance from which on a card counts as lit [1]
 _METER_STEP = 8  # [px]
 _BALANCES = (0.4, 2.5)  # least and most gain of a channel over that of green [1]
-_MOST_FOLLOWED = 2.0  # [EV] under a deck a camera opens that far
-_BRIGHT_SHARE = 0.9  # of a frame's pixels, sky among them, that an exposure keeps from burning out
-_WHITE_KEPT, _WHITE_BURNT = 1.3, 1.9  # where the brightest of these come to lie: in a survey, in a frame that follows
+_MOST_FOLLOWED = 2.0  # [EV] largest increase of the exposure, as under a deck
+_BRIGHT_SHARE = 0.9  # share of a frame's pixels, including sky, that an exposure must not clip
+_WHITE_KEPT, _WHITE_BURNT = 1.3, 1.9  # their largest exposed values: in a survey, in a frame with its own exposure
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Metering:
 
     Attributes:
         gain: Exposure [1].
-        follows: Whether the exposure of a frame follows its surfaces at all.
+        follows: Whether each frame's exposure depends on its surfaces.
         white: Gains of the red and blue channels that balance the survey's daylight [1].
     """
 
@@ -76,8 +76,8 @@ class Sensor:
         """Draw the noise tile and the tone table.
 
         Args:
-            settings: What the sensor is like.
-            metering: What was metered for the survey.
+            settings: Properties of the sensor.
+            metering: Metered values of the survey.
             brightest: Radiance of the largest pixel code [1].
             shape: Height and width of a frame [px].
             seed: Seed of the survey's sensor.
@@ -98,8 +98,8 @@ class Sensor:
         Args:
             frame: Number of the frame.
             code: Square root of radiance over the brightest one [65535], shape (H, W, 3), uint16.
-            surfaces: What the light is metered on, as a pilot does who points at the bridge and not at the sky, shape
-                (H, W), bool; None for the whole frame.
+            surfaces: Pixels that the light is metered on, like a pilot who points at the bridge and not at the sky,
+                shape (H, W), bool; None for the whole frame.
         """
         settings = self._settings
         if not settings.noise:
@@ -127,13 +127,13 @@ class Sensor:
 
         Args:
             code: Square root of radiance over the brightest one [65535], shape (H, W, 3), uint16.
-            exposure: What the sensor does at this frame.
+            exposure: Sensor values of this frame.
 
         Returns:
             sRGB colours [0 to 255], shape (H, W, 3), uint8.
         """
         gains = np.array([exposure.red, 1.0, exposure.blue], np.float32) * np.float32(exposure.gain * self._scale)
-        gains = np.tile(gains, code.shape[1])  # a third of the time that a broadcast over three numbers takes
+        gains = np.tile(gains, code.shape[1])  # takes a third of the time of a broadcast over three numbers
         pixels = np.empty(code.shape, np.uint8)
         for first in range(0, len(code), _BAND):
             band = slice(first, min(first + _BAND, len(code)))
@@ -141,7 +141,7 @@ class Sensor:
         return pixels
 
     def _develop_band(self, code: U16, band: slice, gains: F32, exposure: Exposure) -> U8:
-        """Develop some rows, so few that a processor's cache holds every step of them; shape (rows, W, 3)."""
+        """Develop some rows, few enough for every step to fit the processor's cache; shape (rows, W, 3)."""
         halo = self._reach if self._tile is not None else 0
         top, bottom = min(halo, band.start), min(halo, len(code) - band.stop)
         wide = slice(band.start - top, band.stop + bottom)
@@ -158,11 +158,11 @@ class Sensor:
 
     @property
     def _reach(self) -> int:
-        """Rows beyond a pixel that its blur takes light from [px]."""
+        """Number of rows beyond a pixel that contribute to its blur [px]."""
         return int(np.ceil(3 * self._settings.blur_sigma))
 
     def _disturb(self, light: F32, wide: slice, top: int, bottom: int, exposure: Exposure, tile: F32) -> F32:
-        """Vignette and blur rows, of which the `top` first and `bottom` last only lend light, then add noise."""
+        """Vignette and blur rows, the first `top` and last `bottom` of which only contribute light; then add noise."""
         settings = self._settings
         if settings.vignetting > 0:
             light *= cv2.merge([_vignette(self._shape, settings.vignetting, wide)] * 3)
@@ -187,7 +187,7 @@ def meter(luminance: F32, card: F32 | None = None, sky: F32 | None = None) -> fl
 
     Args:
         luminance: Linear luminance of surfaces in some frames [1], shape (N,), float32.
-        card: That of grey cards in their place [1], shape (N,), float32: the middle of what is lit of them counts then.
+        card: That of gray cards in their place [1], shape (N,), float32; the median of the lit ones is then used.
         sky: Linear luminance of the sky in the same frames [1], shape (M,), float32.
 
     Returns:
@@ -207,11 +207,11 @@ def meter(luminance: F32, card: F32 | None = None, sky: F32 | None = None) -> fl
 
 
 def balance(light: NDArray[np.float64], share: float) -> tuple[float, float]:
-    """Compute the white balance of a survey from the daylight; warm light stays slightly warm.
+    """Compute the white balance of a survey from the daylight; warm light remains slightly warm.
 
     Args:
         light: Irradiance of level open ground by sun and sky [1], shape (3,), float64.
-        share: Share of its cast that is taken away [1].
+        share: Share of its color cast that is removed [1].
 
     Returns:
         Gains of the red and the blue channel [1].
@@ -223,7 +223,7 @@ def balance(light: NDArray[np.float64], share: float) -> tuple[float, float]:
 
 
 def _vignette(shape: tuple[int, int], loss: float, rows: slice) -> F32:
-    """Share of the light that reaches each pixel, falling with the squared distance from the middle, (rows, W)."""
+    """Compute the share of light at each pixel; it falls with the squared distance from the middle, (rows, W)."""
     height, width = shape
     down = (np.arange(height)[rows, None] + 0.5) / height * 2 - 1
     across = (np.arange(width) + 0.5) / width * 2 - 1
@@ -232,7 +232,7 @@ def _vignette(shape: tuple[int, int], loss: float, rows: slice) -> F32:
 
 
 def _tone_table() -> U8:
-    """Exposed radiance by its square root to sRGB: a filmic shoulder, and shadows as open as a camera's.
+    """Tabulate sRGB by the square root of exposed radiance: a filmic shoulder, and shadows as bright as a camera's.
 
     Source: the rational form of Narkowicz, ACES filmic tone mapping curve, 2016, with a flatter toe; sRGB of
     IEC 61966-2-1.

@@ -23,7 +23,7 @@ def read_out(track: CameraTrack, height: int, settings: SensorSettings, seed: in
     Args:
         track: Camera and poses.
         height: Image height [px].
-        settings: Number of bands, and how much the camera trembles.
+        settings: Number of bands, and the camera's vibration.
         seed: Seed of the survey's sensor.
 
     Returns:
@@ -50,7 +50,7 @@ def read_out(track: CameraTrack, height: int, settings: SensorSettings, seed: in
 
 
 def flight_velocity(track: CameraTrack) -> F64:
-    """Take the velocity at each image from the images before and after it.
+    """Compute the velocity at each image from the images before and after it.
 
     Args:
         track: Camera and poses; without capture times it hovers.

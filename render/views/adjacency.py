@@ -1,4 +1,4 @@
-"""Which triangles share an edge: a ray that just misses what a pixel shows may meet the face round the corner."""
+"""Triangles that share an edge: a ray that just misses the surface that a pixel shows may hit a neighboring face."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ def edge_neighbors(geometry: Geometry) -> I32:
     """Find for each edge of each triangle the triangle of the same part that shares it, by position.
 
     Args:
-        geometry: Meshes; vertices of one place count as one, for flat shading doubles them.
+        geometry: Meshes; vertices at the same position count as one, because flat shading duplicates them.
 
     Returns:
         Triangle counted from the part's first, `NONE` for an open edge; edges from corner 0 to 1, 1 to 2, 2 to 0;

@@ -10,16 +10,16 @@ from render.light.illumination import FIRST_FREE_UNIT
 
 
 class Blending:
-    """A copy of a photograph in linear light, that surfaces are blended into."""
+    """A copy of a photograph in linear light, into which surfaces are blended."""
 
     def __init__(self, gl: Gl, programs: Programs, color: moderngl.Texture, depth: Any) -> None:
-        """Make the copy's target.
+        """Create the textures and framebuffers.
 
         Args:
             gl: Open context.
             programs: Shader programs.
             color: The photograph's code, shape (H, W, 4).
-            depth: The depth of what is opaque on it.
+            depth: The depth of its opaque surfaces.
         """
         context = gl.context
         self._gl, self._programs, self._color = gl, programs, color
@@ -30,7 +30,7 @@ class Blending:
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
 
     def begin(self, span: tuple[int, int]) -> None:
-        """Copy some rows, and let surfaces be blended into them.
+        """Copy some rows, and enable blending into them.
 
         Args:
             span: First row, and the row after the last.
@@ -39,7 +39,7 @@ class Blending:
         self._fill(self._copy, span, "linear.frag", "codes", self._color)
         self._open(self._surfaces, span)
         context.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)
-        context.depth_func, context.front_face = ">=", "cw"  # as where the opaque ones are drawn
+        context.depth_func, context.front_face = ">=", "cw"  # as for opaque surfaces
         context.blend_func = (
             moderngl.SRC_ALPHA,
             moderngl.ONE_MINUS_SRC_ALPHA,
@@ -49,7 +49,7 @@ class Blending:
         self._surfaces.depth_mask = False
 
     def end(self, span: tuple[int, int]) -> None:
-        """Bring what was blended back into the photograph.
+        """Copy the result back into the photograph.
 
         Args:
             span: As for `begin`.

@@ -1,4 +1,4 @@
-"""The camera of a survey: draws a frame at its moment of the scene and through its lens."""
+"""The camera of a survey: draws a frame at its moment of the scene, and with its lens."""
 
 from collections.abc import Callable
 
@@ -16,14 +16,14 @@ class CameraBody:
     """Draws frames of one survey.
 
     Attributes:
-        widest: Intrinsics of all that it draws.
-        prepared: What it draws now.
+        widest: Intrinsics of the drawn views.
+        prepared: The scene at the current moment.
     """
 
     def __init__(
         self, track: CameraTrack, camera: Pinhole, readout: Readout | None, prepared: Prepared, scene: FlatScene
     ) -> None:
-        """Make the targets.
+        """Create the framebuffers.
 
         Args:
             track: Camera and poses.
@@ -35,7 +35,7 @@ class CameraBody:
         self._track, self._camera = track, camera
         self._bands = readout.bands if readout is not None else ((0, camera.height),)
         self._poses = readout.poses if readout is not None else track.poses[:, None]
-        self._scene = scene if scene.moments else None  # else its meshes are let go
+        self._scene = scene if scene.moments else None  # otherwise its meshes are freed
         self._lens, self._first, self._moment = None, prepared, -1 if scene.moments else 0
         self.prepared, self.widest = prepared, camera
         self._painter: Painter
@@ -46,7 +46,7 @@ class CameraBody:
             self.widest = self._lens.wide
 
     def moment(self, row: int) -> int:
-        """Tell which moment of the scene a frame shows.
+        """Return the moment of the scene that a frame shows.
 
         Args:
             row: Number of the frame.
@@ -71,7 +71,7 @@ class CameraBody:
             self._lens = self._lens.meeting(self.prepared.ray_geometry(scene))
 
     def shoot(self, row: int) -> Shot:
-        """Draw a frame now, and return how to get its view, which another thread may do once.
+        """Draw a frame now, and return a function for its view, which another thread may call once.
 
         It keeps no reference to the view afterwards, because a thread pool holds its arguments until after the next
         frame is begun.

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from render.gpu.context import Gl
 
-AWAY_UNIT = 13  # behind those of light, materials and draws
+AWAY_UNIT = 13  # after those of light, materials and draws
 _ROWS = 64  # of the photograph, at once
 U16 = NDArray[np.uint16]
 
@@ -20,12 +20,12 @@ class CoverageLayer:
 
         Args:
             gl: Open context.
-            behind: Its depth hides ribbons.
+            behind: Framebuffer whose depth hides ribbons.
         """
         self._gl, context = gl, gl.context
         self._image = context.texture(behind.size, 4, dtype="f2")
         self._target = context.framebuffer([self._image], behind.depth_attachment)
-        self._away: moderngl.Texture | None = None  # depth of ribbons [m], where panes may hide them
+        self._away: moderngl.Texture | None = None  # depth of ribbons [m], where transparent surfaces may hide them
         self._measured = self._target
         self._reader = context.framebuffer([self._image])
         self._touched = False
@@ -35,13 +35,13 @@ class CoverageLayer:
         self._touched = False
 
     def bind(self, first: int, end: int, rows: int, *, panes: bool = False) -> None:
-        """Let ribbons be drawn on some rows of the photograph.
+        """Prepare for drawing ribbons on some rows of the photograph.
 
         Args:
             first: First row.
             end: Row after the last.
             rows: Rows of the whole photograph.
-            panes: Whether what light shines through comes after them.
+            panes: Whether transparent surfaces are drawn after them.
         """
         context, scale = self._gl.context, self._image.height // rows
         self._target.scissor = None  # pyright: ignore[reportAttributeAccessIssue]
@@ -62,10 +62,11 @@ class CoverageLayer:
         context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
 
     def open_panes(self) -> None:
-        """Let what light shines through be drawn over the ribbons behind it, on the rows that were opened for it.
+        """Prepare for drawing transparent surfaces over the ribbons behind them, on the rows chosen by `bind`.
 
-        A pane over a ribbon over all else is the pane over all else but where the ribbon covers it, and then the pane
-        over the ribbon: its light counts by the share that ribbons cover, which it leaves as it is.
+        A transparent surface over a ribbon over the scene equals the surface over the scene where no ribbon covers it,
+        and the surface over the ribbon elsewhere: its light is weighted by the share that ribbons cover, which it does
+        not change.
         """
         context = self._gl.context
         self._target.use()
@@ -81,7 +82,7 @@ class CoverageLayer:
         self._away.use(AWAY_UNIT)
 
     def composite(self, code: U16, first: int, end: int, rows: int) -> None:
-        """Lay what was drawn over some rows of a photograph, in place.
+        """Composite the ribbons over some rows of a photograph, in place.
 
         Args:
             code: Square root of linear radiance over the brightest one [65535], shape (end - first, W, 3), uint16.
@@ -96,7 +97,7 @@ class CoverageLayer:
             self._composite_band(code[top - first : bottom - first], top, self._image.height // rows)
 
     def _composite_band(self, code: U16, first: int, scale: int) -> None:
-        """Lay some rows, `scale` times as many of the layer's own, over those of a photograph, in place."""
+        """Composite some rows, `scale` times as many in the layer, over those of a photograph, in place."""
         box = (0, scale * first, self._image.width, scale * len(code))
         data = np.frombuffer(self._reader.read(box, 4, dtype="f2"), np.float16).reshape(box[3], box[2], 4)
         if scale > 1:

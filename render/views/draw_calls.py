@@ -1,4 +1,4 @@
-"""Draws a scene onto whatever is open: its depth alone, surfaces, what light shines through, ids, the sky."""
+"""Draws a scene into the bound framebuffer: depth alone, surfaces, transparent surfaces, ids, the sky."""
 
 from dataclasses import dataclass
 
@@ -20,19 +20,19 @@ from usd_schemas.pinhole import Pinhole
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-_LARGE = 100.0  # [px] a triangle; what is made of smaller ones costs more to draw twice than it hides
+_LARGE = 100.0  # [px] a triangle; for meshes of smaller ones, drawing the depth first costs more than it saves
 
 
 @dataclass(frozen=True)
 class Sight:
-    """Where a view is taken from.
+    """Camera, pose and projection of a view.
 
     Attributes:
         camera: Intrinsics.
         pose: Camera pose [m], shape (4, 4), float64.
         near: Near plane [m].
-        clip: What takes positions relative to the camera to the image, as OpenGL wants it.
-        waterline: Height over the camera below which nothing is drawn where shaders ask for it [m].
+        clip: Projection of positions relative to the camera, in OpenGL's layout.
+        waterline: Height above the camera below which shaders of reflections draw nothing [m].
     """
 
     camera: Pinhole
@@ -51,17 +51,17 @@ class DrawCalls:
     """Draws rows of one scene at a time.
 
     Attributes:
-        more: Uniforms that surfaces take besides, by name.
+        more: Further uniforms of surfaces, by name.
     """
 
     def __init__(self, gl: Gl, programs: Programs, gpu: GpuScene, lamps: Lamps, half_size: tuple[float, float]) -> None:
-        """Make what holds draw commands.
+        """Create the buffers of draw commands.
 
         Args:
             gl: Open context.
             programs: Shader programs.
             gpu: Uploaded scene.
-            lamps: What lights it.
+            lamps: Its lights.
             half_size: Half the width and height of the image that ribbons are drawn on [px].
         """
         self._gl, self._programs, self._half_size = gl, programs, half_size
@@ -72,11 +72,11 @@ class DrawCalls:
         self.move(gpu, lamps)
 
     def move(self, gpu: GpuScene, lamps: Lamps) -> None:
-        """Draw another moment of the scene from now on.
+        """Switch to another moment of the scene.
 
         Args:
             gpu: The scene, uploaded.
-            lamps: What lights it.
+            lamps: Its lights.
         """
         for array in self._arrays.values():
             array.release()
@@ -88,11 +88,11 @@ class DrawCalls:
         self._tables = {"": gpu.commands, "FADES": gpu.ribbons.surfaces, "RIBBON": gpu.ribbons.ribbons}
 
     def worth_hiding(self, rows: I64, sight: Sight) -> I64:
-        """Choose the draws that hide more shading than it costs to draw their depth first, shape (M,).
+        """Choose the draws whose depth is drawn first, because they hide more shading than that costs, shape (M,).
 
         Args:
             rows: Draws, shape (N,), int64.
-            sight: Where they are seen from.
+            sight: The view.
         """
         gpu, rows = self._gpu, rows[self._solid[rows]]
         half = np.linalg.norm(gpu.upper[rows] - gpu.lower[rows], axis=1) / 2
@@ -105,7 +105,7 @@ class DrawCalls:
 
         Args:
             rows: Draws, shape (N,), int64.
-            sight: Where they are seen from.
+            sight: The view.
         """
         self._write_commands([rows], "")
         program = self._programs.get("surface.vert", "shadow.frag")
@@ -117,20 +117,20 @@ class DrawCalls:
 
         Args:
             rows: Draws, shape (N,), int64.
-            sight: Where they are seen from.
-            features: What their shaders are compiled with.
-            kind: Empty for all of them, `FADES` for bars that fade where they are thin, `RIBBON` for these's ribbons.
+            sight: The view.
+            features: Features of their shaders.
+            kind: Empty for all of them, `FADES` for bars that fade where they are thin, `RIBBON` for their ribbons.
         """
         self._gl.context.depth_func = ">="
         self._shade(self._gpu.grouped(rows), sight, features + (("BAR", kind) if kind else ()), kind)
 
     def panes(self, rows: I64, sight: Sight, features: tuple[str, ...]) -> None:
-        """Shade what light shines through, from the farthest to the nearest.
+        """Shade transparent surfaces, from the farthest to the nearest.
 
         Args:
             rows: Draws, shape (N,), int64.
-            sight: Where they are seen from.
-            features: What their shaders are compiled with.
+            sight: The view.
+            features: Features of their shaders.
         """
         context, gpu = self._gl.context, self._gpu
         away = np.linalg.norm((gpu.lower[rows] + gpu.upper[rows]) / 2 - sight.eye, axis=1)
@@ -146,8 +146,8 @@ class DrawCalls:
 
         Args:
             rows: Draws, shape (N,), int64.
-            sight: Where they are seen from.
-            extra: `NORMALS` or `TRIANGLES` where one more image is drawn.
+            sight: The view.
+            extra: `NORMALS` or `TRIANGLES` if one more image is drawn.
         """
         groups = depth_groups(self._gpu, rows)
         self._write_commands([members for *_, members in groups], "")
@@ -166,11 +166,11 @@ class DrawCalls:
         self._gpu.wraps.clear()
 
     def facets(self, corners: NDArray[np.void], sight: Sight) -> None:
-        """Draw the depth of long thin triangles anew, where they are what is seen.
+        """Draw the depth of long thin triangles again, where they are visible.
 
         Args:
             corners: Their corners, shape (N,), as `Facets.seen` gives them.
-            sight: Where they are seen from.
+            sight: The view.
         """
         self._gl.context.depth_func = "=="
         program = self._programs.get("surface.vert", "facet.frag", ("FACET",))
@@ -184,11 +184,11 @@ class DrawCalls:
         self._arrays[program].render(moderngl.TRIANGLES, len(corners))
 
     def sky(self, sight: Sight, features: tuple[str, ...]) -> None:
-        """Draw the dome where nothing else is.
+        """Draw the sky where nothing else is drawn.
 
         Args:
-            sight: Where it is seen from.
-            features: What its shader is compiled with.
+            sight: The view.
+            features: Features of its shader.
         """
         program = self._programs.get("sky.vert", "sky.frag", features)
         if program not in self._arrays:
@@ -235,7 +235,7 @@ class DrawCalls:
             self._commands.write(self._tables[kind][np.concatenate(groups)].tobytes())
 
     def _run(self, program: moderngl.Program, rows: I64, first: int, waiting: int, kind: str) -> int:
-        """Draw some rows, whose commands begin at the `first`; `waiting` and the result are as of `run_commands`."""
+        """Draw rows, whose commands begin at number `first`; `waiting` and the result are as for `run_commands`."""
         triangles = self._tables[kind]["count"][rows].astype(np.int64) // 3
         if program not in self._arrays:
             make = self._gpu.bar_array if kind else self._gpu.vertex_array

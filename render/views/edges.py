@@ -16,17 +16,17 @@ U32 = NDArray[np.uint32]
 
 _SINGLE = np.float32(
     2 / 3
-)  # of steps of one pixel both ways: an edge at 45 degrees takes a sixth of a pixel in the mean
-_JUMP_BITS = 2**17  # of a float's: 1.6 to 3.1 %
-_JUMP = 0.02  # relative step of 1 / depth beyond its slope on both sides: a surface in front of itself
+)  # for steps of one pixel in both directions: an edge at 45 degrees covers a sixth of a pixel on average
+_JUMP_BITS = 2**17  # difference of the bits of two floats: 1.6 to 3.1 %
+_JUMP = 0.02  # relative step of 1 / depth beyond its slope on both sides: one part of a surface in front of another
 
 
 def smooth_edges(code: U16, draw: U32, depth: F32) -> None:
     """Blend the pixels along edges of a photograph in place.
 
     Args:
-        code: Square root of linear radiance over some brightest one [65535], shape (H, W, 3), uint16.
-        draw: What each pixel shows, shape (H, W), uint32.
+        code: Square root of linear radiance over a maximum [65535], shape (H, W, 3), uint16.
+        draw: Draw that each pixel shows, shape (H, W), uint32.
         depth: Planar depth [m], +inf for sky, shape (H, W), float32.
     """
     width = draw.shape[1]
@@ -49,7 +49,7 @@ def _edges(draw: U32, depth: F32, axis: int) -> Bools:
     count = draw.shape[axis]
     here, there = ((slice(None),) * axis + (slice(first, count - 1 + first),) for first in (0, 1))
     found = draw[here] != draw[there]
-    bits = depth.view(np.int32)  # of a positive float: they grow as its logarithm does, and sky is finite
+    bits = depth.view(np.int32)  # of positive floats: they increase like a logarithm, and infinity's are finite
     place = list(np.nonzero((np.abs(bits[here] - bits[there]) > _JUMP_BITS) & ~found))
     inverse = []
     for step in (-1, 0, 1, 2):
@@ -88,8 +88,8 @@ def _shares(across: Bools, beside: Bools) -> tuple[I64, I64, F32]:
     left = _turn(beside, row, first - 1)
     right = _turn(beside, row, last)
     single = first == last
-    kept = ((left != 0) | (right != 0)) & (left != right)  # what turns the same way twice is a corner or two
-    kept &= ~single | (left == -right)  # and a single step belongs to the runs that it joins
+    kept = ((left != 0) | (right != 0)) & (left != right)  # a run that turns the same way twice is one or two corners
+    kept &= ~single | (left == -right)  # a single step belongs to the runs that it connects
     left, right = left * np.where(single, _SINGLE, 1), right * np.where(single, _SINGLE, 1)
     row, first, length, left, right = row[kept], first[kept], (last - first + 1)[kept], left[kept], right[kept]
     run = np.repeat(np.arange(len(row)), length)
@@ -107,7 +107,7 @@ def _shares(across: Bools, beside: Bools) -> tuple[I64, I64, F32]:
 def _turn(beside: Bools, row: I64, column: I64) -> F32:
     """Which way edges turn where a run ends: 0.5 up, -0.5 down, 0 neither or both, shape (N,).
 
-    A slanted edge that runs along rows rises by one pixel at a time: what turns for longer is a corner, and stays.
+    A slanted edge that runs along rows rises by one pixel at a time: a longer turn is a corner, and is kept.
     """
     height = len(beside)
     inside = (column >= 0) & (column < beside.shape[1])
@@ -126,7 +126,7 @@ def _fall(place: F32) -> F32:
 
 
 def _blend(code: U16, pixels: I64, others: I64, shares: F32) -> None:
-    """Mix other pixels' light into some pixels; a pixel may come more than once."""
+    """Mix other pixels' light into some pixels; a pixel may occur more than once."""
     touched = np.zeros(code.shape[0], bool)
     touched[pixels] = True
     every = np.flatnonzero(touched)

@@ -25,9 +25,9 @@ U16 = NDArray[np.uint16]
 U32 = NDArray[np.uint32]
 
 _MARGIN = 3  # [px] around the wider view
-_FINEST = (5, 4, 3, 2)  # finer pixels to one, along rows and columns: railings and grass are thinner than a pixel
+_FINEST = (5, 4, 3, 2)  # finer pixels per pixel, along rows and columns: railings are thinner than a pixel
 _MOST_FINE = 24_000_000  # finer pixels of one view; each takes 16 bytes
-_SMALL = 4.0  # [px^2] the ray may have missed a smaller triangle and still have met its neighbour
+_SMALL = 4.0  # [px^2] a ray may have missed a smaller triangle and hit its neighbor
 Window = tuple[int, int]
 Index = int | np.int64
 
@@ -41,10 +41,10 @@ class Geometry(NamedTuple):  # numba reads these, and no data classes
         triangles: Vertex numbers, shape (T, 3), uint32.
         first: First triangle of each draw, shape (D,), int64.
         transform: Mesh to world [m], shape (D, 4, 4), float64.
-        cofactor: What turns each draw's normals [1], shape (D, 3, 3), float64.
+        cofactor: Cofactors that transform each draw's normals [1], shape (D, 3, 3), float64.
         mirrored: Whether a draw is mirrored, shape (D,), bool.
-        alike: Whether both sides of a draw take the same light, shape (D,), bool.
-        cut_out: Whether a draw has holes that only its texture knows, shape (D,), bool.
+        alike: Whether both sides of a draw are lit alike, shape (D,), bool.
+        cut_out: Whether a draw has holes in its texture, shape (D,), bool.
         neighbors: Triangles that share an edge, counted within the part, shape (T, 3), int32.
     """
 
@@ -61,11 +61,11 @@ class Geometry(NamedTuple):  # numba reads these, and no data classes
 
 
 def ray_geometry(scene: FlatScene, cut_out: NDArray[np.bool_]) -> Geometry:
-    """Lay a scene out for the kernel.
+    """Convert a scene to the kernel's layout.
 
     Args:
         scene: A scene.
-        cut_out: Whether each draw has holes that only its texture knows, shape (D,), bool.
+        cut_out: Whether each draw has holes in its texture, shape (D,), bool.
     """
     geometry, draws = scene.geometry, scene.draws
     linear = draws.transform[:, :3, :3]
@@ -88,7 +88,7 @@ def ray_geometry(scene: FlatScene, cut_out: NDArray[np.bool_]) -> Geometry:
 
 
 class _Wider(NamedTuple):
-    """A wider view, and where a lens looks at it, as the kernel reads it."""
+    """A wider view, and the positions of a lens's pixels in it, in the kernel's layout."""
 
     draw: U32  # its finer pixels
     triangle: U32
@@ -106,23 +106,23 @@ class Lens:
         """Return the same lens with the geometry of another moment of the scene.
 
         Args:
-            geometry: What a ray may meet.
+            geometry: Triangles that rays may hit.
         """
         other = copy(self)
         other._geometry = geometry
         return other
 
     def __init__(self, camera: Pinhole, distortion: Distortion, geometry: Geometry, *, normals: bool) -> None:
-        """Find each pixel's place in the wider view.
+        """Find each pixel's position in the wider view.
 
         Args:
             camera: Intrinsics of the distorted image.
             distortion: Distortion of the lens.
-            geometry: What a ray may meet.
-            normals: Whether normals are wanted.
+            geometry: Triangles that rays may hit.
+            normals: Whether normals are needed.
 
         Raises:
-            InputError: The distortion folds inside the image.
+            InputError: The distortion has no inverse inside the image.
         """
         self._geometry, self._normals = geometry, normals
         rows, columns = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
@@ -172,7 +172,7 @@ class Lens:
         return View(code, draw, depth, normal if self._normals else None)
 
     def _from_camera(self, pose: F64) -> Geometry:
-        """Transform the geometry to what a camera sees of it."""
+        """Transform the geometry to the camera's coordinates."""
         geometry = self._geometry
         linear = pose[:3, :3].T @ geometry.transform[:, :3, :3]
         shift = (geometry.transform[:, :3, 3] - pose[:3, 3]) @ pose[:3, :3]
@@ -181,7 +181,7 @@ class Lens:
 
 
 def _resample(code: U16, place: F64) -> U16:
-    """Look the photograph up between pixels; a cubic keeps what a lens would keep."""
+    """Look the photograph up between pixels; a cubic interpolation keeps the sharpness of a lens."""
     across, down = (np.ascontiguousarray(place[..., axis] - 0.5, np.float32) for axis in (0, 1))
     image = np.ascontiguousarray(code)
     found = cv2.remap(image, across, down, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
@@ -190,7 +190,7 @@ def _resample(code: U16, place: F64) -> U16:
 
 @njit(cache=True, nogil=True)
 def _meet(wider: _Wider, seen: Geometry, draw_out: U32, depth_out: F32, normal_out: F32, wants_normals: bool) -> None:
-    """Cut the ray of each pixel with the triangles in the square of finer pixels about its place."""
+    """Intersect the ray of each pixel with the triangles in the square of finer pixels around its position."""
     height, width = wider.draw.shape
     around, near = wider.around, wider.near
     corners, known, chosen = np.empty((3, 3)), np.empty((4 * around * around, 2), np.int64), np.empty(3)
@@ -224,7 +224,7 @@ def _meet(wider: _Wider, seen: Geometry, draw_out: U32, depth_out: F32, normal_o
 
 @njit(cache=True, nogil=True)
 def _candidates(known: NDArray[np.int64], wider: _Wider, seen: Geometry, left: int, top: int) -> tuple[int, bool]:
-    """List the triangles that the pixels around show, the middle one's first, then those that share their edges."""
+    """List the triangles that the pixels around show, the middle one's first, and then their neighbors."""
     height, width = wider.draw.shape
     around, cut_out = wider.around, seen.cut_out
     count, sky = 0, False
@@ -273,7 +273,7 @@ def _corners(corners: F64, seen: Geometry, draw: Index, part: Index) -> None:
 
 @njit(cache=True, nogil=True)
 def _volume(a: F64, b: F64, x: float, y: float) -> float:
-    """Volume between the ray (x, y, 1) and two corners; its sign says on which side of their edge the ray goes."""
+    """Compute the volume between the ray (x, y, 1) and two corners; its sign tells on which side it passes."""
     return x * (a[1] * b[2] - a[2] * b[1]) + y * (a[2] * b[0] - a[0] * b[2]) + (a[0] * b[1] - a[1] * b[0])
 
 

@@ -1,4 +1,4 @@
-"""What water mirrors: the scene from below its surface, drawn once a view, small, for the photograph alone."""
+"""Reflections in water: the scene drawn from below the water surface, once per view, small, only for the photograph."""
 
 from dataclasses import dataclass, replace
 
@@ -15,22 +15,22 @@ from usd_schemas.pinhole import Pinhole
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-_SMALLER = 5  # pixels of the photograph along a side of one of the image's
+_SMALLER = 5  # pixels of the photograph along a side of one pixel of the reflection
 _MOST = 40_000  # triangles
-_LEAST = 2.0  # [px] of the image: what is smaller leaves no image on ripples
-_LOWEST = 0.2  # [m] a camera nearer to the water sees no image of its own
-_NOWHERE = -1e9  # [m] a level that no water has
-_FAR = 3000.0  # [m] water farther away than that mirrors the sky alone
+_LEAST = 2.0  # [px] of the reflection: smaller objects are not drawn, because ripples hide them
+_LOWEST = 0.2  # [m] a camera closer to the water has no reflections drawn for it
+_NOWHERE = -1e9  # [m] a level without any water
+_FAR = 3000.0  # [m] water farther away reflects only the sky
 
 
 @dataclass(frozen=True)
 class Image:
-    """An image of what one level of water mirrors.
+    """An image of the reflections in one level of water.
 
     Attributes:
         level: Height of the water [m].
         eye: Camera centre that it was drawn for [m], shape (3,), float64.
-        clip: What takes positions on the water relative to that centre to the image [1], shape (4, 4), float64.
+        clip: Projection of positions on the water, relative to that center, to the image [1], shape (4, 4), float64.
     """
 
     level: float
@@ -39,10 +39,10 @@ class Image:
 
 
 class Mirror:
-    """Draws what the nearest water of a view mirrors."""
+    """Draws the reflections in the nearest water of a view."""
 
     def __init__(self, gl: Gl, camera: Pinhole) -> None:
-        """Make the image.
+        """Create the image.
 
         Args:
             gl: Open context.
@@ -61,14 +61,14 @@ class Mirror:
         self._target = gl.context.framebuffer([self.texture], depth)
 
     def draw(self, gpu: GpuScene, calls: DrawCalls, pose: F64, near: float, features: tuple[str, ...]) -> Image | None:
-        """Draw what the nearest water mirrors; None where no water is near.
+        """Draw the reflections in the nearest water; None if no water is near.
 
         Args:
             gpu: The scene, uploaded.
             calls: Draws its rows.
             pose: Camera pose [m], shape (4, 4), float64.
             near: Near plane [m].
-            features: What the surfaces' shaders are compiled with.
+            features: Features of the surfaces' shaders.
         """
         level = self._level(gpu, pose)
         if level is None:
@@ -82,7 +82,7 @@ class Mirror:
         context = self._gl.context
         self._target.use()
         context.enable_only(moderngl.DEPTH_TEST)
-        context.depth_func, context.front_face = ">", "ccw"  # mirrored, so that windings are as they were
+        context.depth_func, context.front_face = ">", "ccw"  # mirrored, which restores the winding
         self._gl.functions.clear_depth(0.0)
         self._gl.functions.clear_color(0, (0.0, 0.0, 0.0, 0.0))
         gpu.place(eye)
@@ -103,7 +103,7 @@ class Mirror:
         return float(height[good[np.argmin(away[good])]]) if len(good) else None
 
     def _worth_mirroring(self, gpu: GpuScene, pose: F64, level: float) -> I64:
-        """Choose the draws above the water that are large in the image, the largest first where they are too many."""
+        """Choose the draws above the water that are large in the image, the largest first if there are too many."""
         lower, upper = gpu.lower.copy(), gpu.upper.copy()
         lower[:, 2], upper[:, 2] = 2 * level - gpu.upper[:, 2], 2 * level - gpu.lower[:, 2]
         rows = visible_boxes(lower, upper, self._camera, pose)
@@ -123,12 +123,12 @@ class Mirror:
 
 
 def look_up_uniforms(image: Image | None, eye: F64, anchor: F64, unit: int) -> dict[str, object]:
-    """List what the water's shader needs to look an image up.
+    """List the uniforms of the water's shader for looking up an image.
 
     Args:
-        image: The image; None where there is none.
-        eye: Camera centre of what is drawn [m], shape (3,), float64.
-        anchor: Point that shading counts positions from [m], shape (3,), float64.
+        image: The image; or None.
+        eye: Camera center of the view [m], shape (3,), float64.
+        anchor: Origin of positions in the shading [m], shape (3,), float64.
         unit: Texture unit of the image.
     """
     clip, level = np.eye(4), _NOWHERE

@@ -20,7 +20,7 @@ from render.views.mirror import Image, Mirror, look_up_uniforms
 from render.views.targets import Targets, View
 from usd_schemas.pinhole import Pinhole
 
-MIRROR_UNIT = 14  # behind those of light, materials, draws and ribbons
+MIRROR_UNIT = 14  # after those of light, materials, draws and ribbons
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
@@ -30,8 +30,8 @@ class _Seen:
     """The draws that a view may show, each of shape (N,), int64."""
 
     opaque: I64
-    thin: I64  # opaque, with bars that may be too thin for samples
-    through: I64  # light shines through it
+    thin: I64  # opaque, with bars that may be thinner than a pixel
+    through: I64  # transparent
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class ViewOptions:
     Attributes:
         quality: `fast`, `standard` or `fine`.
         extra: `NORMALS` or `TRIANGLES` for one more exact image, or empty.
-        finer: How many times finer than the photograph the exact images are, along rows and columns.
+        finer: Resolution of the exact images as a multiple of the photograph's, along rows and columns.
         cards: Everything is drawn as a grey card.
     """
 
@@ -63,13 +63,13 @@ class Painter:
         camera: Pinhole,
         options: ViewOptions,
     ) -> None:
-        """Make the targets.
+        """Create the framebuffers.
 
         Args:
             gl: Open context.
             programs: Shader programs.
             gpu: Uploaded scene.
-            lamps: What lights it.
+            lamps: Its lights.
             camera: Intrinsics of every view.
             options: How they are drawn.
         """
@@ -93,11 +93,11 @@ class Painter:
             self._blending = Blending(self._gl, self._programs, self._targets.color, shaded.depth_attachment)
 
     def move(self, gpu: GpuScene, lamps: Lamps) -> None:
-        """Draw another moment of the scene from now on.
+        """Switch to another moment of the scene.
 
         Args:
             gpu: The scene, uploaded.
-            lamps: What lights it.
+            lamps: Its lights.
         """
         self._calls.move(gpu, lamps)
         self._aim_at(gpu, lamps)
@@ -126,7 +126,7 @@ class Painter:
         return self._read(0, self._camera.height)
 
     def draw_window(self, pose: F64, window: tuple[int, int], near: float) -> View:
-        """Draw some rows of a view, and return these alone.
+        """Draw some rows of a view, and return only these.
 
         Args:
             pose: Camera pose [m], shape (4, 4), float64.
@@ -161,19 +161,19 @@ class Painter:
         gpu.bind()
         self._draw_photograph(seen, sight, (targets.samples * first, targets.samples * end))
         exact = (targets.finer * first, targets.finer * end)
-        if targets.apart or (len(seen.thin) and len(seen.through)):  # else the photograph's pass drew them
+        if targets.apart or (len(seen.thin) and len(seen.through)):  # otherwise the pass of the photograph drew them
             targets.bind(targets.truth, *exact)
             self._calls.ids(np.concatenate([seen.opaque, seen.thin]), sight, targets.extra)
         if self._coverage_layer is not None and len(seen.thin):
             self._draw_ribbons(self._coverage_layer, seen, sight, (first, end))
-        if len(seen.through):  # last, for the truth has them solid, and the photograph does not
+        if len(seen.through):  # last, because they are opaque in the truth and not in the photograph
             targets.bind(targets.truth, *exact)
             self._calls.ids(seen.through, sight, targets.extra)
         if "TRIANGLES" not in targets.extra:
             self._draw_facets((first, end), rows, sight)
 
     def _sorted(self, rows: I64, sight: Sight) -> _Seen:
-        """Tell draws apart by how the photograph shows them."""
+        """Group draws by how the photograph shows them."""
         gpu = self._gpu
         blended = gpu.blended[rows]
         opaque, through = rows[~blended], rows[blended]
@@ -184,11 +184,11 @@ class Painter:
         return _Seen(opaque[~thin], opaque[thin], through)
 
     def _draw_photograph(self, seen: _Seen, sight: Sight, span: tuple[int, int]) -> None:
-        """Draw the photograph but for ribbons; ids and depth come with it unless they are apart."""
+        """Draw the photograph without ribbons; ids and depth are drawn with it unless they have a separate pass."""
         targets, calls = self._targets, self._calls
         extra = () if targets.apart else targets.extra
-        # The depth of what is large first: what it hides then costs no shading. Images do not change by it, for a
-        # surface is drawn where nothing is nearer, in whatever order.
+        # The depth of large draws first: shading is then saved where they hide others. This does not change images: in
+        # any order, a surface is drawn where nothing is nearer.
         large = calls.worth_hiding(seen.opaque, sight)
         if len(large):
             targets.bind(targets.nearest, *span)
@@ -196,9 +196,9 @@ class Painter:
         targets.bind(targets.shaded, *span)
         calls.surfaces(seen.opaque, sight, self._features + extra)
         calls.sky(sight, extra)
-        if len(seen.thin):  # after all else: where they are too thin for samples, what is behind them is what is left
+        if len(seen.thin):  # last: where they are thinner than a pixel, the surface behind them shows through
             self._gl.context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
-            self._gl.functions.blend_only(0)  # ids and depth do not mix
+            self._gl.functions.blend_only(0)  # ids and depth are not blended
             panes = ("PANES",) if len(seen.through) else ()
             calls.surfaces(seen.thin, sight, self._features + extra + panes, "FADES")
         if len(seen.through) and self._blending is not None:
@@ -207,7 +207,7 @@ class Painter:
             self._blending.end(span)
 
     def _draw_ribbons(self, coverage_layer: CoverageLayer, seen: _Seen, sight: Sight, rows: tuple[int, int]) -> None:
-        """Draw members that are too thin for samples, and what light shines through before them."""
+        """Draw members thinner than a pixel, and transparent surfaces in front of them."""
         coverage_layer.bind(*rows, self._camera.height, panes=bool(len(seen.through)))
         self._calls.surfaces(seen.thin, sight, self._features, "RIBBON")
         if len(seen.through):
@@ -215,7 +215,7 @@ class Painter:
             self._calls.panes(seen.through, sight, (*self._features, "VEILED"))
 
     def _draw_facets(self, span: tuple[int, int], rows: I64, sight: Sight) -> None:
-        """Draw the depth of long thin triangles anew, where they are what is seen."""
+        """Draw the depth of long thin triangles again, where they are visible."""
         visible = np.zeros(len(self._gpu.lower), bool)
         visible[rows] = True
         corners = self._gpu.facets.seen(visible, self._camera, span, sight.pose, sight.near, self._gpu.origins)

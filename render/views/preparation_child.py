@@ -1,7 +1,7 @@
-"""Work that needs much memory for a short time, done in a process of its own: what it takes is given back at once.
+"""Work that needs much memory for a short time, in a separate process, so that the memory is freed at once.
 
 `python -m render.views.preparation_child` serves one request {task, work, answer} of a parent process; USD and the ray
-caster are loaded there alone.
+caster are only loaded there.
 """
 
 import pickle
@@ -17,30 +17,30 @@ from render.light.light_volume import LightVolume, cast_light_volume
 from usd_schemas.reading.choices import StageChoices
 
 _CHILD = "render.views.preparation_child"
-_TIME_LIMIT = 8 * 3600.0  # [s]; who watches the parent has a tighter one, and this process dies with it
-_MEMORY_LIMIT = 16.0  # [GB] who watches the parent does not see what its children take
+_TIME_LIMIT = 8 * 3600.0  # [s]; the parent has a tighter limit, and this process ends with it
+_MEMORY_LIMIT = 16.0  # [GB] the process that watches the parent does not measure its children
 
 
 def survey_scene_apart(
     path: Path, survey: str | None, triangle_budget: int, choices: StageChoices, progress: Progress
 ) -> SurveyedScene:
-    """Take a stage over as `load_scene` and `survey_scene` do, without USD in this process.
+    """Load a stage like `load_scene` and `survey_scene`, without USD in this process.
 
     Args:
         path: A USD file.
         survey: Name of the one product to keep; the first when None.
-        triangle_budget: Most triangles in view; 0 leaves all of them.
-        choices: What of the stage is rendered.
+        triangle_budget: Largest number of triangles in view; 0: no limit.
+        choices: Choices for reading the stage.
         progress: Listener.
     """
     return _apart("survey", (path, survey, triangle_budget, choices), progress)
 
 
 def cast_volume_apart(*work: Any) -> LightVolume:
-    """Cast a light volume as `cast_light_volume` does, without the ray caster in this process.
+    """Cast a light volume like `cast_light_volume`, without the ray caster in this process.
 
     Args:
-        *work: What `cast_light_volume` takes; the last is told how far it is.
+        *work: Arguments of `cast_light_volume`; the last one is a progress listener.
 
     Returns:
         The light volume.

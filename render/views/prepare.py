@@ -31,7 +31,7 @@ from usd_schemas.flat_scene import FlatScene
 from usd_schemas.pinhole import Pinhole
 
 if TYPE_CHECKING:
-    from render.views.lens import Geometry, Lens  # numba takes long to load, and most lenses do not distort
+    from render.views.lens import Geometry, Lens  # numba takes long to load, and most lenses have no distortion
 
 F64 = NDArray[np.float64]
 
@@ -51,7 +51,8 @@ class Prepared:
         warnings: One line for each thing that is not drawn as authored.
         light: Its illumination, as prepared.
         box: Lower and upper corner of the region of interest [m], each of shape (3,), float64.
-        flight: Centres of all cameras [m], shape (N, 3), float64, and how far one may stray [m]; None for any.
+        flight: Centres of all cameras [m], shape (N, 3), float64, and the largest distance of one from its stated
+            position [m]; None for any.
     """
 
     gl: Gl
@@ -79,18 +80,18 @@ class Prepared:
         return replace(self, gpu=gpu, lamps=self.lamps.shaded_by(shadow))
 
     def release_moment(self) -> None:
-        """Give back what `moved` made."""
+        """Release the buffers of `moved`."""
         self.gpu.release_places()
         if self.lamps.shadow is not None:
             self.lamps.shadow.release()
 
     def painter(self, camera: Pinhole, *, sharp: bool, cards: bool = False) -> Painter:
-        """Make what draws views of one size.
+        """Create a painter for views of one size.
 
         Args:
             camera: Intrinsics of every view.
-            sharp: Draw as the settings say; else with one sample a pixel, which is enough for metering.
-            cards: Draw everything as grey cards, which show how much light there is.
+            sharp: Draw with the settings' quality; else with one sample per pixel, which is enough for metering.
+            cards: Draw everything as grey cards, which show the incident light.
         """
         quality, extra = self.settings.quality, "NORMALS" if self.settings.normals else ""
         if not sharp:
@@ -99,7 +100,7 @@ class Prepared:
         return Painter(self.gl, self.programs, self.gpu, self.lamps, camera, options)
 
     def shadow_squares(self, poses: NDArray[np.float64], camera: Pinhole) -> ShadowSquares:
-        """Choose which squares the cameras of a survey need sharp shadows in.
+        """Choose the squares in which the cameras of a survey need sharp shadows.
 
         Args:
             poses: camera_to_world [m], shape (N, 4, 4), float64.
@@ -110,17 +111,17 @@ class Prepared:
         return self.lamps.shadow.squares(poses, camera)
 
     def sharpen_shadows(self, squares: ShadowSquares, row: int) -> None:
-        """Draw the sharp shadow map that a camera needs, unless it is there.
+        """Draw the sharp shadow map that a camera needs, unless it is already drawn.
 
         Args:
             squares: The squares of the survey.
-            row: Which camera.
+            row: Number of the camera.
         """
         if self.lamps.shadow is not None:
             self.lamps.shadow.sharpen(squares.centers[squares.of_pose[row]])
 
     def lens(self, scene: FlatScene, camera: Pinhole, distortion: Distortion) -> "tuple[Lens, Painter]":
-        """Make what draws views through a lens that distorts.
+        """Create a lens with distortion, and a painter for its wider views.
 
         Args:
             scene: The scene that was prepared.
@@ -128,7 +129,7 @@ class Prepared:
             distortion: Distortion of the lens.
 
         Returns:
-            The lens, and what draws the wider views that it looks at.
+            The lens, and the painter of its wider views.
         """
         from render.views.lens import Lens
 
@@ -137,7 +138,7 @@ class Prepared:
         return lens, Painter(self.gl, self.programs, self.gpu, self.lamps, lens.wide, options)
 
     def ray_geometry(self, scene: FlatScene) -> "Geometry":
-        """Lay out what the rays of a distorting lens may meet.
+        """Convert the scene for the rays of a lens with distortion.
 
         Args:
             scene: The scene that was prepared, or moved to.
@@ -158,18 +159,18 @@ def prepare(
     flight: tuple[NDArray[np.float64], float] | None = None,
     bars: Bars | None = None,
 ) -> Prepared:
-    """Upload a scene and light it.
+    """Upload a scene and compute its light.
 
     Args:
         gl: Open context.
         scene: What to draw.
         settings: How to draw it.
-        progress: Told about the light volume.
-        cast: Casts the light volume, or finds the one that was cast before.
+        progress: Listener for the light volume.
+        cast: Casts the light volume, or loads one that was cast before.
         needs: Least width of a pixel in widths of each texture [1]; None for every texel.
-        flight: Centres of all cameras that will be drawn [m], shape (N, 3), float64, and how far one may stray from
-            its own [m]; None for cameras anywhere.
-        bars: Members that may be too thin for samples; found here when not given.
+        flight: Centres of all cameras that will be drawn [m], shape (N, 3), float64, and the largest distance from
+            its stated position [m]; None for cameras anywhere.
+        bars: Members that may be thinner than a pixel; found here when not given.
 
     Raises:
         InputError: The scene holds nothing to draw, or numbers that cannot be drawn.
@@ -189,7 +190,7 @@ def prepare(
     table = with_waters(table, scene, *draw_boxes(scene))
     anchor = (box[0] + box[1]) / 2
     facets = find_facets(scene, anchor)
-    if flight is not None:  # under the same name: what no camera comes near to is let go before anything is uploaded
+    if flight is not None:  # same name: facets far from all cameras are freed before the upload
         facets = facets.near(*flight)
     gpu = upload_scene(gl, scene, table, anchor, facets, bars if bars is not None else find_bars(scene))
     programs = Programs(gl.context)
@@ -208,7 +209,7 @@ def prepare(
 
 
 def _drawable_light(scene: FlatScene, box: tuple[F64, F64]) -> tuple[FlatScene, Daylight, list[str]]:
-    """Read sun and sky, with the scene dimmed where its light is too strong to be drawn, and what was said of them."""
+    """Read sun and sky, with the scene dimmed if its light is too strong, and warnings about them."""
     daylight, said = read_daylight(scene)
     times = exposure_stops(scene, daylight, box)
     if not times:
@@ -222,7 +223,7 @@ def _drawable_light(scene: FlatScene, box: tuple[F64, F64]) -> tuple[FlatScene, 
 
 
 def _interest(scene: FlatScene) -> tuple[F64, F64]:
-    """Box what matters, wherever it is at any moment."""
+    """Compute the region of interest over all moments."""
     boxes = []
     for number in range(len(scene.moments) or 1):
         moment = scene.at_moment(number)

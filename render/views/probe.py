@@ -22,7 +22,7 @@ _DEPTH = 2.0  # [m]
 
 
 def wrong_pixels(gl: Gl) -> int:
-    """Draw a wall that fills the left half of a 64x64 frame, and count the pixels that are not as they must be.
+    """Draw a wall that fills the left half of a 64x64 frame, and count the pixels that are wrong.
 
     Args:
         gl: Open context.

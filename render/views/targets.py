@@ -22,7 +22,7 @@ _RESOLVED = 64  # rows of the photograph that are read at once
 
 @dataclass(frozen=True)
 class View:
-    """What one pass sees.
+    """The images of one view.
 
     Attributes:
         code: Square root of linear radiance over `BRIGHTEST` [65535], shape (H, W, 3), uint16.
@@ -43,28 +43,28 @@ class Targets:
     """The images of one size.
 
     Attributes:
-        apart: Whether photograph and exact images come from passes of their own.
+        apart: Whether photograph and exact images come from separate passes.
         samples: Samples of the photograph along each side of a pixel.
-        finer: How many times finer than the photograph the exact images are.
-        shaded: What surfaces are shaded on.
+        finer: Resolution of the exact images as a multiple of the photograph's.
+        shaded: Framebuffer on which surfaces are shaded.
         color: The photograph's code where it is shaded, shape (samples H, samples W, 4).
-        exact: What ids and depth are drawn on, beside the photograph unless they are apart.
-        truth: Ids and depth alone, over the depth of `exact`.
-        depth: The depth image alone, over the same.
-        nearest: The depth of what is shaded, alone.
-        extra: `NORMALS` or `TRIANGLES` where one more exact image is drawn, in a tuple.
+        exact: Framebuffer of ids and depth, together with the photograph unless they have a separate pass.
+        truth: Framebuffer of ids and depth alone, with the depth buffer of `exact`.
+        depth: Framebuffer of the depth image alone, with the same depth buffer.
+        nearest: Framebuffer of the depth of shaded surfaces alone.
+        extra: `NORMALS` or `TRIANGLES` in a tuple if one more exact image is drawn.
     """
 
     def __init__(self, gl: Gl, programs: Programs, camera: Pinhole, extra: str, finer: int, *, fine: bool) -> None:
-        """Make the images.
+        """Create the images.
 
         Args:
             gl: Open context.
             programs: Shader programs.
             camera: Intrinsics of every view.
             extra: `NORMALS` or `TRIANGLES` for one more exact image, or empty.
-            finer: How many times finer than the photograph the exact images are, along rows and columns.
-            fine: Whether the photograph has 2x2 samples a pixel.
+            finer: Resolution of the exact images as a multiple of the photograph's, along rows and columns.
+            fine: Whether the photograph has 2x2 samples per pixel.
         """
         self._gl, self._programs, self._width = gl, programs, camera.width
         self.apart, self.samples, self.finer = fine or finer > 1, 2 if fine else 1, finer
@@ -89,10 +89,10 @@ class Targets:
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
 
     def bind(self, framebuffer: moderngl.Framebuffer, first: int, end: int) -> None:
-        """Let some rows of a framebuffer be cleared and drawn on.
+        """Bind a framebuffer for drawing on some of its rows.
 
         Args:
-            framebuffer: Which one.
+            framebuffer: The framebuffer.
             first: Its first row.
             end: The row after the last.
         """
@@ -123,7 +123,7 @@ class Targets:
             end: Row after the last.
         """
         code = self._read_code(first, end)
-        self.exact.scissor = None  # pyright: ignore[reportAttributeAccessIssue]  # else what comes next keeps to some rows
+        self.exact.scissor = None  # pyright: ignore[reportAttributeAccessIssue]  # else later draws are limited
         self.exact.use()
         first, end = self.finer * first, self.finer * end
         draw = self._rows(self._truth[0], first, end, np.uint32, 1)[..., 0]
@@ -157,9 +157,9 @@ class Targets:
                 functions.clear_color(colors + 2, (0.0, 0.0, 0.0, 0.0))
 
     def _read_code(self, first: int, end: int) -> U16:
-        """Read some rows of the photograph; OpenCV drops the fourth number many times faster than a slice does."""
+        """Read some rows of the photograph; OpenCV drops the fourth channel much faster than a slice."""
         code = np.empty((end - first, self._width, 3), np.uint16)
-        for top in range(0, end - first, _RESOLVED):  # whole, four numbers a pixel would take 10 MB more
+        for top in range(0, end - first, _RESOLVED):  # all rows at once would take 10 MB more
             count, start = min(_RESOLVED, end - first - top), first + top
             if self.samples > 1:
                 self._resolve(start, count)
@@ -169,7 +169,7 @@ class Targets:
         return code
 
     def _resolve(self, first: int, count: int) -> None:
-        """Take the means of finer samples, of some rows of the photograph."""
+        """Average the finer samples of some rows of the photograph."""
         self.bind(self._resolved, 0, count)
         self._gl.context.enable_only(moderngl.NOTHING)
         program = self._programs.get("sky.vert", "downsample.frag")

@@ -1,4 +1,4 @@
-"""Writing a capture: the other side of `render.capture`, which reads it."""
+"""Writing of captures; `render.capture` reads them."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,7 +53,7 @@ def write_cameras(capture: Capture) -> None:
     """Write `cameras.json`.
 
     Args:
-        capture: What to write, into its folder.
+        capture: The capture to write into its folder.
     """
     stored = CamerasFile(
         format=FORMAT,
@@ -69,7 +69,7 @@ def write_cameras(capture: Capture) -> None:
 
 
 def encode_frame_truth(name: str, frame: FrameTruth, *, wide_ids: bool) -> dict[str, bytes]:
-    """Encode the exact images of one frame, all without loss but the normals.
+    """Encode the exact images of one frame, all lossless except the normals.
 
     Args:
         name: Name of the image.

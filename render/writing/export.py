@@ -1,4 +1,4 @@
-"""Export of a capture with its truth: a COLMAP model, a nerfstudio data set, a video of the flight."""
+"""Export of a capture with its truth: a COLMAP model, a nerfstudio dataset, a video of the flight."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +21,7 @@ F64 = NDArray[np.float64]
 _POINTS_STEP = 24  # [px] between the pixels whose surface becomes a point
 _MOST_POINTS = 200_000
 _FILM_WIDTH = 1280  # [px]
-_FILM_RATE = 8.0  # images a second
+_FILM_RATE = 8.0  # images per second
 
 
 def export_capture(folder: Path, to: str, out: Path, progress: Progress) -> list[str]:
@@ -37,7 +37,7 @@ def export_capture(folder: Path, to: str, out: Path, progress: Progress) -> list
         Files for people to open, relative to `out`.
 
     Raises:
-        InputError: Not a capture, or one without the truth that this format is made of.
+        InputError: Not a capture, or one without the truth that this format needs.
     """
     capture = read_capture(folder)
     return EXPORTS[to](capture, out, progress)
@@ -170,7 +170,7 @@ def _truth(capture: Capture) -> Truth:
 
 
 def _surface_points(capture: Capture, truth: Truth, progress: Progress) -> tuple[F64, NDArray[np.uint8]]:
-    """Points of the surface on a coarse grid of every image: positions [m], shape (N, 3), and colours, shape (N, 3)."""
+    """Sample the surface on a coarse grid of every image: positions [m], shape (N, 3), and colors, shape (N, 3)."""
     camera = truth.camera
     start = _POINTS_STEP // 2
     grid = np.mgrid[start : camera.height : _POINTS_STEP, start : camera.width : _POINTS_STEP]

@@ -45,7 +45,7 @@ class Journal:
             (folder / "cameras.json").unlink(missing_ok=True)
             for path in self._notes.iterdir():
                 if path.name != "lock":
-                    path.unlink(missing_ok=True)  # without locks another worker may clear it, too
+                    path.unlink(missing_ok=True)  # without locks, another worker may remove it, too
             write_json(self._notes / "recipe.json", recipe)
 
     def is_complete(self) -> bool:
@@ -54,7 +54,7 @@ class Journal:
         return path.is_file() and read_json(path).get("recipe") == self._recipe
 
     def facts(self, name: str) -> dict[str, Any] | None:
-        """Return what was noted about a finished frame, or None where it is not, or not wholly, there.
+        """Return the facts of a finished frame; None if it is missing or incomplete.
 
         Args:
             name: Name of the image.
@@ -69,15 +69,15 @@ class Journal:
         return note["facts"]
 
     def write_frame(self, name: str, files: dict[str, bytes], facts: dict[str, Any]) -> None:
-        """Write every file of a frame, each at once, and then the note that says so.
+        """Write every file of a frame atomically, and then its record.
 
         Args:
             name: Name of the image.
             files: Path from the capture's folder to content.
-            facts: JSON facts that the capture's record needs of this frame.
+            facts: JSON facts of this frame for the capture's record.
         """
         for file, data in files.items():
-            # Not forced to the disk one by one: the hash tells what a power cut took, and the finished folder is.
+            # Not forced to the disk one by one: hashes detect files lost in a power cut, and the finished folder is.
             write_bytes(self._folder / file, data, durable=False)
         digests = {file: file_digest(self._folder / file) for file in files}
         write_json(self._notes / f"{name}.json", {"files": digests, "facts": facts})
@@ -89,7 +89,7 @@ class Journal:
         return self._read("gain.json")
 
     def keep_gain(self, gain: float) -> None:
-        """Note the exposure that was metered for the survey.
+        """Store the exposure that was metered for the survey.
 
         Args:
             gain: Exposure gain [1].
@@ -105,10 +105,10 @@ class Journal:
             return None
 
     def keep_light_volume(self, volume: LightVolume) -> None:
-        """Keep the light volume for other workers, and for a later run.
+        """Store the light volume for other workers, and for a later run.
 
         Args:
-            volume: What was cast.
+            volume: The light volume.
         """
         data = BytesIO()
         arrays = {"lower": volume.lower, "cell": np.array(volume.cell), "coefficients": volume.coefficients}
@@ -138,5 +138,5 @@ class Journal:
         path = self._notes / name
         try:
             return read_json(path) if path.is_file() else None
-        except InputError:  # half a note is no note
+        except InputError:  # an incomplete record counts as missing
             return None

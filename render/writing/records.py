@@ -15,7 +15,7 @@ from render.settings import RenderSettings
 from usd_schemas.flat_scene import CameraTrack
 from usd_schemas.pinhole import Pinhole
 
-_MIDDLE_EXPOSURE = 1 / 640  # [s] shutter at gain 1
+_MIDDLE_EXPOSURE = 1 / 640  # [s] exposure time at gain 1
 _STREAM = 0x70726972  # the prior's own random stream beside the sensor's
 
 
@@ -24,7 +24,7 @@ def draw_prior(camera: Pinhole, settings: RenderSettings, seed: int) -> Calibrat
 
     Args:
         camera: Exact intrinsics.
-        settings: How far off the focal length may be.
+        settings: Largest error of the focal length.
         seed: Seed of the survey's sensor.
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, _STREAM]))
@@ -35,14 +35,14 @@ def draw_prior(camera: Pinhole, settings: RenderSettings, seed: int) -> Calibrat
 def note_shot(
     track: CameraTrack, camera: Pinhole, prior: CalibrationPrior, settings: RenderSettings, exposure: Exposure, row: int
 ) -> Shot:
-    """Collect what EXIF says of one photograph; it knows the prior, not the truth.
+    """Collect the EXIF data of one photograph, from the prior, not from the truth.
 
     Args:
         track: Camera and poses.
         camera: Exact intrinsics; only their image width is used.
         prior: Calibration prior.
-        settings: Where the local frame lies on the earth.
-        exposure: What the sensor did.
+        settings: Position of the local frame on the earth.
+        exposure: Sensor values of the frame.
         row: Number of the frame.
     """
     seconds = _time(track, row)
@@ -61,7 +61,7 @@ def note_shot(
 def capture_record(
     folder: Path, survey: str, track: CameraTrack, camera: Pinhole, prior: CalibrationPrior, settings: RenderSettings
 ) -> Capture:
-    """Collect what `cameras.json` says.
+    """Collect the content of `cameras.json`.
 
     Args:
         folder: Capture folder.
@@ -88,13 +88,13 @@ def write_render_record(
     gain: float | None,
     recipe: str,
 ) -> None:
-    """Write `truth/render.json`: driver, settings, and what the sensor did at each frame.
+    """Write `truth/render.json`: driver, settings, and sensor values of each frame.
 
     Args:
         folder: Capture folder.
-        driver: What drew.
-        settings: How it drew.
-        frames: Name of each image, and what the sensor did at it.
+        driver: The OpenGL driver.
+        settings: Settings of the renderer.
+        frames: Name of each image, and its sensor values.
         gain: Exposure metered for the survey [1].
         recipe: Hash of everything that the capture's bytes depend on.
     """

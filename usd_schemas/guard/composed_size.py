@@ -9,7 +9,7 @@ from groundwork.errors import InputError
 from usd_schemas.guard.layer_walk import Bounds, Warn, open_layer
 from usd_schemas.guard.package_walk import evaluated
 
-CONVERTED = "unitsResolve"  # suffix of the ops with which a prim converts the units of a reference
+CONVERTED = "unitsResolve"  # suffix of the transform operations with which a prim converts the units of a reference
 
 _Site = tuple[Path, Sdf.Path]
 
@@ -17,7 +17,7 @@ _Site = tuple[Path, Sdf.Path]
 class ComposedSize:
     """Counts the prims below a prim, including those of its composition arcs: an upper bound, in linear time.
 
-    Nested references multiply, so that a file of 3 kB can have millions of prims; their number is computed without
+    Nested references multiply, so that a file of 3 kB can describe millions of prims; their number is computed without
     composition.
     """
 
@@ -25,8 +25,8 @@ class ComposedSize:
         """Start with nothing counted.
 
         Args:
-            bounds: Names files.
-            limit: Prims that are too many.
+            bounds: Folders that file names in messages are relative to.
+            limit: Largest number of prims.
             warn: Called with one line for each arc to a layer in other units.
         """
         self._bounds = bounds

@@ -26,8 +26,8 @@ def check_stage(path: Path, allow_roots: tuple[Path, ...], warn: Warn, most_prim
     Args:
         path: USD file.
         allow_roots: Further folders from which the stage may load files.
-        warn: Called with one line for each thing that is odd but not forbidden.
-        most_prims: Number of composed prims that is too many.
+        warn: Called with one line for each unusual but allowed feature.
+        most_prims: Largest number of composed prims.
 
     Raises:
         MissingError: There is no such file.

@@ -16,7 +16,7 @@ from usd_schemas.reading.parse_errors import reason_of
 Warn = Callable[[str], None]
 
 _REMOTE = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")  # a drive letter is one letter
-_SHALLOW = 2  # parts of a path such as /home: too much to allow at once
+_SHALLOW = 2  # number of parts of a path such as /home, which contains too much to be allowed
 _TILES = re.compile(r"<UDIM>|<UVTILE>|<ATTR:[^>]*>")
 
 
@@ -50,18 +50,18 @@ class Bounds:
 
 
 def walk_layers(path: Path, bounds: Bounds, warn: Warn) -> tuple[Path, ...]:
-    """Follow every arc and asset of a stage, also of unselected variants, and refuse the first that leaves the folders.
+    """Follow every arc and asset of a stage, also of unselected variants, and refuse files outside the folders.
 
     Args:
         path: Resolved path of the root layer.
-        bounds: Where files may lie.
+        bounds: Folders in which the files must be.
         warn: Called with one line for each file that is not there.
 
     Returns:
         Every layer file, the root layer first.
 
     Raises:
-        InputError: A path that climbs out of the roots, is absolute, or remote; or a layer that cannot be read.
+        InputError: A path that leads out of the folders, is absolute, or remote; or a layer that cannot be read.
     """
     pending, layers, missing = [path], [], set()
     while pending:
@@ -94,7 +94,7 @@ def walk_layers(path: Path, bounds: Bounds, warn: Warn) -> tuple[Path, ...]:
 
 
 def _walk_document(file: Path, bounds: Bounds, warn: Warn) -> None:
-    """Check a MaterialX document: its pictures must be in the allowed folders too."""
+    """Check a MaterialX document: its textures must be in the allowed folders too."""
     document = read_document(file)
     for name in named_files(document):
         target = _inside(file, name, bounds, "")
@@ -125,7 +125,7 @@ def open_layer(file: Path, bounds: Bounds) -> Sdf.Layer:
 
     Args:
         file: Resolved path.
-        bounds: Names it in the error.
+        bounds: Folder that its name in the error is relative to.
 
     Raises:
         InputError: USD cannot read it.
@@ -160,7 +160,7 @@ def _target(layer: Sdf.Layer, file: Path, name: str, bounds: Bounds) -> Path:
 
 
 def _inside(file: Path, name: str, bounds: Bounds, holder: str) -> Path:
-    """Resolve a name; refuse a file outside the roots."""
+    """Resolve a name; refuse a file outside the allowed folders."""
     remote = bool(_REMOTE.match(name))
     try:
         target = (file.parent / name.partition("[")[0]).resolve()
@@ -178,14 +178,14 @@ def _inside(file: Path, name: str, bounds: Bounds, holder: str) -> Path:
 
 
 def _allowing(bounds: Bounds, target: Path) -> str:
-    """Return the option that would allow a file: with the common parent folder of file and stage, or the file's own."""
+    """Return the option that would allow a file: the common folder of file and stage, or the file's own folder."""
     shared = [folder for folder in bounds.home.parents if target.is_relative_to(folder)]
     near = shared[0] if shared and len(shared[0].parts) > _SHALLOW else target.parent
     return f"--allow-root {shlex.quote(str(near))}"
 
 
 def _holder(layer: Sdf.Layer, name: str) -> str:
-    """Find the first prim of a layer that names a file; called only for errors."""
+    """Find the first prim of a layer that refers to a file; called only for errors."""
     found: list[str] = []
 
     def look(path: Sdf.Path) -> None:

@@ -10,9 +10,9 @@ from groundwork.errors import InputError
 from groundwork.foreign_file import check_regular
 from usd_schemas.reading.parse_errors import reason_of
 
-MOST_LAYERS = 20_000  # of one package, packages inside it counted
+MOST_LAYERS = 20_000  # of one package, including packages inside it
 _ELSEWHERE = re.compile(r"^(?:[A-Za-z][A-Za-z0-9+.-]*:|[/\\])")  # a scheme, a drive or an absolute path
-_CLIMBS = re.compile(r"(?:^|\[)\.\./")  # a path above the top of a package, as USD spells it
+_CLIMBS = re.compile(r"(?:^|\[)\.\./")  # a path above the root of a package, as USD writes it
 
 
 def check_package(file: Path, where: str) -> None:
@@ -20,7 +20,7 @@ def check_package(file: Path, where: str) -> None:
 
     Args:
         file: `.usdz` file.
-        where: Names it in the error.
+        where: Its name in the error.
 
     Raises:
         InputError: Not a package, a layer that cannot be read, or a path that is absolute, remote or leaves the
@@ -66,11 +66,11 @@ def is_layer(name: str) -> bool:
 
 
 def named_by(layer: Sdf.Layer, identifier: str) -> list[str]:
-    """List every file that a layer names in any arc, variant or attribute, with expressions evaluated.
+    """List every file that a layer refers to in any arc, variant or attribute, with expressions evaluated.
 
     Args:
         layer: An open layer.
-        identifier: Its path, inside a package where it lies in one.
+        identifier: Its path; inside a package, if it is in one.
     """
     arcs = list(layer.GetCompositionAssetDependencies())
     bare = {name.strip("`\"' ") for name in arcs if Sdf.VariableExpression.IsExpression(name)}
@@ -99,7 +99,7 @@ def found_by(layer: Sdf.Layer, name: str) -> str:
         name: Asset path.
 
     Returns:
-        Where it is, or would be, as USD spells it.
+        Where it is or would be, as USD writes it.
     """
     path = Sdf.ComputeAssetPathRelativeToLayer(layer, name)
     return str(Ar.GetResolver().Resolve(path)) or path

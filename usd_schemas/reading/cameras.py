@@ -20,14 +20,14 @@ from usd_schemas.reading.traversal import EARLIEST, composed_prims, guarded
 F64 = NDArray[np.float64]
 
 CAMERA_MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "OPENCV")  # camera models of COLMAP allowed in the calibration schema
-DEFAULT_WIDTH = 1280  # [px], where a stage names no resolution
+DEFAULT_WIDTH = 1280  # [px] where a stage states no resolution
 FRAMING_HEIGHT = 960  # [px]
 FRAMING_LENS = UsdLens(0.24, 0.36, 0.27)  # 24 mm on 36 x 27 mm
 _WHOLE_WINDOW = (0.0, 0.0, 1.0, 1.0)
 _SAME_ASPECT = 1e-3  # aspects with a smaller difference count as equal [1]
 FRAMING_MARGIN = 0.9  # share of the picture that the scene may fill [1]
 DEFAULT_NEAR = 0.1  # [m]
-FARTHEST_NEAR = 1e6  # [m] what is nearer than this is drawn by every camera that means to show something
+FARTHEST_NEAR = 1e6  # [m] larger values are taken as errors: such a camera would show nothing
 
 
 def read_cameras(
@@ -35,15 +35,15 @@ def read_cameras(
 ) -> tuple[CameraTrack, ...]:
     """Read every perspective camera.
 
-    A survey's camera has one image for each integer time code at which it is sampled, and so has any other that is
-    sampled at every frame from its first to its last. Any other camera that moves, by itself or with a parent, has one
-    for each whole frame of the stage between its first and last key; one that stands still has one.
+    A survey's camera has one image for each integer time code at which it has samples, and so has any other camera that
+    has samples at every frame from its first to its last. Any other camera that moves, by itself or with a parent, has
+    one image for each whole frame of the stage between its first and last key; a camera that does not move has one.
 
     Args:
         stage: Composed stage.
         stage_to_world: Stage units to metres with z up [m per stage unit], shape (4, 4), float64.
         warn: Called with one line for each camera that is left out.
-        frames: Time codes of every camera's images, whatever it says itself [time codes]; empty for its own.
+        frames: Time codes of every camera's images, instead of its own [time codes]; empty for its own.
     """
     tracks = []
     for prim in composed_prims(stage):
@@ -83,7 +83,7 @@ def image_codes(stage: Usd.Stage, track: CameraTrack, frames: tuple[float, ...] 
 
     Args:
         stage: Composed stage.
-        track: A camera of it; one without a prim takes one image.
+        track: A camera of it; one without a prim has one image.
         frames: As for `read_cameras` [time codes].
     """
     if frames:
@@ -177,7 +177,7 @@ def _near(camera: UsdGeom.Camera, unit: float, warn: Warn) -> float:
 
 
 def _sampled(prim: Usd.Prim, name: str, codes: list[Usd.TimeCode]) -> F64 | None:
-    """Values of a time-sampled attribute at given codes, or None where it has no samples."""
+    """Read a time-sampled attribute at given codes; None if it has no samples."""
     attribute = prim.GetAttribute(name)
     if not attribute or not attribute.GetNumTimeSamples():
         return None
@@ -185,7 +185,7 @@ def _sampled(prim: Usd.Prim, name: str, codes: list[Usd.TimeCode]) -> F64 | None
 
 
 def _codes(prim: Usd.Prim, is_survey: bool) -> list[Usd.TimeCode]:
-    """Time codes of a camera's images."""
+    """List the time codes of a camera's images."""
     sampled: set[float] = set()
     above = prim
     while above and not above.IsPseudoRoot():
@@ -202,14 +202,14 @@ def _codes(prim: Usd.Prim, is_survey: bool) -> list[Usd.TimeCode]:
         return whole
     stage = prim.GetStage()
     first, last = min(sampled), max(sampled)
-    if stage.HasAuthoredTimeCodeRange():  # outside its keys a camera does not move
+    if stage.HasAuthoredTimeCodeRange():  # a camera does not move outside its keys
         start, end = max(first, stage.GetStartTimeCode()), min(last, stage.GetEndTimeCode())
         first, last = (start, end) if start <= end else (first, last)
     return [Usd.TimeCode(value) for value in range(math.ceil(first), max(math.floor(last), math.ceil(first)) + 1)]
 
 
 def _pose(prim: Usd.Prim, code: Usd.TimeCode, stage_to_world: F64) -> F64:
-    """camera_to_world in metres, without the scale that parents may bring in, shape (4, 4)."""
+    """Compute camera_to_world in meters, without the scale of its parents, shape (4, 4)."""
     matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(code)).T
     placed = stage_to_world @ matrix @ USD_FROM_CAMERA
     pose = np.eye(4)
@@ -229,7 +229,7 @@ def read_products(
         stage: Composed stage.
         cameras: Cameras that were read.
         warn: Called with one line for each product that is left out.
-        choices: Which camera, and how large its images.
+        choices: Which camera, and the size of its images.
 
     Raises:
         InputError: There is no such camera.
@@ -344,12 +344,12 @@ def _default_product(cameras: tuple[CameraTrack, ...], row: int) -> Product:
 
 
 def framing_camera(low: F64, high: F64, images: int = 1) -> tuple[CameraTrack, Product]:
-    """Make a camera that shows a whole box from the south-west and above.
+    """Make a camera that shows a whole box from above, from the south-west.
 
     Args:
         low: Lower corner [m], shape (3,), float64.
         high: Upper corner [m], shape (3,), float64.
-        images: How many it takes.
+        images: Number of its images.
     """
     center = (low + high) / 2
     pose = look_at(center + np.array([-1.0, -1.0, 0.7]), center)

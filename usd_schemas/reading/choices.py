@@ -11,7 +11,7 @@ DRAWN_PURPOSES = ("default", "render")
 PURPOSES = ("default", "render", "proxy", "guide")
 MOST_FRAMES = 100_000
 LARGEST_SIDE = 32_768  # [px]
-_ROUNDED = 1e-9  # [frames] a step such as 0.1 reaches its last frame
+_ROUNDED = 1e-9  # [frames] rounding error allowed, so that a step such as 0.1 reaches its last frame
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class StageChoices:
     Attributes:
         camera: Name or prim path of the one camera; empty for all products.
         frames: Time codes of the images [time codes]; empty for those of each camera.
-        purposes: Which purposes are drawn.
+        purposes: Purposes of USD (`render`, `proxy` …) that are drawn.
         variants: Prim path, variant set and name of each variant to select.
         width: Image width [px]; 0: from the product, or from the height.
         height: Image height [px]; 0: from the product, or from the width.
@@ -48,7 +48,7 @@ def choices_from(told: dict[str, Any] | None) -> StageChoices:
     """Create choices from JSON.
 
     Args:
-        told: Result of `as_json`, or None for no changes.
+        told: Result of `as_json`, or None for the stage's own settings.
     """
     if not told:
         return AS_AUTHORED
@@ -97,7 +97,7 @@ def variants_of(words: Sequence[str]) -> tuple[tuple[str, str, str], ...]:
         words: What the user wrote.
 
     Raises:
-        InputError: Another form.
+        InputError: A word has another form.
     """
     found = []
     for word in words:

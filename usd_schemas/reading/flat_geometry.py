@@ -1,4 +1,4 @@
-"""Placed prims into the arrays of a flat scene: each mesh once, one draw for each visible part of each instance."""
+"""Converts placed prims to the arrays of a flat scene: each mesh once, one draw per visible part of each instance."""
 
 from dataclasses import dataclass, replace
 
@@ -22,14 +22,14 @@ I64 = NDArray[np.int64]
 
 FALLBACK, DISPLAY_COLOR = 0, 1  # the first two materials
 _BIND_FAMILY = "materialBind"
-_MOST_TINTS = 4096  # colours of instances that are kept as they are
-_SHADES = 15  # steps of each of red, green and blue where there are more
-_LEAST_SCALE = 1e-9  # [1], below which an instance is taken for hidden
+_MOST_TINTS = 4096  # colors of instances that are kept without rounding
+_SHADES = 15  # steps of each of red, green and blue, if there are more colors than that
+_LEAST_SCALE = 1e-9  # [1] instances with a smaller scale count as hidden
 
 
 @dataclass(frozen=True)
 class _Group:
-    """Faces of a mesh with one material and one label: names of the GeomSubsets, empty for the mesh itself."""
+    """Faces of a mesh with one material and one label: names of their GeomSubsets, empty for the rest of the mesh."""
 
     material_subset: str
     label_subset: str
@@ -37,7 +37,7 @@ class _Group:
 
 @dataclass(frozen=True)
 class _Split:
-    """How GeomSubsets cut up a mesh: `face` gives the group of each face, or None where all faces are one group."""
+    """How GeomSubsets divide a mesh: `face` gives the group of each face, or None where all faces are one group."""
 
     groups: tuple[_Group, ...]
     face: I64 | None
@@ -45,7 +45,7 @@ class _Split:
 
 @dataclass(frozen=True)
 class Flattened:
-    """What the placements of a stage come to.
+    """The placements of a stage as arrays.
 
     Attributes:
         geometry: Unique meshes.
@@ -66,9 +66,9 @@ def flatten(runs: list[list[Placement]], stage_to_world: F64, table: Taxonomy, l
     """Read every placed mesh once and list its draws.
 
     Args:
-        runs: What is drawn, in runs: what never moves, then what does, moment by moment.
+        runs: What is drawn, in groups: first what never moves, then what moves, one group for each moment.
         stage_to_world: Stage units to metres with z up [m per stage unit], shape (4, 4), float64.
-        table: Class table in force.
+        table: Class table of the stage.
         level: How many times subdivision surfaces are refined.
         warn: Called with one line for each thing that could not be read as authored.
     """
@@ -93,7 +93,7 @@ def flatten(runs: list[list[Placement]], stage_to_world: F64, table: Taxonomy, l
 
 
 class _Work:
-    """What has been read so far, and what it is read with."""
+    """Materials, meshes and draws that have been read so far."""
 
     def __init__(
         self,
@@ -108,7 +108,7 @@ class _Work:
         self._stage_to_world, self._splits, self._register, self._warn = stage_to_world, splits, register, warn
 
     def draw(self, placement: Placement, number: int) -> None:
-        """Add the draws of one placement, the `number`th that the materials know."""
+        """Add the draws of one placement, which is number `number` in the list of materials."""
         key = mesh_key(placement)
         mesh = self._parts.mesh(key, placement, *self.materials.primvars(number))
         transforms, rows = _usable(placement, self._stage_to_world @ placement.transforms, self._warn)
@@ -129,7 +129,7 @@ class _Work:
 
 
 def mesh_key(placement: Placement) -> object:
-    """Tell which mesh a placement shares with others; what deforms is another mesh at another time.
+    """Return a key that is equal for placements of the same mesh; a deforming mesh is another mesh at each time.
 
     Args:
         placement: A drawn prim, maybe an instance proxy.
@@ -140,7 +140,7 @@ def mesh_key(placement: Placement) -> object:
 
 
 def world_bounds(scene: FlatScene | Flattened) -> tuple[F64, F64]:
-    """Find an axis-aligned box that holds everything that is drawn; turned meshes count with their own boxes.
+    """Find an axis-aligned box around everything that is drawn; a rotated mesh counts with its rotated local box.
 
     Args:
         scene: Scene with at least one draw.
@@ -202,7 +202,7 @@ def _authored_ids(placements: list[Placement], splits: dict[object, _Split]) -> 
 
 
 def _usable(placement: Placement, transforms: F64, warn: Warn) -> tuple[F64, I64]:
-    """Leave out instances that stand nowhere or are flat; returns the others and their row numbers."""
+    """Leave out instances with an invalid position or without volume; returns the others and their row numbers."""
     finite = np.isfinite(transforms).all(axis=(1, 2))
     if not finite.all():
         warn(f"{placement.prim.GetPath()}: its transform is not finite: not drawn")
@@ -245,11 +245,11 @@ class _Materials:
         return row
 
     def tiles_of(self, material: int | I64) -> dict[int | None, int]:
-        """Rows of the materials of a tiled one by their tiles, 0 for everything beside them; none for another."""
+        """Rows of a tiled material's materials by tile, 0 for all outside the tiles; empty if not tiled."""
         return self._tiles.get(material, {}) if isinstance(material, int) else {}
 
     def rows(self, number: int, group: int, colored: bool, placement: Placement, places: I64) -> int | I64:
-        """Find the material of a group of the `number`th placement: one, or one for each of some of its places."""
+        """Find the material of a group of placement number `number`: one, or one for each of some of its instances."""
         found, read = self._found[self._starts[number] + group]
         row = found if found is not None else (DISPLAY_COLOR if colored else FALLBACK)
         if row != FALLBACK and not self.flat[row].use_display_color:
@@ -268,14 +268,14 @@ class _Materials:
         return int(found[0]) if len(found) == 1 else found[place.reshape(-1)]
 
     def _tinted(self, row: int, color: tuple[float, float, float]) -> int:
-        """Find the row of a material whose colours are one."""
+        """Find the row of a material with one uniform color."""
         if (row, color) not in self._tints:
             self._tints[row, color] = len(self.flat)
             self.flat.append(replace(self.flat[row], base_color=color, use_display_color=False))
         return self._tints[row, color]
 
     def primvars(self, placement: int) -> tuple[tuple[str, str], str]:
-        """Name what the materials of a placement read: its two UV sets, and its colours."""
+        """Name the primvars that the materials of a placement read: its two UV sets, and its colors."""
         last = self._starts[placement + 1] if placement + 1 < len(self._starts) else len(self._found)
         read = [read for _, read in self._found[self._starts[placement] : last]]
         named = zip(*(one.uv_names for one in read), strict=True)
@@ -284,7 +284,7 @@ class _Materials:
 
 
 def _tints(placement: Placement, name: str, colored: bool) -> F64 | None:
-    """Colours that instances give to what they show, and that are not its own: one, one for each place, or none."""
+    """Find colors that instances set and the prim itself does not: one, one for each instance, or None."""
     primvars = UsdGeom.PrimvarsAPI(placement.prim)
     if primvars.GetPrimvar(name).HasAuthoredValue():
         return None
@@ -293,13 +293,13 @@ def _tints(placement: Placement, name: str, colored: bool) -> F64 | None:
         value = table_of(above.Get(placement.time), 3) if above and above.HasValue() else None
         if value is not None and len(value) and np.isfinite(value).all():
             return value[:1]
-        if colored and placement.colors is None:  # another instance gave a colour
+        if colored and placement.colors is None:  # another instance of this prototype sets a color
             return np.array([GRAY])
     return placement.colors if name == PLAIN_COLOR and (placement.prim.IsInstanceProxy() or not colored) else None
 
 
 class _Parts:
-    """Meshes already read, and the parts that their groups became."""
+    """Meshes already read, and the rows of their groups of faces as parts."""
 
     def __init__(self, pile: GeometryPile, level: int, warn: Warn) -> None:
         self.pile = pile
@@ -309,7 +309,7 @@ class _Parts:
         self._rows: dict[tuple[object, int, int | None], int] = {}
 
     def mesh(self, key: object, placement: Placement, uv_names: tuple[str, str], color: str) -> FlatMesh | None:
-        """Read a mesh, unless that was done; None where it cannot be drawn."""
+        """Read a mesh, or return it if it has been read; None if it cannot be drawn."""
         if key not in self._meshes:
             self._meshes[key] = self._read(placement, uv_names, color)
         known = self._meshes[key]
@@ -331,7 +331,7 @@ class _Parts:
     def row(
         self, key: object, group: int, face: I64 | None, tile: int | None, tiles: tuple[int | None, ...]
     ) -> int | None:
-        """Find the part of a group of faces, or of those of them that lie on one of several tiles."""
+        """Find the part of a group of faces, or of those of its faces that are on one of several tiles."""
         if (key, group, tile) not in self._rows:
             known = self._meshes[key]
             mesh, first = known if known else (None, 0)

@@ -1,6 +1,6 @@
 """Simple surfaces of other programs as flat materials: OmniPBR, and those of MaterialX.
 
-Each input may be a constant or one texture. What a flat material cannot hold is left out with a warning.
+Each input may be a constant or one texture. What a flat material cannot represent is left out with a warning.
 """
 
 from collections.abc import Callable
@@ -20,13 +20,13 @@ Triple = tuple[float, float, float]
 _WHITE: Triple = (1.0, 1.0, 1.0)
 _ZERO = (0.0, 0.0)
 _IMAGES = ("ND_image_", "ND_tiledimage_", "ND_gltf_image", "ND_gltf_colorimage", "ND_gltf_normalmap")
-_PASSED = ("ND_normalmap", "ND_convert_", "ND_extract_", "ND_separate")  # nodes that hand their one texture on
+_PASSED = ("ND_normalmap", "ND_convert_", "ND_extract_", "ND_separate")  # nodes that pass on their one texture
 _MODES = {"clamp": "clamp", "mirror": "mirror", "constant": "black"}
-_DEEPEST = 32  # nodes behind one another
-_NIT = 1e-3  # of emission_luminance [cd/m2]: what a white card shows outdoors counts some thousands
-_CLEAREST = 0.1  # opacity of a body that lets all light through: its shine is still seen
-_SOLID = 0.5  # opacity from which on a blended surface is there
-_ORM_ROUGHNESS, _ORM_METALLIC = 1, 2  # channels of a picture of occlusion, roughness and metallic
+_DEEPEST = 32  # largest number of nodes in a row
+_NIT = 1e-3  # of emission_luminance [cd/m2]: a white surface outdoors has some thousands of cd/m2
+_CLEAREST = 0.1  # opacity of a body that transmits all light: its reflections are still visible
+_SOLID = 0.5  # opacity from which on a blended surface counts as opaque
+_ORM_ROUGHNESS, _ORM_METALLIC = 1, 2  # channels of a texture of occlusion, roughness and metallic
 _ALPHA = 3
 _LINEAR_SPACES = ("raw", "lin_rec709", "lin_rec709_scene", "linear", "none", "data")
 
@@ -83,7 +83,7 @@ def _read_omni(path: str, shader: UsdShade.Shader, note: Callable[[str], None]) 
         scale, turn = pair_of(source("texture_scale"), (1.0, 1.0)), number_of(source("texture_rotate"), 0.0)
         return Texture(file, srgb, scale, turn, pair_of(source("texture_translate"), (0.0, 0.0)))
 
-    packed = bool(source("enable_ORM_texture").value)  # one picture of occlusion, roughness and metallic
+    packed = bool(source("enable_ORM_texture").value)  # one texture of occlusion, roughness and metallic
 
     def number(constant: float, influence: str, own: str, channel: int) -> Texture | None:
         share = min(max(number_of(source(influence), 0.0), 0.0), 1.0)
@@ -115,9 +115,9 @@ def _read_omni(path: str, shader: UsdShade.Shader, note: Callable[[str], None]) 
 
 @dataclass(frozen=True)
 class _Surface:
-    """What a surface of MaterialX calls its inputs, and what they are where it does not say.
+    """Names of the inputs of a MaterialX surface, and their values if the material does not set them.
 
-    `weight` multiplies `color`, `glow` multiplies `emission`; an empty name stands for nothing.
+    `weight` multiplies `color`, `glow` multiplies `emission`; an empty name means no such input.
     """
 
     color: str
@@ -244,7 +244,7 @@ def _color_of(source: Source, default: float) -> Triple:
 
 
 def _constant(source: Source) -> Source:
-    """What a node that only holds a value says."""
+    """Follow nodes that only hold a constant to its value."""
     for _ in range(_DEEPEST):
         if source.shader is None or not (source.shader.GetShaderId() or "").startswith("ND_constant_"):
             break
@@ -255,7 +255,7 @@ def _constant(source: Source) -> Source:
 def _see_through(
     shader: UsdShade.Shader, source: Callable[[str], Source], names: _Surface, note: Callable[[str], None]
 ) -> tuple[float, Texture | None]:
-    """How much light a surface holds back, or the picture whose channel says it."""
+    """Find the opacity of a surface, and the texture of it if there is one."""
     sent = number_of(source(names.transmission), 0.0)
     told = source(names.opacity)
     if names.opacity == "alpha" and int(number_of(find_source(shader, "alpha_mode"), 0.0)) == 0:
@@ -272,7 +272,7 @@ def _see_through(
 
 
 def _image(source: Source, is_color: bool, name: str, note: Callable[[str], None]) -> tuple[Texture, str] | None:
-    """Find the one texture that feeds an input, and the primvar that places it."""
+    """Find the one texture that feeds an input, and the primvar of its coordinates."""
     shader, channel = source.shader, channel_of(source.output) or 0
     gain: Triple = _WHITE
     for _ in range(_DEEPEST):
@@ -287,7 +287,7 @@ def _image(source: Source, is_color: bool, name: str, note: Callable[[str], None
         for value in values if len(ports) > 1 else ():
             gain = _times(gain, _gray(float(value)) if isinstance(value, int | float) else _three(value))
         fed = [one for one in feeding if one.shader is not None]
-        if len(fed) != 1:  # a product of pictures, or of nothing
+        if len(fed) != 1:  # a product of textures, or none
             break
         inner = fed[0]
         shader, channel = inner.shader, channel or channel_of(inner.output) or 0
@@ -312,7 +312,7 @@ def _three(value: Any) -> Triple:
 
 
 def _placed(shader: UsdShade.Shader, note: Callable[[str], None]) -> tuple[Texture, str]:
-    """Where a picture lies: its tiling, what turns and moves it, how it goes on, and its primvar."""
+    """Read the mapping of a texture: its tiling, rotation, offset and wrap modes, and its primvar."""
     tiling, offset = (
         pair_of(find_source(shader, "uvtiling"), (1.0, 1.0)),
         pair_of(find_source(shader, "uvoffset"), _ZERO),

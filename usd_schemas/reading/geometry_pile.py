@@ -1,4 +1,4 @@
-"""Collects meshes, parts and draws one by one and hands them out as the concatenated arrays of a flat scene."""
+"""Collects meshes, parts and draws one by one, and returns them as the concatenated arrays of a flat scene."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +44,7 @@ class GeometryPile:
         """Add a part.
 
         Args:
-            triangles: Vertex numbers in the whole pile, shape (T, 3), int64.
+            triangles: Vertex numbers among all meshes, shape (T, 3), int64.
             double_sided: Back faces are visible.
 
         Returns:

@@ -68,7 +68,7 @@ def read_taxonomy(stage: Usd.Stage, warn: Warn) -> Taxonomy:
 
     Args:
         stage: Composed stage.
-        warn: Called with one line where the table is unusable.
+        warn: Called with one line if the table is unusable.
     """
     prim = stage.GetPrimAtPath(tokens.SEMANTIC_VAR)
     rows = _read_rows(prim, warn)
@@ -97,7 +97,7 @@ class Register:
         """Start an empty table.
 
         Args:
-            table: Class table in force.
+            table: Class table of the stage.
             warn: Called with one line for each unknown class and each id that two prims share.
         """
         self.rows: dict[int, InstanceRow] = {}
@@ -135,7 +135,7 @@ class Register:
 
         Args:
             label: Its label.
-            own: Path of the prim that gets an id if none is authored.
+            own: Path of the prim that gets an id if there is none.
             numbers: Ids authored on its instancer, shape (N,), uint32, or None.
             count: Number of instances.
 

@@ -1,4 +1,4 @@
-"""What a stage is read from, told without composing it: the content of every layer that any of its arcs can lead to."""
+"""The files that a stage depends on, found without composing it: the content of every layer that any arc can reach."""
 
 from pathlib import Path
 
@@ -9,19 +9,19 @@ from groundwork.errors import InputError
 from usd_schemas.reading.mtlx import SUFFIX, named_files, read_document
 from usd_schemas.reading.tiles import MARK, tiles_of
 
-_VARIABLE = "${"  # what an asset path with a variable in it means depends on other layers
+_VARIABLE = "${"  # the meaning of an asset path with a variable depends on other layers
 _THERE, _MISSING = "there", "missing"
 
 
 def layer_contents(path: Path) -> dict[str, str] | None:
-    """Hash every layer that a stage can read, those of unselected variants too.
+    """Hash every layer that a stage can read, including those of unselected variants.
 
     Args:
         path: A USD file.
 
     Returns:
-        Name of each layer, counted from the folder of the root layer where it lies below that, to its hash; and of each
-        other file that a layer names to whether it is there. None where only a composition can tell.
+        Hash of each layer by its name, which is relative to the folder of the root layer if it is below that; and for
+        each other file that a layer refers to, whether it exists. None if that needs a composition.
     """
     root = path.resolve()
     if not root.is_file():
@@ -30,14 +30,14 @@ def layer_contents(path: Path) -> dict[str, str] | None:
     try:
         with Ar.ResolverContextBinder(Ar.GetResolver().CreateDefaultContextForAsset(str(root))):
             return _walk(root)
-    except Tf.ErrorException:  # a layer that cannot be read: whoever composes it says so
+    except Tf.ErrorException:  # a layer that cannot be read: composition reports it
         return None
     finally:
         del quiet
 
 
 def name_from(home: Path, file: Path) -> str:
-    """Name a file from a folder where it lies below it, else by its whole path.
+    """Name a file relative to a folder if it is below it, else by its whole path.
 
     Args:
         home: Resolved folder.
@@ -55,7 +55,7 @@ def _walk(root: Path) -> dict[str, str] | None:
         if name in found:
             continue
         found[name] = file_digest(file)
-        if file.suffix == ".usdz":  # a package holds all that it reads
+        if file.suffix == ".usdz":  # a package contains all files that it reads
             continue
         layer = Sdf.Layer.FindOrOpen(str(file))
         named = {asset for group in UsdUtils.ExtractExternalReferences(str(file)) for asset in group}
@@ -80,7 +80,7 @@ def _walk(root: Path) -> dict[str, str] | None:
 
 
 def _add_document(home: Path, file: Path, found: dict[str, str]) -> None:
-    """A MaterialX document counts with its content, and so does whether its pictures are there."""
+    """Add a MaterialX document: its content, and whether its textures exist."""
     name = name_from(home, file)
     found[name] = file_digest(file)
     try:

@@ -7,9 +7,9 @@ surface that faces it.
 A DistantLight shines along its local -z. A DomeLight shows a latitude-longitude picture as the OpenEXR specification
 and UsdLux define it: the pole is +y of the dome's space, the middle column of the picture lies towards +z, a quarter of
 the width left of it towards +x: direction = (cos lat sin lon, sin lat, cos lat cos lon) with lon = pi (1 - 2 u) and
-lat = pi (1/2 - v), u from the left and v from the top. `Dome.rotation` takes directions of that space to the world, the
-stage's up axis included. A plain DomeLight keeps its pole along the stage's y, so that a stage with z up has to turn it
-by 90 degrees about x (`UsdLux.DomeLight.OrientToStageUpAxis`); DomeLight_1 turns by itself.
+lat = pi (1/2 - v), u from the left and v from the top. `Dome.rotation` turns directions of that space to the world, the
+stage's up axis included. A plain DomeLight keeps its pole along the stage's y, so that a stage with z up must rotate it
+by 90 degrees about x (`UsdLux.DomeLight.OrientToStageUpAxis`); DomeLight_1 needs no rotation.
 """
 
 from dataclasses import dataclass
@@ -27,13 +27,13 @@ F64 = NDArray[np.float64]
 
 _PANELS = ("RectLight", "DiskLight")
 _UNLIT = ("CylinderLight", "GeometryLight", "PortalLight", "PluginLight")
-_ROUND = 0.01  # difference of scales beyond which a sphere is stretched [1]
+_ROUND = 0.01  # relative difference of scales above which a sphere counts as stretched [1]
 _POLE_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # dome's +y to the stage's +z
 
 
 @dataclass(frozen=True)
 class Lights:
-    """What lights a stage.
+    """The lights of a stage.
 
     Attributes:
         sun: The first visible DistantLight, or None.
@@ -111,13 +111,13 @@ def _is_normalized(prim: Usd.Prim) -> bool:
 
 
 def _read_sphere(prim: Usd.Prim, stage_to_world: F64, warn: Warn) -> SphereLight | None:
-    """Read a SphereLight; None where it gives no light."""
+    """Read a SphereLight; None if it emits no light."""
     matrix = stage_to_world @ np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(EARLIEST)).T
     scales = np.linalg.norm(matrix[:3, :3], axis=0)
     unit = float(np.linalg.norm(stage_to_world[:3, 0]))
     radius = float(UsdLux.SphereLight(prim).GetRadiusAttr().Get(EARLIEST)) * float(np.cbrt(np.prod(scales)))
     color = np.array(_radiance(prim))
-    # Normalized: color / (4 pi (radius / unit)^2) is the radiance, which leaves a finite intensity to a point too.
+    # Normalized: color / (4 pi (radius / unit)^2) is the radiance, so that the intensity is finite for a point too.
     intensity = color * (unit**2 / 4 if _is_normalized(prim) else np.pi * radius**2)
     path = prim.GetPath()
     if not (np.isfinite(matrix).all() and np.isfinite(intensity).all() and intensity.max() > 0.0):
@@ -133,7 +133,7 @@ def _read_sphere(prim: Usd.Prim, stage_to_world: F64, warn: Warn) -> SphereLight
 
 
 def _read_panel(prim: Usd.Prim, stage_to_world: F64, warn: Warn) -> SphereLight | None:
-    """Read a RectLight, or a DiskLight as the square of its area; None where it gives no light."""
+    """Read a RectLight, or a DiskLight as a square of the same area; None if it emits no light."""
     kind, path = str(prim.GetTypeName()), prim.GetPath()
     matrix = stage_to_world @ np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(EARLIEST)).T
     if kind == "DiskLight":

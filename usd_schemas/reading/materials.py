@@ -1,4 +1,4 @@
-"""UsdPreviewSurface networks as flat materials; what they cannot hold falls back visibly, with one warning each."""
+"""UsdPreviewSurface networks as flat materials; a warning for each input that these cannot represent."""
 
 from dataclasses import dataclass, replace
 
@@ -14,9 +14,9 @@ GRAY = (0.5, 0.5, 0.5)
 PLAIN_COLOR = "displayColor"
 _DEFAULT_DIFFUSE = (0.18, 0.18, 0.18)
 _DEFAULT_ROUGHNESS = 0.5
-_WRAPS = ("mirror", "clamp", "black")  # how a texture goes on beyond its edge, other than by repeating
+_WRAPS = ("mirror", "clamp", "black")  # wrap modes other than repeating
 _CODED_NORMAL = ((2.0, 2.0, 2.0), (-1.0, -1.0, -1.0))  # from a picture's 0 to 1 to a vector's -1 to 1
-_SOLID = 0.5  # opacity from which on a blended surface is there [1]
+_SOLID = 0.5  # opacity from which on a blended surface counts as opaque [1]
 _ALPHA = 3  # channel
 _CONTEXTS = ("mtlx", "mdl", "ri", "glslfx", "arnold", "cycles")
 
@@ -26,12 +26,12 @@ _Four = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class ReadMaterial:
-    """A material and the primvars that it reads.
+    """A material, and the primvars that it reads.
 
     Attributes:
-        material: The flat material; None where only displayColor or grey can stand in for it.
+        material: The flat material; None where only displayColor or grey can replace it.
         uv_names: Primvar names of its first and second UV set; empty where it names none.
-        color_name: Primvar of colours that it reads.
+        color_name: Primvar of colors that it reads.
     """
 
     material: Material | None
@@ -41,7 +41,7 @@ class ReadMaterial:
 
 @dataclass(frozen=True)
 class _Sampled:
-    """A texture before its UV set is known by number."""
+    """A texture whose UV set has not been numbered yet."""
 
     texture: Texture
     varname: str
@@ -116,18 +116,18 @@ def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shad
 
 
 def _uv_names(used: list[str]) -> tuple[str, str]:
-    """Give the primvars that textures read to the two UV sets: `st1` is always the second."""
+    """Assign the primvars that textures read to the two UV sets: `st1` is always the second."""
     first = [name for name in dict.fromkeys(used) if name and name != ATLAS_ST]
     second = ATLAS_ST if ATLAS_ST in used else (first[1] if len(first) > 1 else "")
     return (first[0] if first else ""), second
 
 
 def _read_color(source: Source, note: Warn) -> tuple[_Sampled | None, tuple[float, float, float], str]:
-    """Diffuse colour: its texture, else a constant, else the primvar whose colours it shows."""
+    """Read the diffuse color: its texture, else a constant, else the primvar of its colors."""
     if source.shader is None:
         return None, triple_of(source, _DEFAULT_DIFFUSE), ""
     if source.shader.GetShaderId() == "UsdPrimvarReader_float3":
-        fallback = triple_of(find_source(source.shader, "fallback"), GRAY)  # where a mesh has no such primvar
+        fallback = triple_of(find_source(source.shader, "fallback"), GRAY)  # for meshes without such a primvar
         return None, fallback, str(find_source(source.shader, "varname").value or PLAIN_COLOR)
     sampled = _read_texture(source, True, "diffuseColor", note)
     if sampled and sampled.output in ("rgb", ""):
@@ -155,7 +155,7 @@ def _read_normal(source: Source, note: Warn) -> _Sampled | None:
     if sampled is None:
         return None
     scale, bias = (values[:3] for values in _gain_and_bias(source.shader))
-    if (scale, bias) == ((1.0,) * 3, (0.0,) * 3):  # left out by many; no picture of 8 bits means itself
+    if (scale, bias) == ((1.0,) * 3, (0.0,) * 3):  # often not authored; an 8-bit normal map without them is never meant
         scale, bias = _CODED_NORMAL
     gain, shift = tuple(value / 2 for value in scale), tuple((value + 1) / 2 for value in bias)
     texture = replace(sampled.texture, gain=_three(gain), bias=_three(shift))
@@ -168,7 +168,7 @@ def _three(values: tuple[float, ...]) -> tuple[float, float, float]:
 
 
 def _read_plain(surface: UsdShade.Shader, name: str, note: Warn) -> _Sampled | None:
-    """A texture of a colour that is taken as it is."""
+    """Read a texture of a color that is used unchanged."""
     sampled = _read_texture(find_source(surface, name), True, name, note)
     if sampled and sampled.output not in ("rgb", ""):
         note(f"{name} from output {sampled.output} of a texture is left out")
@@ -177,7 +177,7 @@ def _read_plain(surface: UsdShade.Shader, name: str, note: Warn) -> _Sampled | N
 
 
 def _note_unread(surface: UsdShade.Shader, note: Warn) -> None:
-    """Name the inputs of a preview surface that change its look and have no place in a flat material."""
+    """Name the inputs of a preview surface that change its look and cannot be represented in a flat material."""
     for name in ("clearcoat", "displacement"):
         source = find_source(surface, name)
         if source.shader or number_of(source, 0.0) != 0.0:
@@ -210,7 +210,7 @@ def _read_texture(source: Source, is_color: bool, name: str, note: Warn) -> _Sam
     varname = ""
     if placed.shader and placed.shader.GetShaderId() == "UsdPrimvarReader_float2":
         varname = str(find_source(placed.shader, "varname").value or "")
-    # `auto` asks the file; files of colours are sRGB and files of data are not, whatever their header says.
+    # `auto` depends on the file: color textures are sRGB and data textures are not, whatever their header states.
     srgb = space == "sRGB" or (space == "auto" and is_color)
     placed_texture = Texture(
         file, srgb, scale, rotation, translation, gain=gain[:3], bias=bias[:3], wrap=(across, down)
@@ -219,7 +219,7 @@ def _read_texture(source: Source, is_color: bool, name: str, note: Warn) -> _Sam
 
 
 def _gain_and_bias(texture: UsdShade.Shader | None) -> tuple[_Four, _Four]:
-    """`scale` and `bias` of a UsdUVTexture, red to alpha."""
+    """Read `scale` and `bias` of a UsdUVTexture, red to alpha."""
     found: list[_Four] = []
     for name, default in (("scale", 1.0), ("bias", 0.0)):
         value = find_source(texture, name).value if texture else None
@@ -230,7 +230,7 @@ def _gain_and_bias(texture: UsdShade.Shader | None) -> tuple[_Four, _Four]:
 
 @dataclass(frozen=True)
 class _Opacity:
-    """How a surface lets light through: by a number, or by a texture whose channel counts; 0 for no threshold."""
+    """Opacity of a surface: a number, or a channel of a texture; 0 for no threshold."""
 
     value: float = 1.0
     blends: bool = False
@@ -257,11 +257,11 @@ def _read_opacity(surface: UsdShade.Shader, note: Warn) -> _Opacity:
 def _see_through(
     base: _Sampled | None, color: tuple[float, float, float], opacity: _Opacity, note: Warn
 ) -> tuple[_Sampled | None, float]:
-    """Bring opacity into the base texture, and find the threshold from which on it is solid."""
+    """Combine opacity with the base texture, and find the threshold at which it counts as opaque."""
     if opacity.sampled is None:
         return base, 0.0
     cut = opacity.sampled.texture
-    if base is None:  # a plain colour whose silhouette is a picture
+    if base is None:  # a constant color with the silhouette of a texture
         plain = replace(cut, gain=(0.0, 0.0, 0.0), bias=color, alpha=cut.file, alpha_channel=opacity.channel)
         return replace(opacity.sampled, texture=plain, output="rgb"), opacity.threshold
     own = base.texture

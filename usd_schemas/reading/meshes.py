@@ -20,8 +20,8 @@ PLAIN_ST = "st"
 ATLAS_ST = "st1"
 _SMOOTH = ("catmullClark", "loop")
 _MOST_CORNERS = 4_000_000  # of a refined mesh
-_FARTHEST = 1e15  # [stage units]; areas of what lies beyond are no numbers in single precision
-_SHORT = 1e-12  # a normal of this length or less points nowhere [1]
+_FARTHEST = 1e15  # [stage units]; farther points give areas that overflow in single precision
+_SHORT = 1e-12  # a normal of this length or less has no direction [1]
 _UV_TYPES = ("texCoord2f[]", "texCoord2d[]", "texCoord2h[]")
 _UV_LIKE = (*_UV_TYPES, "float2[]", "double2[]", "half2[]")
 
@@ -57,7 +57,7 @@ class FlatMesh:
 
 @dataclass(frozen=True)
 class _Values:
-    """Values on face corners: `data[index]`, shapes (K, W) and (C,)."""
+    """Values at face corners: `data[index]`, shapes (K, W) and (C,)."""
 
     data: F64
     index: I64
@@ -65,7 +65,7 @@ class _Values:
 
 @dataclass(frozen=True)
 class _Faces:
-    """Topology: `owner` is the face of each corner, shape (C,); `lost` are faces with points that are not finite."""
+    """Topology: `owner` is the face of each corner, shape (C,); `lost` are faces with invalid points."""
 
     points: F64
     counts: I64
@@ -84,9 +84,9 @@ def read_mesh(
     """Read a mesh, a native gprim, curves or points.
 
     Args:
-        prim: A Mesh, or a gprim out of `SHAPES` or `STRANDS`.
+        prim: A Mesh, or a gprim of a type in `SHAPES` or `STRANDS`.
         uv_names: Primvars that the bound material reads as first and second UV set; either may be empty.
-        time: When.
+        time: Time code at which it is read.
         level: How many times a subdivision surface is refined.
         color_name: Primvar of its colours.
 
@@ -130,7 +130,7 @@ def read_mesh(
 def _read_values(
     prim: Usd.Prim, uv_names: tuple[str, str], color_name: str, time: Usd.TimeCode, notes: list[str]
 ) -> tuple[_Faces, _Values | None, tuple[_Values | None, _Values | None, _Values | None]]:
-    """Topology as authored; normals where there are any; and what there is of both UV sets and colours."""
+    """Read the topology as authored; normals, both UV sets and colors where there are any."""
     if prim.GetTypeName() in STRANDS:
         strands = read_strands(prim, time, color_name, notes)
         faces = _Faces(strands.points, strands.counts, strands.corners, _owners(strands.counts))
@@ -156,7 +156,7 @@ def _read_values(
 def _refined(
     prim: Usd.Prim, faces: _Faces, values: tuple[_Values | None, ...], left_handed: bool, level: int, notes: list[str]
 ) -> tuple[_Faces, I64, tuple[_Values | None, ...], _Values]:
-    """Refine a subdivision surface: its faces, the face of the cage of each, the values at corners, and normals."""
+    """Refine a subdivision surface: its faces, the control face of each, the values at corners, and normals."""
     while level and len(faces.corners) * 4 ** (level - 1) > _MOST_CORNERS:
         level -= 1
     if not level:
@@ -216,8 +216,8 @@ def choose_uv(prim: Usd.Prim, uv_names: tuple[str, str]) -> tuple[str, str]:
         uv_names: Primvars that the bound material reads; either may be empty.
 
     Returns:
-        Names of the first and second set: what the material reads, else `st` and `st1`, and for the first set else
-        the first texture coordinates that there are; empty for none.
+        Names of the first and second set: what the material reads, else `st` and `st1`; for the first set, else the
+        first texture coordinates found; empty for none.
     """
     api = UsdGeom.PrimvarsAPI(prim)
     known = {str(p.GetPrimvarName()): str(p.GetTypeName()) for p in api.GetPrimvarsWithValues()}
@@ -248,7 +248,7 @@ def _read_faces(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> _Faces:
 
 
 def _is_near(points: F64) -> NDArray[np.bool_]:
-    return np.max(np.abs(points), axis=1, initial=0.0) < _FARTHEST  # not so where they are NaN
+    return np.max(np.abs(points), axis=1, initial=0.0) < _FARTHEST  # False for NaN
 
 
 def _owners(counts: I64) -> I64:
@@ -256,7 +256,7 @@ def _owners(counts: I64) -> I64:
 
 
 def _read_normals(mesh: UsdGeom.Mesh, faces: _Faces, time: Usd.TimeCode, notes: list[str]) -> _Values | None:
-    # primvars:normals wins where both are authored, as UsdGeomPointBased says.
+    # primvars:normals has priority where both are authored, as specified for UsdGeomPointBased.
     found = _read_primvar(mesh.GetPrim(), "normals", faces, 3, time, notes)
     attribute = mesh.GetNormalsAttr()
     if found is not None or not attribute.HasAuthoredValue():
@@ -284,14 +284,14 @@ def _read_primvar(
 
 
 def _is_row(value: object, width: int) -> bool:
-    """Tell whether a value is one row, which some write where an array of one is meant."""
+    """Tell whether a value is one row, which some programs write instead of an array of one row."""
     return np.shape(value) == (width,) and not isinstance(value, str)  # pyright: ignore[reportCallIssue, reportArgumentType]
 
 
 def _on_corners(
     name: str, data: F64, index: I64 | None, interpolation: str, faces: _Faces, notes: list[str]
 ) -> _Values | None:
-    """Bring values of any interpolation on the face corners; None where sizes do not fit."""
+    """Convert values of any interpolation to values at face corners; None where sizes do not fit."""
     corner = {
         UsdGeom.Tokens.constant: np.zeros(len(faces.corners), np.int64),
         UsdGeom.Tokens.uniform: faces.owner,
@@ -315,7 +315,7 @@ def _on_corners(
 
 
 def _complete_normals(prim: Usd.Prim, normals: _Values | None, faces: _Faces, left_handed: bool) -> _Values:
-    """Compute normals where there are none: flat for polygons, smooth for subdivision cages; mend zero ones."""
+    """Compute normals where there are none: flat for polygons, smooth for subdivision cages; replace zero normals."""
     if normals is not None and np.einsum("ki,ki->k", normals.data, normals.data).min(initial=1.0) > _SHORT**2:
         return _Values(_unit(normals.data), normals.index)
     areas = face_normals(faces.points, faces.counts, faces.corners) * (-1.0 if left_handed else 1.0)
@@ -339,7 +339,7 @@ def _scheme(prim: Usd.Prim) -> str:
 
 
 def _holes(prim: Usd.Prim, faces: _Faces, face: I64, time: Usd.TimeCode) -> NDArray[np.bool_]:
-    """Mark the triangles of faces that a subdivision surface leaves open."""
+    """Mark the triangles of faces that are holes of a subdivision surface."""
     numbers = numbers_of(UsdGeom.Mesh(prim).GetHoleIndicesAttr().Get(time)) if prim.IsA(UsdGeom.Mesh) else None
     if numbers is None or not len(numbers) or _scheme(prim) == UsdGeom.Tokens.none:
         return np.zeros(len(face), bool)
@@ -349,7 +349,7 @@ def _holes(prim: Usd.Prim, faces: _Faces, face: I64, time: Usd.TimeCode) -> NDAr
 
 
 def _weld(faces: _Faces, values: list[_Values]) -> tuple[I64, list[F32]]:
-    """Give corners with equal point and equal values one vertex.
+    """Merge corners with the same point and equal values into one vertex.
 
     Returns:
         Vertex of each corner, shape (C,), and the arrays of the vertices: points, then each of the values.

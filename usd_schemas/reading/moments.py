@@ -18,13 +18,13 @@ from usd_schemas.taxonomies import Taxonomy
 
 F64 = NDArray[np.float64]
 
-MOST_PLACED = 2_000_000  # placements over all moments; each takes some 0.1 ms to read
+MOST_PLACED = 2_000_000  # placements over all moments; each takes about 0.1 ms to read
 MOST_POINTS = 40_000_000  # vertices of deforming meshes, over all moments; 44 bytes each
 
 
 @dataclass(frozen=True)
 class Moving:
-    """A stage at every moment at which an image is taken.
+    """A stage at every time at which an image is taken.
 
     Attributes:
         flat: Everything that is drawn at the first moment.

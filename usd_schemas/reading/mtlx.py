@@ -1,7 +1,7 @@
-"""MaterialX documents as USD layers: usd-core has no reader of `.mtlx`, so that what a stage names is translated here.
+"""MaterialX documents as USD layers: usd-core has no reader of `.mtlx`, so documents of a stage are translated here.
 
-Prims come to lie where other programs put them: `/MaterialX/Materials/NAME`, with the surface inside it, and
-`/MaterialX/NodeGraphs/NAME`. Nothing that a document includes is read.
+Prims get the paths that other programs give them: `/MaterialX/Materials/NAME`, with the surface inside it, and
+`/MaterialX/NodeGraphs/NAME`. Documents that a document includes are not read.
 """
 
 import re
@@ -30,8 +30,8 @@ _TYPES = {
 }
 _WIDTHS = {"color3": 3, "color4": 4, "vector2": 2, "vector3": 3, "vector4": 4}
 _INCLUDE = re.compile(rb"<(?:\w+:)?include\b")
-_BY_INPUT = ("convert", "extract", "separate2", "separate3", "separate4")  # whose definitions name their input's type
-_DEEPEST = 100  # nodes behind one another
+_BY_INPUT = ("convert", "extract", "separate2", "separate3", "separate4")  # their definition names the type
+_DEEPEST = 100  # largest number of nodes in a row
 _LARGEST = 50_000_000  # bytes
 
 
@@ -41,8 +41,8 @@ class Document:
 
     Attributes:
         path: Its file.
-        content: What MaterialX made of it.
-        includes: Whether it asks for other documents, which are not read.
+        content: The document as MaterialX parsed it.
+        includes: Whether it includes other documents, which are not read.
     """
 
     path: Path
@@ -51,7 +51,7 @@ class Document:
 
 
 def read_document(path: Path) -> Document:
-    """Read a document, and nothing that it includes.
+    """Read a document, without those that it includes.
 
     Args:
         path: `.mtlx` file.
@@ -75,7 +75,7 @@ def read_document(path: Path) -> Document:
 
 
 def named_files(document: Document) -> list[str]:
-    """List every file that a document names, as it names it from its own folder.
+    """List every file that a document refers to, relative to the document's folder.
 
     Args:
         document: The document.
@@ -94,7 +94,7 @@ def translate(document: Document) -> Sdf.Layer:
         document: The document.
 
     Raises:
-        InputError: A name in it is none that USD can write.
+        InputError: A name in it is not valid in USD.
     """
     layer = Sdf.Layer.CreateAnonymous(document.path.name + ".usda")
     try:
@@ -135,7 +135,7 @@ def _define(layer: Sdf.Layer, path: str, kind: str) -> str:
 
 
 def _file_of(document: Document, element: Any) -> str:
-    """Path of a file from the document's folder; prefixes count, unless the file is only there without them."""
+    """Path of a file relative to the document's folder; prefixes are added unless the file exists only without them."""
     whole, bare = str(element.getResolvedValueString()), str(element.getValueString())
     folder = document.path.parent
     try:
@@ -145,7 +145,7 @@ def _file_of(document: Document, element: Any) -> str:
 
 
 def _write_material(layer: Sdf.Layer, document: Document, path: str, material: Any) -> None:
-    """A material: its surface inside it, whose inputs are the material's own."""
+    """Write a material: its surface is inside it, and the surface's inputs are those of the material."""
     _define(layer, path, "Material")
     told = material.getInput("surfaceshader")
     shader = told.getConnectedNode() if told is not None else None
@@ -167,7 +167,7 @@ def _write_material(layer: Sdf.Layer, document: Document, path: str, material: A
 
 
 def _write_graph(layer: Sdf.Layer, document: Document, path: str, graph: Any) -> None:
-    """A node graph with its nodes, and an output for each of its own."""
+    """Write a node graph with its nodes, and an output for each of its outputs."""
     if layer.GetPrimAtPath(path):
         return
     _define(layer, path, "NodeGraph")
@@ -185,7 +185,7 @@ def _write_graph(layer: Sdf.Layer, document: Document, path: str, graph: Any) ->
 
 
 def _write_node(layer: Sdf.Layer, document: Document, home: str, node: Any, depth: int) -> str:
-    """A node beside those that feed it; returns its path."""
+    """Write a node beside the nodes connected to its inputs; returns its path."""
     path = f"{home}/{_name(node)}"
     if layer.GetPrimAtPath(path) or depth > _DEEPEST:
         return path
@@ -205,7 +205,7 @@ def _write_node(layer: Sdf.Layer, document: Document, home: str, node: Any, dept
 
 
 def _source(layer: Sdf.Layer, document: Document, home: str, one: Any, depth: int) -> str | None:
-    """What feeds an input, written beside it; None for a value of its own."""
+    """Write the node that is connected to an input beside it; None if the input has a value of its own."""
     graph = one.getNodeGraphString()
     if graph:
         found = document.content.getNodeGraph(graph)
@@ -226,7 +226,7 @@ def _output_name(port: Any) -> str:
 
 
 def _identifier(node: Any) -> str:
-    """Name of a node's definition; the standard ones are spelled as their library spells them."""
+    """Name of a node's definition; standard ones are written as in their library."""
     told = str(node.getNodeDefString())
     if told:
         return told
@@ -269,7 +269,7 @@ def _value(layer: Sdf.Layer, document: Document, path: str, one: Any) -> str:
 
 
 class Adopted:
-    """The documents that a stage refers to, as layers; they live as long as this does.
+    """The documents that a stage refers to, as layers; these exist as long as this object.
 
     Attributes:
         files: Document of each anonymous layer, by its identifier.
@@ -279,7 +279,7 @@ class Adopted:
     def __init__(self, root: Path) -> None:
         """Translate every document that a stage refers to, and let its layers refer to the translations.
 
-        The files stay as they are: layers are changed in memory.
+        The files do not change: layers are changed in memory.
 
         Args:
             root: Root layer of the stage.

@@ -1,4 +1,4 @@
-"""Files inside usdz packages, unpacked so that image readers find a file."""
+"""Files inside usdz packages, unpacked for image readers, which need files."""
 
 import hashlib
 import zlib
@@ -14,24 +14,24 @@ _LARGEST = 1_000_000_000  # bytes of one file
 
 
 def unpacked_folder() -> Path:
-    """Tell where unpacked files are kept, each under the hash of its content."""
+    """Return the folder of unpacked files, each named by the hash of its content."""
     return cache_folder("packages")
 
 
 def unpacked(resolved: str) -> str:
-    """Bring a file out of a package.
+    """Unpack a file of a package.
 
     Args:
-        resolved: Resolved path as USD spells it: `package.usdz[folder/file]`.
+        resolved: Resolved path as USD writes it: `package.usdz[folder/file]`.
 
     Returns:
-        Absolute path of a file with its content; empty where there is none, or none can be written.
+        Absolute path of a file with its content; empty if there is none, or if none can be written.
     """
     package, _, inner = resolved.partition("[")
     try:
         with ZipFile(package) as archive:
             facts = archive.getinfo(inner.removesuffix("]"))
-            if facts.compress_type != ZIP_STORED or facts.file_size > _LARGEST:  # a usdz compresses nothing
+            if facts.compress_type != ZIP_STORED or facts.file_size > _LARGEST:  # files in a usdz are not compressed
                 return ""
             data = archive.read(facts)
     except (OSError, KeyError, ValueError, EOFError, NotImplementedError, RuntimeError, BadZipFile, zlib.error):

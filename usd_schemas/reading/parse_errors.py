@@ -1,4 +1,4 @@
-"""What USD says about a file that it cannot read, in one line: where, and why."""
+"""The reason why USD cannot read a file, in one line, with the position in the file."""
 
 import re
 
@@ -9,10 +9,10 @@ _LONGEST = 300  # characters of a reason
 
 
 def reason_of(error: Exception) -> str:
-    """Say why USD could not read a file, with the line and column where it says them.
+    """Return the reason why USD could not read a file, with line and column where USD states them.
 
     Args:
-        error: What opening it raised; its text may hold bytes of the file that are no text.
+        error: What opening it raised; its text may contain bytes of the file that are not text.
     """
     try:
         said = [str(part.commentary) for part in error.args if hasattr(part, "commentary")] or [str(error)]

@@ -16,7 +16,7 @@ from usd_schemas.reading.traversal import COMPOSED, EARLIEST, guarded, numbers_o
 F64 = NDArray[np.float64]
 U32 = NDArray[np.uint32]
 
-# Prototypes of an instancer may stand under `over` or `class` prims, which the default leaves out.
+# Prototypes of an instancer may be below `over` or `class` prims, which the default predicate leaves out.
 _PROTOTYPE = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
 _DEEPEST = 8  # nested instancers
 _INSTANCED = ("protoIndices", "positions", "orientations", "orientationsf", "scales", "invisibleIds")
@@ -38,18 +38,18 @@ _SHAPED = (
 
 @dataclass(frozen=True)
 class Placement:
-    """A mesh or native gprim, and where it stands.
+    """A mesh or native gprim, and its transforms.
 
     Attributes:
         prim: What is drawn; an instance proxy inside instances.
         transforms: Prim to stage, for column vectors [stage units], shape (N, 4, 4), float64.
-        label: What it is called.
-        numbers: Instance id of each of its N places where an instancer gives them, shape (N,), uint32, or None.
-        owner: The prim that gets an id where none is authored: the instancer's path, or the prim's own.
-        moves: Its place, or whether it is there, may change with time.
-        deforms: Its own shape may change with time.
-        time: When it stands so.
-        colors: Linear displayColor of each of its N places where an instancer gives them [1], shape (N, 3), or None.
+        label: Its labels.
+        numbers: Instance id of each of its N transforms if an instancer states them, shape (N,), uint32, or None.
+        owner: The prim that gets an id if none is authored: the instancer's path, or the prim's own.
+        moves: Its transform or its visibility may change with time.
+        deforms: Its shape may change with time.
+        time: Time code at which it was read.
+        colors: Linear displayColor of each of its N transforms if an instancer states them [1], shape (N, 3), or None.
     """
 
     prim: Usd.Prim
@@ -65,9 +65,9 @@ class Placement:
 
 @dataclass(frozen=True)
 class _Above:
-    """What a prim takes over from its ancestors.
+    """What a prim inherits from its ancestors.
 
-    `base` takes the space of `root` to the stage, shape (N, 4, 4); `root` is None for the stage itself.
+    `base` transforms the space of `root` to the stage, shape (N, 4, 4); `root` is None for the stage itself.
     """
 
     base: F64
@@ -84,11 +84,11 @@ class _Above:
 
 @dataclass(frozen=True)
 class Placements:
-    """What is drawn of a stage at one time.
+    """The drawn prims of a stage at one time.
 
     Attributes:
         found: Everything that is drawn, in namespace order.
-        moving: Whether anything may be elsewhere, of another shape, or there at all, at another time.
+        moving: Whether the transform, shape or visibility of anything may differ at another time.
     """
 
     found: list[Placement]
@@ -103,8 +103,8 @@ def find_placements(
     Args:
         stage: Composed stage.
         warn: Called with one line for each thing that cannot be drawn.
-        time: When.
-        purposes: Which purposes are drawn.
+        time: Time code at which the stage is read.
+        purposes: Purposes of USD (`render`, `proxy` …) that are drawn.
     """
     walker = _Walker(warn, time, purposes)
     above = _Above(np.eye(4)[None], None, UsdGeom.Tokens.default_, Label(), None, None, False, False, 0)
@@ -140,7 +140,7 @@ class _Walker:
             yield from self.walk(child, here)
 
     def _look(self, prim: Usd.Prim, above: _Above) -> _Above | None:
-        """Find what a prim passes on to those below it; None where it is not to be seen."""
+        """Find what a prim passes on to those below it; None if it is not visible."""
         if prim.IsA(UsdShade.Material):
             return None
         imageable, xformable = UsdGeom.Imageable(prim), UsdGeom.Xformable(prim)
@@ -154,7 +154,7 @@ class _Walker:
         if imageable and imageable.GetPurposeAttr().HasAuthoredValue():
             purpose = str(imageable.GetPurposeAttr().Get())
         label = inherit_label(prim, above.label, above.own_id)
-        # Everything inside an instance shares its prototype's ids: an id on the instance itself tells instances apart.
+        # Prims inside an instance share the ids of its prototype: an id on the instance itself distinguishes instances.
         own_id = above.own_id or (prim.IsInstance() and label.carrier == prim.GetPath())
         if prim.IsA(UsdGeom.PointInstancer):
             moves = moves or any(
@@ -178,7 +178,7 @@ class _Walker:
         yield Placement(prim, transforms, here.label, here.numbers, owner, moves, deforms, self._time, here.colors)
 
     def _relative(self, prim: Usd.Prim, root: Usd.Prim | None) -> F64:
-        """Transform of a prim to the space of a prototype's root, or to the stage, for column vectors: (4, 4)."""
+        """Compute the transform of a prim to a prototype's root or to the stage, for column vectors: (4, 4)."""
         if root is None:
             return np.array(self._cache.GetLocalToWorldTransform(prim)).T
         matrix, _ = self._cache.ComputeRelativeTransform(prim, root)
@@ -192,7 +192,7 @@ class _Walker:
             yield from self.walk(target, above)
 
     def _prototypes(self, instancer: UsdGeom.PointInstancer, here: _Above) -> list[tuple[Usd.Prim, _Above]]:
-        """List the prototypes that an instancer places, each with what it takes over from there."""
+        """List the prototypes that an instancer places, each with what it inherits from the instancer."""
         prim = instancer.GetPrim()
         path = prim.GetPath()
         targets = [
@@ -222,10 +222,10 @@ class _Walker:
                 continue
             base = (to_stage[:, None] @ matrices[rows][None]).reshape(-1, 4, 4)
             ids = np.tile(numbers[rows], len(to_stage)) if numbers is not None else None
-            if here.numbers is not None:  # the outermost instancer knows what was placed
+            if here.numbers is not None:  # ids of the outermost instancer have priority
                 ids = np.repeat(here.numbers, len(rows))
             tints = None if here.colors is None else np.repeat(here.colors, len(rows), axis=0)
-            if colors is not None:  # the innermost one knows what it places
+            if colors is not None:  # colors of the innermost one have priority
                 tints = np.tile(colors[rows], (len(to_stage), 1))
             label = here.label if numbers is None or here.numbers is not None else replace(here.label, carrier=path)
             below.append(

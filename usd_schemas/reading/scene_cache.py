@@ -35,7 +35,7 @@ Rename = Callable[[str], str]
 def load_scene(
     path: Path, *, survey: str | None = None, folder: Path | None = None, choices: StageChoices = AS_AUTHORED
 ) -> FlatScene:
-    """Take a stage over as it was read before, or read and keep it; it is the same scene as `read_stage` returns.
+    """Load a stage from the cache, or read and cache it; the scene is the same as that of `read_stage`.
 
     Args:
         path: A USD file (usda, usdc, usd or usdz).
@@ -80,9 +80,9 @@ def _kept(place: Path, home: Path) -> FlatScene | None:
 def _compose(path: Path, contents: dict[str, str], place: Path, choices: StageChoices) -> FlatScene:
     composed, home = compose_stage(path, choices), path.resolve().parent
     pictures = [Path(file) for file in texture_files(composed.scene)]
-    own = [file for file in pictures if file.parent != unpacked_folder().resolve()]  # the others: of a hashed package
+    own = [file for file in pictures if file.parent != unpacked_folder().resolve()]  # others: in a hashed package
     used = {name_from(home, file) for file in (*composed.files, *own)}
-    # Cached only if its name covers all files that were read, and they did not change meanwhile.
+    # Cached only if its key depends on all files that were read, and they did not change meanwhile.
     if used <= contents.keys() and layer_contents(path) == contents:
         _keep(pack_scene(_renamed(composed.scene, lambda file: name_from(home, Path(file))), composed.layers), place)
     return with_origin(composed.scene, composed.layers)
@@ -99,11 +99,11 @@ def _keep(data: bytes, place: Path) -> None:
                 file.unlink(missing_ok=True)
                 file.with_suffix(".lock").unlink(missing_ok=True)
     except (OSError, FalseworkError):
-        return  # a full disk, or another process that clears up too
+        return  # a full disk, or another process removes files too
 
 
 def _renamed(scene: FlatScene, rename: Rename) -> FlatScene:
-    """Give the pictures of a scene other paths."""
+    """Replace the paths of a scene's textures."""
 
     def texture(one: Texture | None) -> Texture | None:
         return one and replace(one, file=rename(one.file), alpha=one.alpha and rename(one.alpha))
@@ -129,7 +129,7 @@ def _renamed(scene: FlatScene, rename: Rename) -> FlatScene:
 
 @cache
 def _code() -> str:
-    """Hash of what reads a stage: this room with its tables and schemas, and USD itself."""
+    """Hash the code that reads a stage: this room with its tables and schemas, and the version of USD."""
     room = Path(str(files("usd_schemas")))
     tables = sorted(file for file in room.rglob("*") if file.suffix in (".toml", ".usda", ".json"))
     facts = {file.relative_to(room).as_posix(): file_digest(file) for file in tables}

@@ -1,4 +1,4 @@
-"""A flat scene as one block of bytes that tells whether it is whole."""
+"""A flat scene as one block of bytes with a checksum."""
 
 import hashlib
 import json
@@ -15,7 +15,7 @@ from usd_schemas.flat_scene import FlatScene
 
 Arrays = list[NDArray[Any]]
 
-_HASH = 32  # bytes of a SHA-256, in front of everything else
+_HASH = 32  # bytes of a SHA-256, at the beginning
 
 
 def pack_scene(scene: FlatScene, layers: tuple[str, ...]) -> bytes:
@@ -62,7 +62,7 @@ def unpack_scene(data: bytes) -> tuple[FlatScene, tuple[str, ...]]:
 
 
 def _plain(value: Any, arrays: Arrays) -> Any:
-    """Records as dicts of their fields, arrays as their numbers in `arrays`."""
+    """Convert records to dicts of their fields, and arrays to their numbers in `arrays`."""
     if isinstance(value, np.ndarray):
         arrays.append(value)
         return len(arrays) - 1
@@ -72,7 +72,7 @@ def _plain(value: Any, arrays: Arrays) -> Any:
 
 
 def _revived(kind: Any, value: Any, arrays: Arrays) -> Any:
-    """What `_plain` made of a value of a type."""
+    """Convert the result of `_plain` back to a value of a type."""
     if get_origin(kind) in (Union, UnionType):
         (kind,) = (one for one in get_args(kind) if one is not type(None))
     if value is None:
@@ -92,7 +92,7 @@ def is_array(kind: Any) -> bool:
     """Tell whether a type is an array: NumPy 2.5 on Python 3.12 hides that behind a type alias.
 
     Args:
-        kind: A type, as hints give it.
+        kind: A type, as type hints return it.
     """
     origin = get_origin(kind)
     return np.ndarray in (origin, get_origin(getattr(origin, "__value__", None)))

@@ -1,4 +1,4 @@
-"""What feeds the inputs of a shader: constants, textures, and where a texture file lies."""
+"""What is connected to the inputs of a shader: constants, textures, and the paths of texture files."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,11 +13,11 @@ from usd_schemas.reading.traversal import EARLIEST
 
 @dataclass(frozen=True)
 class Source:
-    """What feeds a shader input: a value, or an output of a shader.
+    """What is connected to a shader input: a value, or an output of a shader.
 
     Attributes:
         value: The constant, or None.
-        shader: The shader whose output feeds it, or None.
+        shader: The shader whose output is connected, or None.
         output: Name of that output.
         color_space: Colour space that the attribute states, or empty.
     """
@@ -29,7 +29,7 @@ class Source:
 
 
 def find_source(shader: UsdShade.Shader, name: str) -> Source:
-    """Follow an input through node graphs and material interfaces to what feeds it.
+    """Follow an input through node graphs and material interfaces to its value or to the shader connected to it.
 
     Args:
         shader: A shader.
@@ -46,7 +46,7 @@ def find_source(shader: UsdShade.Shader, name: str) -> Source:
 
 
 def _value(attribute: Usd.Attribute) -> Any:
-    """Value of an attribute; the path of a texture in tiles, which USD finds nowhere, as its layer means it."""
+    """Read an attribute; the path of a tiled texture, which USD does not resolve, relative to its layer."""
     value = attribute.Get(EARLIEST)
     if not isinstance(value, Sdf.AssetPath) or MARK not in value.path or value.resolvedPath:
         return value
@@ -55,14 +55,14 @@ def _value(attribute: Usd.Attribute) -> Any:
 
 
 def asset_file(value: Any) -> str:
-    """Find the file that an asset path means.
+    """Find the file of an asset path.
 
     Args:
         value: Value of an asset attribute.
 
     Returns:
-        Absolute path of an existing file, or empty; of a file inside a usdz package that of a copy; of a texture in
-        tiles the path with `MARK`, if there are any.
+        Absolute path of an existing file, or empty; for a file inside a usdz package, that of a copy; for a tiled
+        texture, the path with `MARK`, if it has any tiles.
     """
     resolved = str(value.resolvedPath) if isinstance(value, Sdf.AssetPath) else ""
     if MARK in resolved:
@@ -76,8 +76,8 @@ def number_of(source: Source, default: float) -> float:
     """Take a number from a constant source.
 
     Args:
-        source: What feeds an input.
-        default: Taken where it feeds no number [any unit].
+        source: What is connected to an input.
+        default: Used if that is not a number [any unit].
 
     Returns:
         The number, in the unit of the input [any unit].
@@ -86,7 +86,7 @@ def number_of(source: Source, default: float) -> float:
 
 
 def channel_of(output: str) -> int | None:
-    """Tell which channel of a texture an output hands on.
+    """Find the channel of a texture that an output passes on.
 
     Args:
         output: Name of an output of one number, e.g. `r` of UsdUVTexture or `outg` of MaterialX's separate nodes.
@@ -102,8 +102,8 @@ def pair_of(source: Source, default: tuple[float, float]) -> tuple[float, float]
     """Take two numbers from a constant source.
 
     Args:
-        source: What feeds an input.
-        default: Taken where it feeds nothing [any unit].
+        source: What is connected to an input.
+        default: Used if nothing is connected [any unit].
 
     Returns:
         The two numbers, in the unit of the input [any unit].
@@ -115,8 +115,8 @@ def triple_of(source: Source, default: tuple[float, float, float]) -> tuple[floa
     """Take three numbers from a constant source.
 
     Args:
-        source: What feeds an input.
-        default: Taken where it feeds nothing [any unit].
+        source: What is connected to an input.
+        default: Used if nothing is connected [any unit].
 
     Returns:
         The three numbers, in the unit of the input [any unit].

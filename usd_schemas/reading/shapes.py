@@ -39,7 +39,7 @@ def read_shape(prim: Usd.Prim, time: Usd.TimeCode) -> Shape:
 
     Args:
         prim: A prim whose type is one of `SHAPES`.
-        time: When.
+        time: Time code at which it is read.
     """
 
     def value(name: str) -> float:
@@ -52,7 +52,7 @@ def read_shape(prim: Usd.Prim, time: Usd.TimeCode) -> Shape:
         return _lathe(_arc(value("radius"), np.pi / 2, -np.pi / 2))
     axis = str(prim.GetAttribute("axis").Get(time))
     if kind == "Plane":
-        # USD's width runs along x, or along z where the plane faces x: turning it swaps the two sides.
+        # USD's width runs along x, or along z where the plane faces x: the rotation exchanges the two sides.
         sides = value("width"), value("length")
         return _along(_plane(*(sides if axis == "Z" else sides[::-1])), axis)
     height = value("height")
@@ -71,14 +71,14 @@ def _radii(prim: Usd.Prim, value: Callable[[str], float]) -> tuple[float, float]
 
 
 def _arc(radius: float, first: float, last: float) -> F64:
-    """Profile of a sphere between two latitudes [rad]: rows of radius, z, normal's radius, normal's z."""
+    """Compute the profile of a sphere between two latitudes [rad]: rows of radius, z, normal's radius, normal's z."""
     angle = np.linspace(first, last, round(abs(first - last) / (np.pi / 2)) * RINGS + 1)
     normal = np.round(np.stack([np.cos(angle), np.sin(angle)], axis=1), 12)  # a pole is one point
     return np.column_stack([radius * normal, normal]).astype(np.float64)
 
 
 def _turned(low: float, high: float, height: float) -> Shape:
-    """A cylinder or cone about z with creased rims."""
+    """Make a cylinder or cone about z with creased rims."""
     slope = np.array([height, low - high]) / np.hypot(height, low - high)
     top, bottom = [high, height / 2], [low, -height / 2]
     pieces = [_lathe(np.array([[*top, *slope], [*bottom, *slope]]))]
@@ -90,7 +90,7 @@ def _turned(low: float, high: float, height: float) -> Shape:
 
 
 def _lathe(profile: F64) -> Shape:
-    """Turn a profile from top to bottom, rows of (radius, z, normal's radius, normal's z), about z."""
+    """Rotate a profile from top to bottom, rows of (radius, z, normal's radius, normal's z), about z."""
     angle = np.linspace(0.0, 2 * np.pi, AROUND + 1)
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     ring[-1] = ring[0]  # the seam closes exactly
@@ -132,7 +132,7 @@ def _cube(size: float) -> Shape:
     faces = []
     for axis in range(3):
         for sign in (1.0, -1.0):
-            # Columns of a proper rotation: the plane's x, y and z go to the face's u, v and outward normal.
+            # Columns of a proper rotation: the plane's x, y and z become the face's u, v and outward normal.
             turn = np.zeros((3, 3))
             turn[axis, 2] = sign
             turn[(axis + 1) % 3, 0] = 1.0

@@ -9,7 +9,7 @@ from usd_schemas.reading.traversal import COMPOSED, MISTYPED
 def bake_skins(stage: Usd.Stage, warn: Warn) -> None:
     """Bake every skinned mesh of a stage, at all times at which its skeleton is animated.
 
-    What is written goes into the session layer. Instances that hold a skeleton become prims of their own there.
+    The result is written to the session layer. Instances that contain a skeleton become separate prims there.
 
     Args:
         stage: Composed stage; its edit target becomes the session layer.
@@ -31,7 +31,7 @@ def bake_skins(stage: Usd.Stage, warn: Warn) -> None:
 
 
 def _free_instances(stage: Usd.Stage, roots: list[Usd.Prim]) -> None:
-    """Let prims that share a prototype with a skeleton in it go their own ways."""
+    """Make instances that share a prototype with a skeleton into separate prims."""
     for root in roots:
         while root.IsInstanceProxy():
             holder = root

@@ -1,4 +1,4 @@
-"""Read any composed stage into a `FlatScene`: metres, z up, triangles, plain numbers."""
+"""Reads any composed stage into a `FlatScene`: meters, z up, triangles, plain numbers."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -74,7 +74,7 @@ def compose_stage(path: Path, choices: StageChoices = AS_AUTHORED) -> ComposedSt
 
     Args:
         path: A USD file (usda, usdc, usd or usdz).
-        choices: What of it is read.
+        choices: What the user chose to read.
 
     Raises:
         MissingError: There is no such file.
@@ -175,7 +175,7 @@ def with_origin(scene: FlatScene, layers: tuple[str, ...]) -> FlatScene:
 
 
 def texture_files(scene: FlatScene) -> set[str]:
-    """List the pictures that a scene names.
+    """List the texture files of a scene.
 
     Args:
         scene: A scene.
@@ -198,7 +198,7 @@ def stage_to_world(stage: Usd.Stage, where: Path | None = None) -> F64:
         InputError: The stage's unit is invalid.
     """
     unit = UsdGeom.GetStageMetersPerUnit(stage)
-    if not 0.0 < unit < np.inf:  # nor NaN
+    if not 0.0 < unit < np.inf:  # also false for NaN
         hint = "Write 1 for metres, 0.01 for centimetres"
         raise InputError(
             "the stage's unit is not a length",
@@ -235,7 +235,7 @@ def _why_empty(warnings: list[str]) -> str:
 
 
 def _flatten_stage(stage: Usd.Stage, transform: F64, choices: StageChoices, warn: Warn) -> FlatScene | None:
-    """Everything but warnings and origin; None where nothing is drawn."""
+    """Read everything except warnings and origin; None if nothing is drawn."""
     table = read_taxonomy(stage, warn)
     cameras = read_cameras(stage, transform, warn, choices.frames)
     moving = flatten_moments(stage, cameras or (_anywhere(choices),), choices, table, transform, warn)
@@ -272,12 +272,12 @@ def _flatten_stage(stage: Usd.Stage, transform: F64, choices: StageChoices, warn
 
 
 def _anywhere(choices: StageChoices) -> CameraTrack:
-    """A camera that is not on the stage, and takes an image at each frame that is asked for."""
+    """Make a camera that is not on the stage, with an image at each requested frame."""
     return framing_camera(np.zeros(3), np.ones(3), max(len(choices.frames), 1))[0]
 
 
 def _at(moving: Moving, number: int) -> Flattened:
-    """What is drawn at one moment."""
+    """Return what is drawn at one moment."""
     if not moving.moments:
         return moving.flat
     still, moved = len(moving.flat.draws.part) - len(moving.moments[0].part), moving.moments[number]

@@ -1,4 +1,4 @@
-"""Curves with a width as tubes, and points with a width as balls."""
+"""Curves with a width as tubes, and points with a width as spheres."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -19,10 +19,10 @@ _FINENESS = (
     (6, 3),
     (4, 2),
     (3, 1),
-)  # sides of a tube, steps of a segment: the first that is not too much
+)  # sides of a tube, steps of a segment: the first within the limit below
 _MOST_CORNERS = 4_000_000
-_BALLS = ((3, 200), (2, 2_000), (1, 20_000), (0, 200_000))  # times that an octahedron is refined, up to how many points
-_SHORT = 1e-12  # [stage units] of a way that points nowhere
+_BALLS = ((3, 200), (2, 2_000), (1, 20_000), (0, 200_000))  # refinements of an octahedron, up to which number of points
+_SHORT = 1e-12  # [stage units] shorter vectors have no direction
 
 
 @dataclass(frozen=True)
@@ -66,10 +66,10 @@ class _Run:
 
 
 def has_width(prim: Usd.Prim) -> bool:
-    """Tell whether curves or points say how thick they are.
+    """Tell whether curves or points have a width.
 
     Args:
-        prim: A prim out of `STRANDS`.
+        prim: A prim of a type in `STRANDS`.
     """
     return any(prim.GetAttribute(name).HasAuthoredValue() for name in ("widths", "primvars:widths"))
 
@@ -78,10 +78,10 @@ def read_strands(prim: Usd.Prim, time: Usd.TimeCode, color_name: str, notes: lis
     """Read curves or points with a width.
 
     Args:
-        prim: A prim out of `STRANDS`.
-        time: When.
+        prim: A prim of a type in `STRANDS`.
+        time: Time code at which they are read.
         color_name: Primvar of their colours.
-        notes: Takes a line for each thing that is drawn otherwise than authored.
+        notes: Receives a line for each thing that is not drawn as authored.
 
     Raises:
         UnreadableMeshError: Arrays of other types, or that contradict each other.
@@ -106,7 +106,7 @@ def read_strands(prim: Usd.Prim, time: Usd.TimeCode, color_name: str, notes: lis
 
 
 def _widths(prim: Usd.Prim, time: Usd.TimeCode) -> tuple[F64, str]:
-    """Widths, shape (K, 1), and their interpolation."""
+    """Read widths, shape (K, 1), and their interpolation."""
     primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar("widths")
     if primvar and primvar.HasAuthoredValue():
         value, told = primvar.ComputeFlattened(time), str(primvar.GetInterpolation())
@@ -129,7 +129,7 @@ def _numbers(value: Any) -> F64 | None:
 
 
 def _runs(prim: Usd.Prim, count: int, time: Usd.TimeCode, notes: list[str]) -> tuple[list[_Run], dict[str, int], int]:
-    """Curves by their number of points, how many values each interpolation asks for, and the sides of a tube."""
+    """Group curves by number of points; also, number of values of each interpolation, and sides of a tube."""
     counts = numbers_of(prim.GetAttribute("curveVertexCounts").Get(time))
     if counts is None or counts.min(initial=0) < 0 or counts.sum() != count:
         raise UnreadableMeshError("curveVertexCounts and points do not fit together")
@@ -169,9 +169,9 @@ def _linear(count: int, wrap: str) -> tuple[F64, F64] | None:
 
 
 def _cubic(count: int, basis: str, wrap: str, steps: int) -> tuple[F64, F64] | None:
-    """Weights of the points of a cubic curve at its samples, and of its segments' ends."""
+    """Compute weights of the points of a cubic curve at its samples, and of its segments' ends."""
     cage = np.eye(count)
-    if wrap == "pinned" and basis != "bezier" and count >= 2:  # a point beyond each end, so that it ends there
+    if wrap == "pinned" and basis != "bezier" and count >= 2:  # a point beyond each end
         cage = np.concatenate([[2 * cage[0] - cage[1]], cage, [2 * cage[-1] - cage[-2]]])
     stride = 3 if basis == "bezier" else 1
     closed = wrap == "periodic"
@@ -193,7 +193,7 @@ def _cubic(count: int, basis: str, wrap: str, steps: int) -> tuple[F64, F64] | N
 
 
 def _basis(u: F64, name: str) -> F64:
-    """Weights of a segment's four points, shape (S, 4). Source: UsdGeomBasisCurves."""
+    """Compute weights of a segment's four points, shape (S, 4). Source: UsdGeomBasisCurves."""
     v = 1.0 - u
     if name == "bezier":
         rows = [v**3, 3 * u * v**2, 3 * u**2 * v, u**3]
@@ -206,8 +206,8 @@ def _basis(u: F64, name: str) -> F64:
 
 
 def _at_samples(values: F64, told: str, run: _Run, sizes: dict[str, int]) -> F64:
-    """Values at the samples of a run, shape (M, S, W); where their number does not fit, the first serves for all."""
-    if sizes.get(told) != len(values):  # what is not told rightly is told by the number of values
+    """Compute values at the samples of a run, shape (M, S, W); the first for all, if the number does not fit."""
+    if sizes.get(told) != len(values):  # an invalid interpolation is inferred from the number of values
         told = next((name for name, size in sizes.items() if size == len(values)), UsdGeom.Tokens.constant)
     if told == UsdGeom.Tokens.vertex:
         return np.einsum("sn,mnw->msw", run.vertex, values[run.points])
@@ -218,7 +218,7 @@ def _at_samples(values: F64, told: str, run: _Run, sizes: dict[str, int]) -> F64
 
 
 def _tubes(way: F64, radius: F64, colors: F64 | None, run: _Run, sides: int) -> Strands:
-    """Rings square to the ways, shape (M, S, 3), in frames that are carried along without turning about them."""
+    """Make rings perpendicular to the curves, shape (M, S, 3), in frames that do not rotate about the curves."""
     along = np.gradient(way, axis=1)
     if run.closed:
         along[:, 0] = along[:, -1] = way[:, 1] - way[:, -2]
@@ -271,7 +271,7 @@ def _unit(vectors: F64) -> F64:
 
 
 def _balls(points: F64, widths: F64, colors: F64 | None, notes: list[str]) -> Strands:
-    """A ball about each point."""
+    """Make a sphere about each point."""
     chosen = np.arange(len(points))
     if len(points) > _BALLS[-1][1]:
         chosen = chosen[:: -(-len(points) // _BALLS[-1][1])]
@@ -295,7 +295,7 @@ def _balls(points: F64, widths: F64, colors: F64 | None, notes: list[str]) -> St
 
 
 def _ball(times: int) -> tuple[F64, I64]:
-    """An octahedron refined towards its sphere: directions, shape (V, 3), and triangles, shape (T, 3)."""
+    """Refine an octahedron towards its sphere: directions, shape (V, 3), and triangles, shape (T, 3)."""
     points = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], np.float64)
     faces = np.array([[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]])
     for _ in range(times):

@@ -12,22 +12,22 @@ from numpy.typing import NDArray
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-FOREVER = 10.0  # sharpness that never wears off, as UsdGeom says
+FOREVER = 10.0  # sharpness of an infinitely sharp crease, as defined by UsdGeom
 
 
 @dataclass(frozen=True)
 class Cage:
-    """A polygon mesh that stands for a smooth surface.
+    """A polygon mesh that defines a smooth surface.
 
     Attributes:
         points: Positions [stage units], shape (V, 3), float64.
         counts: Corners of each face, shape (F,), int64.
         corners: Vertex of each corner, shape (C,), int64.
         creases: Pairs of vertices, the smaller first, shape (E, 2), int64.
-        crease_sharpness: How many refinements each of them stays sharp [1], shape (E,), float64.
-        corner_sharpness: The same of each vertex [1], shape (V,), float64.
-        sharp_corners: Vertices of a single face stay where they are.
-        parent: Face of the first cage that each face lies in, shape (F,), int64.
+        crease_sharpness: Number of refinements for which each of them stays sharp [1], shape (E,), float64.
+        corner_sharpness: The same for each vertex [1], shape (V,), float64.
+        sharp_corners: Whether vertices of a single face keep their positions.
+        parent: Face of the first cage that contains each face, shape (F,), int64.
     """
 
     points: F64
@@ -56,7 +56,7 @@ def refine(cage: Cage, values: list[F64]) -> tuple[Cage, list[F64]]:
 
     Args:
         cage: The cage.
-        values: Values at its corners [any unit], each of shape (C, W), float64, which change evenly over each face.
+        values: Values at its corners [any unit], each of shape (C, W), float64, interpolated bilinearly over each face.
 
     Returns:
         The finer cage, and the values at its corners [any unit], each of shape (4 C, W), float64.
@@ -87,7 +87,7 @@ def refine(cage: Cage, values: list[F64]) -> tuple[Cage, list[F64]]:
 
 
 def smooth_normals(cage: Cage, areas: F64) -> tuple[F64, I64]:
-    """Find normals that turn evenly, except over edges that are still sharp.
+    """Find normals that vary smoothly, except across edges that are still sharp.
 
     Args:
         cage: A refined cage.
@@ -104,7 +104,7 @@ def smooth_normals(cage: Cage, areas: F64) -> tuple[F64, I64]:
     second = order[1:][edges.of_corner[order[:-1]] == edges.of_corner[order[1:]]]
     kept = edges.sharpness[edges.of_corner[first]] < 1.0
     first, second = first[kept], second[kept]
-    # A corner and its next one lie on the edge; of the neighbour's two, that at the same vertex belongs to it.
+    # A corner and its next one are on the edge; of the neighbor's two, the one at the same vertex matches.
     same = cage.corners[first] == cage.corners[second]
     pairs = [
         (first, np.where(same, second, ahead[second])),
@@ -117,7 +117,7 @@ def smooth_normals(cage: Cage, areas: F64) -> tuple[F64, I64]:
 
 
 def _joined(rows: I64, columns: I64, count: int) -> I64:
-    """Number the groups of corners that links join; a link takes both ends to the smaller of their numbers."""
+    """Number the groups of linked corners; a group has the smallest of its numbers."""
     label = np.arange(count)
     while True:
         former = label.copy()
@@ -129,7 +129,7 @@ def _joined(rows: I64, columns: I64, count: int) -> I64:
 
 
 def _neighbors(counts: I64) -> tuple[I64, I64]:
-    """Next and previous corner of each corner in its face."""
+    """Find the next and the previous corner of each corner in its face."""
     number = np.arange(counts.sum())
     first = np.repeat(np.cumsum(counts) - counts, counts)
     last = first + np.repeat(counts, counts) - 1
@@ -157,7 +157,7 @@ def _edges(cage: Cage, owner: I64, ahead: I64, centers: F64) -> _Edges:
 
 
 def _moved(cage: Cage, edges: _Edges, owner: I64, centers: F64, middle: F64) -> F64:
-    """Where the vertices of a cage go."""
+    """Compute the new positions of the vertices of a cage."""
     count, points = len(cage.points), cage.points
     ends = edges.ends.reshape(-1)
     valence = np.bincount(ends, minlength=count)
@@ -172,7 +172,7 @@ def _moved(cage: Cage, edges: _Edges, owner: I64, centers: F64, middle: F64) -> 
     other = edges.ends[:, ::-1].reshape(-1)
     along = np.stack([np.bincount(ends[is_sharp], points[other[is_sharp], axis], count) for axis in range(3)], axis=1)
     crease = (along + 6.0 * points) / 8.0
-    # The sharpness of a vertex is the mean of what meets there: below 1 it goes over from one rule to the other.
+    # The sharpness of a vertex is the mean of its edges' sharpness: below 1, smooth and sharp rules are blended.
     held = np.clip(np.bincount(ends, np.where(is_sharp, np.minimum(sharp, 1.0), 0.0), count), 0.0, None)
     share = np.clip(held / np.maximum(creases, 1), 0.0, 1.0)[:, None]
     result = np.where((creases == 2)[:, None], smooth * (1.0 - share) + crease * share, smooth)
@@ -188,14 +188,14 @@ def _less(sharpness: F64) -> F64:
 
 
 def _worn(edges: _Edges, first: int) -> tuple[I64, F64]:
-    """Both halves of each crease, less sharp by one."""
+    """Return both halves of each crease, with a sharpness reduced by one."""
     sharp = np.flatnonzero((edges.sharpness > 1.0) & (edges.faces == 2))
     halves = np.stack([edges.ends[sharp].reshape(-1), np.repeat(first + sharp, 2)], axis=1)
     return halves, np.repeat(_less(edges.sharpness[sharp]), 2)
 
 
 def _spread(values: F64, owner: I64, ahead: I64, behind: I64, faces: int) -> F64:
-    """Values at the corners of the finer faces: at the vertex, half-way on, in the middle, half-way back."""
+    """Compute values at the corners of the finer faces: vertex, next edge's middle, center, previous edge's middle."""
     middle = _means(values, owner, faces)[owner]
     halves = (values + values[ahead]) / 2
     return np.stack([values, halves, middle, halves[behind]], axis=1).reshape(-1, values.shape[1])

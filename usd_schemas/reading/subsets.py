@@ -24,6 +24,6 @@ def subset_faces(prim: Usd.Prim) -> list[tuple[Usd.Prim, str, I64]]:
             subset = UsdGeom.Subset(child)
             if subset.GetElementTypeAttr().Get() == UsdGeom.Tokens.face:
                 indices = numbers_of(subset.GetIndicesAttr().Get(EARLIEST))
-                indices = np.full(1, -1, np.int64) if indices is None else indices  # of another type: of no face
+                indices = np.full(1, -1, np.int64) if indices is None else indices  # of another type: no face
                 found.append((child, str(subset.GetFamilyNameAttr().Get() or ""), indices))
     return found

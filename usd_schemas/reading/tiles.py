@@ -1,4 +1,4 @@
-"""Textures in tiles, UDIM: one picture for each unit square of the texture coordinates."""
+"""Tiled textures (UDIM): one image for each unit square of the texture coordinates."""
 
 import re
 from dataclasses import replace
@@ -27,10 +27,10 @@ _MAPS = (
 
 
 def tiles_of(pattern: str) -> dict[int, str]:
-    """List the tiles that are there.
+    """List the existing tiles.
 
     Args:
-        pattern: Absolute path, maybe into a usdz package, with `MARK` where a tile's number stands.
+        pattern: Absolute path, possibly into a usdz package, with `MARK` in place of a tile's number.
 
     Returns:
         Path of each tile by its number, ascending.
@@ -57,13 +57,14 @@ def tiles_of(pattern: str) -> dict[int, str]:
 
 
 def tile_materials(material: Material) -> tuple[Material, dict[int, Material]]:
-    """Take a material with tiled textures apart.
+    """Split a material with tiled textures.
 
     Args:
         material: A material.
 
     Returns:
-        The material where there is no tile, and that of each tile; the material itself and none, where none is tiled.
+        The material outside the tiles, and that of each tile; the material itself and no tiles, if it has no tiled
+        texture.
     """
     known = {file: tiles_of(file) for one in material.textures() for file in (one.file, one.alpha) if MARK in file}
     if not known:

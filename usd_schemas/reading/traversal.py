@@ -11,21 +11,21 @@ from pxr import Tf, Usd, UsdGeom
 from groundwork.errors import InputError
 from usd_schemas.reading.parse_errors import reason_of
 
-# The first sample where there are samples, else the default: what a still picture of the stage shows.
+# The first sample if there are samples, else the default: what a still image of the stage shows.
 EARLIEST = Usd.TimeCode.EarliestTime()
 
-# What it comes to, in numpy or in the bindings of USD, that a value is of another type than its schema says.
+# Errors that numpy or the bindings of USD raise if the type of a value differs from its schema.
 MISTYPED = (ValueError, TypeError, LookupError, AttributeError, OverflowError, RuntimeError, Tf.ErrorException)
 
 COMPOSED = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 
 
 class UnreadableMeshError(Exception):
-    """A mesh whose arrays contradict each other; the text says how."""
+    """A mesh whose arrays contradict each other; the text describes how."""
 
 
 def composed_prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    """Walk every active, defined, loaded prim, those inside instances too, but not the prototypes of instancers.
+    """Walk every active, defined, loaded prim, including those inside instances, but not prototypes of instancers.
 
     Args:
         stage: Composed stage.
@@ -54,14 +54,14 @@ def guarded(prim: Usd.Prim, warn: Callable[[str], None], what: str = "left out")
 
 
 def table_of(value: Any, width: int) -> NDArray[np.float64] | None:
-    """Take a value as rows of numbers.
+    """Convert a value to rows of numbers.
 
     Args:
         value: Value of an attribute.
         width: Numbers in a row.
 
     Returns:
-        Rows [any unit], shape (N, width), float64, none for no value; None where the value is something else.
+        Rows [any unit], shape (N, width), float64, empty for no value; None if the value is something else.
     """
     if value is None:
         return np.zeros((0, width))
@@ -75,13 +75,13 @@ def table_of(value: Any, width: int) -> NDArray[np.float64] | None:
 
 
 def numbers_of(value: Any) -> NDArray[np.int64] | None:
-    """Take a value as whole numbers.
+    """Convert a value to whole numbers.
 
     Args:
         value: Value of an attribute.
 
     Returns:
-        Numbers, shape (N,), int64, none for no value; None where the value is something else.
+        Numbers, shape (N,), int64, empty for no value; None if the value is something else.
     """
     try:
         rows = np.array([] if value is None else value)

@@ -16,7 +16,7 @@ def note_unread(stage: Usd.Stage, warn: Warn) -> None:
 
     Args:
         stage: Composed stage.
-        warn: Called with one line a kind.
+        warn: Called with one line for each kind.
     """
     found: dict[str, list[str]] = {}
     for prim in composed_prims(stage):

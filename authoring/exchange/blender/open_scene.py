@@ -1,4 +1,4 @@
-"""Runs inside Blender, with Blender's own packages only: opens a scene as its cameras shall render it.
+"""Runs inside Blender, with Blender's own packages only: opens a scene with the settings of its renders.
 
 Blender reads neither render settings nor the frame rate of a stage. This script imports with the options that keep ids
 and labels, and then sets frames per second, resolution, frame range and camera from the RenderProduct.
@@ -16,17 +16,17 @@ import bpy  # pyright: ignore[reportMissingImports]
 SCENE = ""  # for the text editor: path of scene.usda
 
 FRAMES_PER_SECOND = 24  # one time code is one image
-SUN_STOPS = -2.0  # Blender makes a distant light of USD four times as strong as its sky; an exposure takes that back
+SUN_STOPS = -2.0  # Blender makes a distant light of USD four times as strong as its sky; an exposure corrects this
 
 
 def open_scene(scene: str, survey: str = "") -> None:
-    """Import a scene and make Blender's settings those of a survey.
+    """Import a scene and apply the settings of a survey.
 
     Args:
         scene: Path of `scene.usda`.
         survey: Name of the RenderProduct; the first when empty.
     """
-    if bpy.context.scene.world is None:  # without one, Blender has no place for the sky
+    if bpy.context.scene.world is None:  # the sky needs one
         bpy.context.scene.world = bpy.data.worlds.new("World")
     bpy.ops.wm.usd_import(
         filepath=str(Path(scene).resolve()),
@@ -41,16 +41,16 @@ def open_scene(scene: str, survey: str = "") -> None:
     for lamp in bpy.data.lights:
         if lamp.type == "SUN" and hasattr(lamp, "exposure"):  # Blender 4.5 and later
             lamp.exposure += SUN_STOPS
-    with contextlib.suppress(ImportError):  # without Blender's own USD library only the import remains
+    with contextlib.suppress(ImportError):  # without Blender's own USD library, only the import is done
         apply_product(bpy.context.scene, *read_product(scene, survey))
     for thing in bpy.context.scene.objects:
         number = thing.data.get("instanceId") if thing.data is not None else None
         if isinstance(number, int):
-            thing.pass_index = number & 0x7FFF  # Blender's index passes hold 15 bits
+            thing.pass_index = number & 0x7FFF  # Blender's index passes have 15 bits
 
 
 def apply_product(target: Any, camera: str, size: tuple[int, int], frames: tuple[int, int]) -> None:
-    """Set a Blender scene up for a RenderProduct.
+    """Set up a Blender scene for a RenderProduct.
 
     Args:
         target: Blender scene.
