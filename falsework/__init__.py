@@ -45,21 +45,8 @@ from typing import TYPE_CHECKING
 from usd_schemas.registration import register_schemas
 
 if TYPE_CHECKING:
-    from falsework.api import (
-        author,
-        load_scenario,
-        read_capture,
-        read_cloud,
-        read_stage,
-        read_truth,
-        reconstruct,
-        render,
-        run,
-        sample,
-        save_cloud,
-        scenario_of,
-        swap,
-    )
+    from falsework.api import author, reconstruct, render, run, sample, save_cloud, swap
+    from falsework.api_reading import load_scenario, read_capture, read_cloud, read_stage, read_truth, scenario_of
     from falsework.commands.console import ConsoleProgress
     from falsework.pipeline import Outcome
     from falsework.scenario import Scenario
@@ -114,8 +101,8 @@ __all__ = [
 ]
 
 _HOMES = {
-    "falsework.api": (
-        *("author", "swap", "render", "reconstruct", "sample", "run", "save_cloud"),
+    "falsework.api": ("author", "swap", "render", "reconstruct", "sample", "run", "save_cloud"),
+    "falsework.api_reading": (
         *("read_stage", "read_capture", "read_truth", "read_cloud", "load_scenario", "scenario_of"),
     ),
     "falsework.commands.console": ("ConsoleProgress",),

@@ -1,16 +1,17 @@
 """The Python API: `author`, `swap`, `render`, `reconstruct`, `sample` and `run` as functions, for scripts.
 
-Each writes one output folder, replacing an earlier one that Falsework wrote, and returns its content. The readers open
-existing folders. Every path may be a `str` or a `pathlib.Path`.
+Each writes one output folder, replacing an earlier one that Falsework wrote, and returns its content. Every path may be
+a `str` or a `pathlib.Path`. The readers are in `falsework.api_reading`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from falsework.api_reading import path_of, read_capture, read_cloud, scenario_of
 from groundwork.errors import InputError
 from groundwork.progress import SILENT, Progress
 
@@ -20,10 +21,8 @@ if TYPE_CHECKING:
     from recon.cloud import Cloud
     from recon.sampling.sampler_settings import AirborneSettings, MeshSettings, MobileSettings, TerrestrialSettings
     from recon.settings import ReconSettings
-    from render.capture import Capture, Truth
+    from render.capture import Capture
     from render.settings import RenderSettings
-    from usd_schemas.flat_scene import FlatScene
-    from usd_schemas.reading.choices import StageChoices
 
 S = TypeVar("S")
 
@@ -55,7 +54,7 @@ def author(
     """
     from falsework.commands.verbs import author_file
 
-    return author_file(_scenario(scenario), _path(out, "out"), scene, progress)
+    return author_file(_scenario(scenario), path_of(out, "out"), scene, progress)
 
 
 def swap(
@@ -96,9 +95,9 @@ def swap(
     from falsework.commands.scene_verbs import choose_layers
 
     asked = {"look": look, "background": background, "light": light, "taxonomy": taxonomy}
-    choices = {axis: str(_path(value, axis)) for axis, value in asked.items() if value is not None}
-    place = _path(out, "out")
-    copy = checkout_scene(_path(scene, "scene"), place)
+    choices = {axis: str(path_of(value, axis)) for axis, value in asked.items() if value is not None}
+    place = path_of(out, "out")
+    copy = checkout_scene(path_of(scene, "scene"), place)
     try:
         if choices:
             choose_layers(copy, choices, "", None, tuple(_roots(allow_roots)), progress)
@@ -142,8 +141,8 @@ def render(
     from render.settings import RenderSettings
 
     told = _settings(settings or RenderSettings(), RenderSettings).model_dump(mode="json")
-    place = _path(out, "out")
-    names = render_file(_path(stage, "stage"), place, survey, told, seed, progress, allow_roots=_roots(allow_roots))
+    place = path_of(out, "out")
+    names = render_file(path_of(stage, "stage"), place, survey, told, seed, progress, allow_roots=_roots(allow_roots))
     return {name: read_capture(place / name) for name in names}
 
 
@@ -192,10 +191,10 @@ def reconstruct(
             allowed=", ".join(wanted.modes),
             hint="Call twice, the second time with the first cloud as model",
         )
-    folder = capture.folder if isinstance(capture, Capture) else _path(capture, "capture")
-    points = None if control is None else _path(control, "control")
-    cameras = None if model is None else _path(model, "model")
-    (place,) = reconstruct_folder(folder, _path(out, "out"), wanted, progress, points, cameras)
+    folder = capture.folder if isinstance(capture, Capture) else path_of(capture, "capture")
+    points = None if control is None else path_of(control, "control")
+    cameras = None if model is None else path_of(model, "model")
+    (place,) = reconstruct_folder(folder, path_of(out, "out"), wanted, progress, points, cameras)
     return read_cloud(place)
 
 
@@ -230,8 +229,8 @@ def sample(
 
     _settings(settings, MeshSettings, *SCANNERS.values())
     kind = "mesh" if isinstance(settings, MeshSettings) else settings.kind
-    place = _path(out, "out")
-    sample_file(_path(stage, "stage"), place, kind, settings, progress, _roots(allow_roots))
+    place = path_of(out, "out")
+    sample_file(path_of(stage, "stage"), place, kind, settings, progress, _roots(allow_roots))
     return read_cloud(place)
 
 
@@ -271,7 +270,7 @@ def run(
     """
     from falsework.pipeline import run_scenario
 
-    place = _path(out, "out")
+    place = path_of(out, "out")
     how: dict[str, Any] = {"retry_failed": retry_failed, "workers": workers, "cluster": cluster, "memory": memory}
     return run_scenario(_scenario(scenario), place, progress, scenes, **how)
 
@@ -292,128 +291,7 @@ def save_cloud(cloud: Cloud, out: str | PathLike[str]) -> None:
     from groundwork.output_folder import fresh_output
     from recon.cloud import write_cloud
 
-    fresh_output(_path(out, "out"), "cloud", lambda folder: write_cloud(folder, cloud))
-
-
-def read_stage(
-    path: str | PathLike[str], *, survey: str | None = None, choices: StageChoices | None = None
-) -> FlatScene:
-    """Read a stage as arrays: geometry, materials, lights, cameras and labels.
-
-    Args:
-        path: A USD file (usda, usdc, usd or usdz).
-        survey: Name of the only product to read, with its camera; None: all.
-        choices: Camera, frames, purposes, variants and the like, to override those of the stage.
-
-    Returns:
-        The stage in meters with z up; moving objects at the time of each image.
-
-    Raises:
-        InputError: There is no such file, it is not a USD file, it contains nothing to draw, or it has no such product.
-
-    Example:
-        >>> flat = falsework.read_stage(scene)
-    """
-    from usd_schemas.reading.choices import AS_AUTHORED
-    from usd_schemas.reading.stage_reader import read_stage
-
-    return read_stage(_path(path, "path"), survey=survey, choices=choices or AS_AUTHORED)
-
-
-def read_capture(folder: str | PathLike[str]) -> Capture:
-    """Read a capture without its `truth/`; images are decoded later.
-
-    Args:
-        folder: A capture.
-
-    Raises:
-        InputError: Not a capture, a wrong value, a duplicate name, a missing image, or a path that leaves the folder.
-
-    Example:
-        >>> flight = falsework.read_capture("captures/global")
-    """
-    from render.capture import read_capture
-
-    return read_capture(_path(folder, "folder"))
-
-
-def read_truth(capture: Capture | str | PathLike[str]) -> Truth | None:
-    """Open the truth of a capture.
-
-    Args:
-        capture: A capture, or its folder.
-
-    Returns:
-        The truth; None for real photographs.
-
-    Raises:
-        InputError: The truth does not belong to these images.
-
-    Example:
-        >>> truth = falsework.read_truth(flight)
-    """
-    from render.capture import Capture, read_truth
-
-    return read_truth(capture if isinstance(capture, Capture) else _path(capture, "capture"))
-
-
-def read_cloud(folder: str | PathLike[str]) -> Cloud:
-    """Read a cloud and check that it is complete.
-
-    Args:
-        folder: A cloud.
-
-    Raises:
-        InputError: Not a cloud, or a column is missing, damaged, of a wrong type or length, or a coordinate is not
-            finite.
-
-    Example:
-        >>> cloud = falsework.read_cloud("cloud")
-    """
-    from recon.cloud import read_cloud
-
-    return read_cloud(_path(folder, "folder"))
-
-
-def load_scenario(path: str | PathLike[str]) -> Scenario:
-    """Read a scenario file.
-
-    Args:
-        path: TOML file; relative paths in it are relative to its folder.
-
-    Returns:
-        The scenario, with absolute paths, which are valid in every process of a run.
-
-    Raises:
-        InputError: Missing, not TOML, or a key or value that is not allowed.
-
-    Example:
-        >>> scenario = falsework.load_scenario("bridges.toml")
-    """
-    from falsework.scenario import load_scenario
-
-    return load_scenario(_path(path, "path"))
-
-
-def scenario_of(values: Mapping[str, Any], path: str | PathLike[str] = "scenario") -> Scenario:
-    """Validate a scenario given as a dict of sections and keys.
-
-    Args:
-        values: Sections and keys, as in a TOML file.
-        path: Name of the scenario in errors; relative paths are relative to its folder, by default the current one.
-
-    Returns:
-        The scenario, with absolute paths.
-
-    Raises:
-        InputError: A key or value that is not allowed.
-
-    Example:
-        >>> scenario = falsework.scenario_of({"bridge": {"family": "girder"}})
-    """
-    from falsework.scenario import scenario_of
-
-    return scenario_of(values, _path(path, "path"))
+    fresh_output(path_of(out, "out"), "cloud", lambda folder: write_cloud(folder, cloud))
 
 
 def _scenario(given: Scenario | Mapping[str, Any]) -> Scenario:
@@ -422,18 +300,10 @@ def _scenario(given: Scenario | Mapping[str, Any]) -> Scenario:
     return given if isinstance(given, Scenario) else scenario_of(given)
 
 
-def _path(given: object, name: str) -> Path:
-    """Convert a str or a Path; anything else, bytes included, is an error that names the argument."""
-    spelled = fspath(given) if isinstance(given, str | PathLike) else None
-    if not isinstance(spelled, str):
-        raise InputError("not a path", field=name, value=type(given).__name__, allowed="a str or a pathlib.Path")
-    return Path(spelled)
-
-
 def _roots(allowed: str | PathLike[str] | Iterable[str | PathLike[str]]) -> tuple[Path, ...]:
     """Accept a single folder too: a str must not be read as a list of letters."""
     several = allowed if isinstance(allowed, Iterable) and not isinstance(allowed, str | PathLike) else (allowed,)
-    return tuple(_path(root, "allow_roots") for root in several)
+    return tuple(path_of(root, "allow_roots") for root in several)
 
 
 def _settings(given: S, *kinds: type[Any]) -> S:

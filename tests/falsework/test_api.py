@@ -15,6 +15,7 @@ from pydantic import BaseModel
 
 import falsework
 import falsework.api
+import falsework.api_reading
 from tests.learn.toy_bridge import toy_cloud
 
 STAGE = """#usda 1.0
@@ -130,7 +131,7 @@ def test_every_path_may_be_a_str_or_a_path() -> None:
     functions = {name for name, what in public.items() if isfunction(what)}
     assert functions == set(PATHS)
     for name in functions:
-        hints = get_type_hints(public[name], {**vars(falsework.api), **public})
+        hints = get_type_hints(public[name], {**vars(falsework.api), **vars(falsework.api_reading), **public})
         hints.pop("return")
         spelled = {argument: str(hint) for argument, hint in hints.items()}
         assert {argument for argument, hint in spelled.items() if "Path" in hint or "PathLike" in hint} == PATHS[name]
@@ -151,7 +152,9 @@ def test_every_type_that_an_argument_needs_is_public() -> None:
     public = {name: getattr(falsework, name) for name in falsework.__all__}
     needed: set[type] = set()
     for name in ("author", "render", "reconstruct", "sample", "run", "save_cloud"):
-        for hint in get_type_hints(public[name], {**vars(falsework.api), **public}).values():
+        for hint in get_type_hints(
+            public[name], {**vars(falsework.api), **vars(falsework.api_reading), **public}
+        ).values():
             needed |= own_classes(hint)
     for kind in needed - {falsework.Scenario}:
         if issubclass(kind, BaseModel):

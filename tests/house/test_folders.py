@@ -111,6 +111,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "gallery",
         "doctor.py",
         "commands",
+        "api_reading.py",
         "api.py",
         "cli.py",
         "__main__.py",
