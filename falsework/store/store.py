@@ -245,8 +245,10 @@ class Store:
             link: Readable name of it, path below the run's folder.
         """
         folder, record = self.folder(task), self._eviction(task)
-        text = (folder / MANIFEST).read_text(encoding="utf-8")
         with space_errors(record), work_folder(self.root, task.key) as work:
+            if not self.has(task):
+                return  # another process, for which this one waited, has evicted it
+            text = (folder / MANIFEST).read_text(encoding="utf-8")
             record.parent.mkdir(parents=True, exist_ok=True)
             work.mkdir(exist_ok=True)
             write_text(work / RECORD, text)

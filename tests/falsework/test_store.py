@@ -54,6 +54,19 @@ def test_key_depends_on_everything_and_on_no_order(settings: dict[str, object]) 
     assert Task("stage", 1, settings, {"parent": "abc"}, {"workers": 4}).key == task.key  # the same bytes
 
 
+def test_two_processes_may_evict_one_result(tmp_path: Path) -> None:
+    """The second one finds it gone, and leaves the record of the first as it is."""
+    store = Store(tmp_path)
+    store.produce(TASK, _write)
+    store.link("scenes/0000/stage", TASK)
+    for _ in range(2):
+        store.evict(TASK, "scenes/0000/stage")
+        assert not store.has(TASK)
+        assert set(store.evicted_files(TASK) or {}) == {"a.txt", "sub/b.bin"}
+    assert not (tmp_path / "scenes/0000/stage").is_symlink()
+    assert not list((tmp_path / "work").iterdir())
+
+
 def test_failure_leaves_no_result(tmp_path: Path) -> None:
     """An exception in the middle leaves nothing under the final name, and the next try starts clean."""
     store = Store(tmp_path)
