@@ -136,6 +136,8 @@ def accuracy_page(found: Mapping[Row, Mapping[str, Judged]], rejected: Mapping[R
     lines = [
         "# Accuracy of the clouds",
         "",
+        summary(found),
+        "",
         "Written by `python -m benchmarks.recon.accuracy WORK`. One bridge per row, 960 x 720 px, sensor noise,",
         f"countryside, quality `medium`; both clouds come from one model. *Near*: within {NEAR:g} m of the true",
         "surface. *Right*: of these, with the class of that surface. *Clearly wrong*: with another class, and the",
@@ -149,8 +151,6 @@ def accuracy_page(found: Mapping[Row, Mapping[str, Judged]], rejected: Mapping[R
         "than what their photographs show by more than such a member is high: their class is what the pixels show,",
         "their position is not. The uncertainty finds them, the confidence does not.",
         *(["", note] if note else []),
-        "",
-        summary(found),
         "",
         *_rows(found),
     ]

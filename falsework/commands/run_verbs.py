@@ -133,7 +133,8 @@ def _few(clouds: list[Path]) -> list[str]:
     lines = []
     for source, found in sorted(by_source.items()):
         lost = Counter(name for each in found if each.get("classes") for name in lost_classes(each))
-        named = ", ".join(f"{name} in {count} of {len(found)}" for name, count in sorted(lost.items()))
+        order = sorted(lost, key=lambda name: (-lost[name], name))
+        named = ", ".join(f"{name} in {lost[name]} of {len(found)}" for name in order)
         took = f"max_deviation took more than half of a class: {named}. Raise [recon] max_deviation" if lost else ""
         lines += [f"{source} clouds: {line}" for line in (scarce_classes_in_words(found), took) if line]
     return lines

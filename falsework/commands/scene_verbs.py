@@ -2,6 +2,7 @@
 
 import sys
 from collections import Counter
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -298,16 +299,14 @@ def _together(paths: list[str]) -> list[str]:
 def _work(
     work: str, scene: Path, request: dict[str, Any], roots: Roots, *others: Path, progress: Progress | None = None
 ) -> Any:
-    if progress is None:
-        with ConsoleProgress() as listener:
-            return _work(work, scene, request, roots, *others, progress=listener)
     scene = stage_file(scene)
     stages = [str(stage) for stage in (scene, *others)]
     request = {**request, "work": work, "scene": str(scene), "stages": stages, "allow_roots": [str(r) for r in roots]}
-    if work in LONG_WORK:
-        with reading(scene, *others):
-            return run_child(WORKER, request, time_limit=TIME_LIMIT, memory_limit=MEMORY_LIMIT, progress=progress)
-    return read_safely(WORKER, request, scene, progress)
+    with nullcontext(progress) if progress else ConsoleProgress() as listener:
+        if work in LONG_WORK:
+            with reading(scene, *others):
+                return run_child(WORKER, request, time_limit=TIME_LIMIT, memory_limit=MEMORY_LIMIT, progress=listener)
+        return read_safely(WORKER, request, scene, listener)
 
 
 def _say(line: str) -> None:
