@@ -12,7 +12,8 @@ from groundwork.errors import InputError
 from recon.dense.undistort import lens_of
 from recon.placing.align import Alignment, Target, stand_upright
 from recon.placing.align_gps import align_to_fixes
-from recon.placing.gps_fit import Fit, fit_to_fixes
+from recon.placing.control_fit import SurveyedPoints, fit_to_points
+from recon.placing.gps_fit import Fit
 from recon.placing.gravity import GravityCues, gravity_cues
 from recon.placing.ground_control import ControlPoint, GroundControl
 from recon.placing.place_errors import PlaceErrors, expected_errors
@@ -45,16 +46,6 @@ class MarkedPlace:
     images: int
     pixels: float
     covariance: F64
-
-
-@dataclass(frozen=True, eq=False)
-class _Surveyed:
-    """Positions of points in the model and in the world [m], stated deviations, and covariances by their marks."""
-
-    source: F64
-    goal: F64
-    sigma: F64
-    spread: F64
 
 
 @dataclass(frozen=True)
@@ -116,7 +107,7 @@ def align_to_control(
     spread = mark_noise(list(places.values())) ** 2 * np.array([places[point.name].covariance for point in known])
     gimbal = None if target.gimbal is None else target.gimbal[rows]
     levels = gravity_cues(target.level(model.poses, rows), gimbal)
-    fit, errors = _fixed_frame(_Surveyed(source, goal, sigma, spread), levels, control.file, rng)
+    fit, errors = _fixed_frame(SurveyedPoints(source, goal, sigma, spread), levels, control.file, rng)
     alignment = replace(
         stand_upright(model.poses, rows, target), similarity=fit.similarity, method=POINTS, errors=errors
     )
@@ -146,18 +137,10 @@ def mark_noise(places: list[MarkedPlace]) -> float:
 
 
 def _fixed_frame(
-    points: _Surveyed, levels: GravityCues, file: Path, rng: np.random.Generator
+    points: SurveyedPoints, levels: GravityCues, file: Path, rng: np.random.Generator
 ) -> tuple[Fit, PlaceErrors]:
-    """Fit points of the model to surveyed ones; refuse points that do not determine scale, tilt and heading.
-
-    A second fit weighs each point by its survey and by its marks, whose errors the first fit turns into the world:
-    where few photographs show a point, or from one side, its position in the model is as uncertain as the survey.
-    """
-    fit = fit_to_fixes(points.source, points.goal, points.sigma, levels, rng, flown=False)
-    if fit is not None:
-        turn = fit.similarity.scale * fit.similarity.rotation
-        marks = np.diagonal(turn @ points.spread @ turn.T, axis1=1, axis2=2)
-        fit = fit_to_fixes(points.source, points.goal, np.sqrt(points.sigma**2 + marks), levels, rng, flown=False)
+    """Fit points of the model to surveyed ones; refuse points that do not determine scale, tilt and heading."""
+    fit = fit_to_points(points, levels, rng)
     errors = None if fit is None else expected_errors(fit, np.zeros(3))
     if fit is None or errors is None or errors.unfixed():
         wide = "" if errors is None else f" ({errors.unfixed()})"

@@ -13,12 +13,19 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from recon.placing.gravity import GravityCues
-from recon.placing.similarity import Similarity, angles, fit_similarity
+from recon.placing.similarity import (
+    PARAMETERS,
+    Similarity,
+    adjusted,
+    angles,
+    derivatives,
+    fit_similarity,
+    rotation_by,
+)
 
 F64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-PARAMETERS = 7  # logarithm of the scale, rotation vector [rad], place of the middle of the cameras [m]
 _TRIPLE = 3
 _TRIPLES = 300
 _LEVEL = 2.366  # median of the square of a normal vector of three
@@ -42,9 +49,9 @@ class Fit:
         sigmas: Standard deviation of a fix, horizontal and vertical, estimated from the residuals as a multiple of the
             stated one [1], shape (2,), float64.
         middle: Centroid of the agreeing cameras in the world [m], shape (3,), float64.
-        covariances: Of logarithm of the scale, rotation vector [rad] and position of the centroid [m], from horizontal
-            errors, vertical errors, and those of gravity, shape (3, 7, 7), float64.
-        freedom: Degrees of freedom of these three [1], shape (3,), float64.
+        covariances: Of logarithm of the scale, rotation vector [rad] and position of the centroid [m], from each of E
+            sources of errors (of fixes: horizontal, vertical, and gravity), shape (E, 7, 7), float64.
+        freedom: Degrees of freedom of each of these [1], shape (E,), float64.
         twofold: Whether a very different rotation fits equally well; then the limits are invalid.
     """
 
@@ -126,7 +133,7 @@ def _starts(source: F64, goal: F64, sigma: F64, rng: np.random.Generator) -> lis
     for start in starts:  # on a straight flight the fixes do not determine the roll about the path
         along = np.linalg.svd(goal - goal.mean(axis=0), full_matrices=False)[2][0]
         for turn in (90.0, 180.0, 270.0):
-            roll = _turn(np.radians(turn) * along)
+            roll = rotation_by(np.radians(turn) * along)
             middle = goal.mean(axis=0)
             rolled.append(Similarity(start.scale, roll @ start.rotation, roll @ (start.translation - middle) + middle))
     return starts + rolled
@@ -151,11 +158,11 @@ def _step(
 ) -> tuple[Similarity, float]:
     """Take one Gauss-Newton step; returns the new similarity and the relative size of the step."""
     center = _middle(source, weights)
-    jacobian = _jacobian(similarity, source - center)
+    jacobian = derivatives(similarity, source - center)
     residual = goal - similarity.move(source)
     ups = similarity.rotation.T[:, 2]
     pull = levels.weights(ups)
-    turning = _leaning(similarity, levels)
+    turning = levels.derivatives(similarity.rotation)
     normal = np.einsum("nki,nk,nkj->ij", jacobian, weights, jacobian)
     normal[1:4, 1:4] += (turning * pull[:, None]).T @ turning
     right = np.einsum("nki,nk,nk->i", jacobian, weights, residual)
@@ -163,11 +170,8 @@ def _step(
     size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     delta = np.linalg.lstsq(normal / np.outer(size, size), right / size, rcond=1e-13)[0] / size
     delta[:4] = np.clip(delta[:4], -0.5, 0.5)  # far from the optimum a step may be too large
-    scale = similarity.scale * float(np.exp(delta[0]))
-    rotation = _turn(delta[1:4]) @ similarity.rotation
-    middle = similarity.move(center[None])[0] + delta[4:]
     spread = np.linalg.norm(source - center, axis=1).max() * similarity.scale
-    return Similarity(scale, rotation, middle - scale * rotation @ center), float(
+    return adjusted(similarity, center, delta), float(
         np.abs(delta[:4]).max() + np.abs(delta[4:]).max() / max(spread, 1e-300)
     )
 
@@ -212,7 +216,7 @@ def _components(
     """Estimate the two factors of the stated errors; returns them and their degrees of freedom."""
     residual = (fixes.goal - similarity.move(fixes.source)) / fixes.sigma
     weights = 1.0 / (fixes.sigma * factors[[0, 0, 1]]) ** 2
-    jacobian = _jacobian(similarity, fixes.source - _middle(fixes.source, weights)) * np.sqrt(weights)[:, :, None]
+    jacobian = derivatives(similarity, fixes.source - _middle(fixes.source, weights)) * np.sqrt(weights)[:, :, None]
     inverse = np.asarray(np.linalg.pinv(_information(jacobian, similarity, levels), hermitian=True), np.float64)
     kept = np.array([_left_over(jacobian[:, axes], inverse, serial_correlation) for axes in ([0, 1], [2])])
     squares = np.array([(residual[:, :2] ** 2).sum(), (residual[:, 2] ** 2).sum()])
@@ -235,13 +239,13 @@ def _covariances(
     similarity: Similarity, source: F64, weights: F64, levels: GravityCues, serial_correlation: float
 ) -> F64:
     """Propagate the horizontal and vertical errors of fixes, and those of gravity, to the parameters."""
-    jacobian = _jacobian(similarity, source - _middle(source, weights)) * np.sqrt(weights)[:, :, None]
+    jacobian = derivatives(similarity, source - _middle(source, weights)) * np.sqrt(weights)[:, :, None]
     inverse = np.linalg.pinv(_information(jacobian, similarity, levels), hermitian=True)
     parts = [
         sum(jacobian[:, axis].T @ _alike(jacobian[:, axis], serial_correlation) for axis in axes)
         for axes in ([0, 1], [2])
     ]
-    turning, pull = _leaning(similarity, levels), levels.weights(similarity.rotation.T[:, 2])
+    turning, pull = levels.derivatives(similarity.rotation), levels.weights(similarity.rotation.T[:, 2])
     tilt = np.zeros((PARAMETERS, PARAMETERS))
     tilt[1:4, 1:4] = (turning * pull[:, None]).T @ turning
     return np.stack([inverse @ part @ inverse for part in (*parts, tilt)])
@@ -249,7 +253,7 @@ def _covariances(
 
 def _information(whitened: F64, similarity: Similarity, levels: GravityCues) -> F64:
     """Sum up the information of fixes and of gravity, shape (7, 7)."""
-    turning, pull = _leaning(similarity, levels), levels.weights(similarity.rotation.T[:, 2])
+    turning, pull = levels.derivatives(similarity.rotation), levels.weights(similarity.rotation.T[:, 2])
     total = np.einsum("nki,nkj->ij", whitened, whitened)
     total[1:4, 1:4] += (turning * pull[:, None]).T @ turning
     return total
@@ -298,28 +302,3 @@ def _cost(similarity: Similarity, source: F64, goal: F64, sigma: F64, levels: Gr
 def _middle(source: F64, weights: F64) -> F64:
     share = weights.sum(axis=1)
     return np.asarray(share @ source / share.sum(), np.float64)
-
-
-def _jacobian(similarity: Similarity, centered: F64) -> F64:
-    """Compute the derivatives of the transformed points by the parameters, shape (N, 3, 7)."""
-    arm = similarity.scale * centered @ similarity.rotation.T
-    found = np.zeros((len(centered), 3, PARAMETERS))
-    found[:, :, 0] = arm
-    found[:, 0, 2], found[:, 0, 3] = arm[:, 2], -arm[:, 1]
-    found[:, 1, 1], found[:, 1, 3] = -arm[:, 2], arm[:, 0]
-    found[:, 2, 1], found[:, 2, 2] = arm[:, 1], -arm[:, 0]
-    found[:, :, 4:] = np.eye(3)
-    return found
-
-
-def _leaning(similarity: Similarity, levels: GravityCues) -> F64:
-    """Compute the derivatives of the heights of the directions by the rotation vector, shape (K, 3)."""
-    turned = levels.directions @ similarity.rotation.T
-    return np.column_stack([turned[:, 1], -turned[:, 0], np.zeros(len(turned))])
-
-
-def _turn(vector: F64) -> F64:
-    angle = float(np.linalg.norm(vector))
-    x, y, z = vector / max(angle, 1e-300)
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross

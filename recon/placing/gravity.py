@@ -48,6 +48,18 @@ class GravityCues:
         alone = robust / self.sigmas**2
         return alone * self._credit()[self.kinds]
 
+    def derivatives(self, rotation: F64) -> F64:
+        """Compute the derivatives of the components along up by a rotation of the model.
+
+        Args:
+            rotation: From the model's frame into the world [1], shape (3, 3), float64.
+
+        Returns:
+            Derivatives by the rotation vector [1/rad], shape (K, 3), float64.
+        """
+        turned = self.directions @ rotation.T
+        return np.column_stack([turned[:, 1], -turned[:, 0], np.zeros(len(turned))])
+
     def cost(self, ups: F64) -> float:
         """Sum the robust costs of the residuals of all directions.
 

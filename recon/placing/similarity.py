@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
+PARAMETERS = 7  # logarithm of the scale, rotation vector [rad], position of a center [m]
 _BEHIND = 0.05  # weight of the backward direction of a camera as up, relative to that of its top
 _LEVELNESS = 0.001  # least rise of the tops of level photographs above their rows' plane to indicate up
 
@@ -74,6 +75,60 @@ def fit_similarity(source: F64, goal: F64) -> tuple[F64, F64, F64]:
         scale = (values * sign).sum(axis=-1) / (source_free**2).sum(axis=(-1, -2))
         translation = goal_mean - scale[..., None] * np.einsum("...ij,...j->...i", rotation, source_mean)
     return scale, rotation, translation
+
+
+def derivatives(similarity: Similarity, centered: F64) -> F64:
+    """Compute the derivatives of transformed points by the parameters of a similarity.
+
+    Args:
+        similarity: The similarity.
+        centered: Positions relative to the center whose world position is a parameter [model units], shape (N, 3),
+            float64.
+
+    Returns:
+        Derivatives by the logarithm of the scale, the rotation vector and the position of the center [m], shape
+        (N, 3, 7), float64.
+    """
+    arm = similarity.scale * centered @ similarity.rotation.T
+    found = np.zeros((len(centered), 3, PARAMETERS))
+    found[:, :, 0] = arm
+    found[:, 0, 2], found[:, 0, 3] = arm[:, 2], -arm[:, 1]
+    found[:, 1, 1], found[:, 1, 3] = -arm[:, 2], arm[:, 0]
+    found[:, 2, 1], found[:, 2, 2] = arm[:, 1], -arm[:, 0]
+    found[:, :, 4:] = np.eye(3)
+    return found
+
+
+def adjusted(similarity: Similarity, center: F64, delta: F64) -> Similarity:
+    """Change a similarity by a step of its parameters.
+
+    Args:
+        similarity: The similarity.
+        center: Position whose world position is a parameter [model units], shape (3,), float64.
+        delta: Change of the logarithm of the scale [1], the rotation vector [rad] and the position [m], shape (7,),
+            float64.
+    """
+    scale = similarity.scale * float(np.exp(delta[0]))
+    rotation = rotation_by(delta[1:4]) @ similarity.rotation
+    middle = similarity.move(center[None])[0] + delta[4:]
+    return Similarity(scale, rotation, middle - scale * rotation @ center)
+
+
+def rotation_by(vector: F64) -> F64:
+    """Build the rotation about a vector by its length.
+
+    Source: Rodrigues' formula.
+
+    Args:
+        vector: Rotation vector [rad], shape (3,), float64.
+
+    Returns:
+        The rotation [1], shape (3, 3), float64.
+    """
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector / max(angle, 1e-300)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
 
 
 def angles(rotations: F64, reference: F64) -> F64:

@@ -12,17 +12,14 @@ from recon.placing.gps_fit import (
     _alike,
     _covariances,
     _information,
-    _jacobian,
-    _leaning,
     _left_over,
     _level,
     _serial_correlation,
     _step,
-    _turn,
     fit_to_fixes,
 )
 from recon.placing.gravity import GravityCues, gravity_cues
-from recon.placing.similarity import Similarity
+from recon.placing.similarity import Similarity, derivatives, rotation_by
 from tests.recon.test_align import random_rotations
 
 F64 = NDArray[np.float64]
@@ -49,14 +46,14 @@ def test_derivatives_are_those_of_the_moved_points() -> None:
     levels = gravity_cues(random_rotations(rng, 4), rng.normal(size=(4, 3)))
 
     def moved(parameters: F64) -> tuple[F64, F64]:
-        rotation = _turn(parameters[1:4]) @ one.rotation
+        rotation = rotation_by(parameters[1:4]) @ one.rotation
         places = one.scale * np.exp(parameters[0]) * points @ rotation.T + parameters[4:]
         return places, levels.directions @ rotation[2]
 
     for number, column in enumerate(np.eye(7) * step):
         ahead, back = moved(column), moved(-column)
-        np.testing.assert_allclose(_jacobian(one, points)[..., number], (ahead[0] - back[0]) / (2 * step), atol=1e-7)
-        leaning = _leaning(one, levels)[:, number - 1] if 1 <= number < 4 else np.zeros(len(levels.heights))
+        np.testing.assert_allclose(derivatives(one, points)[..., number], (ahead[0] - back[0]) / (2 * step), atol=1e-7)
+        leaning = levels.derivatives(one.rotation)[:, number - 1] if 1 <= number < 4 else np.zeros(len(levels.heights))
         np.testing.assert_allclose(leaning, (ahead[1] - back[1]) / (2 * step), atol=1e-8)
 
 
@@ -102,7 +99,7 @@ def test_turns_are_rotations_about_their_vector() -> None:
     """The axis stays, a vector square to it turns by the length, handedness is kept; by next to nothing, too."""
     for length in (2.0, 1e-5, 1e-13):
         vector = np.array([2.0, -3.0, 6.0]) / 7.0 * length
-        turn, square = _turn(vector), np.array([3.0, 2.0, 0.0]) / np.sqrt(13.0)
+        turn, square = rotation_by(vector), np.array([3.0, 2.0, 0.0]) / np.sqrt(13.0)
         np.testing.assert_allclose(turn @ vector, vector, rtol=1e-12)
         np.testing.assert_allclose(turn.T @ turn, np.eye(3), atol=1e-12)
         aside = np.cross(vector / length, square)
@@ -119,9 +116,9 @@ def test_covariances_and_what_is_left_over_have_dense_twins(serial_correlation: 
     dense = serial_correlation ** np.abs(number[:, None] - number)
     np.testing.assert_allclose(_alike(points, serial_correlation), dense @ points, atol=1e-12)
     share = weights.sum(axis=1)
-    jacobian = _jacobian(one, points - share @ points / share.sum()) * np.sqrt(weights)[..., None]
+    jacobian = derivatives(one, points - share @ points / share.sum()) * np.sqrt(weights)[..., None]
     pull, turning = np.diag(levels.weights(one.rotation[2])), np.zeros((len(levels.heights), 7))
-    turning[:, 1:4] = _leaning(one, levels)
+    turning[:, 1:4] = levels.derivatives(one.rotation)
     gravity = turning.T @ pull @ turning
     normal = sum(row.T @ row for row in jacobian) + gravity
     np.testing.assert_allclose(_information(jacobian, one, levels), normal, rtol=1e-9, atol=1e-9)
