@@ -50,7 +50,8 @@ def _page(out: Path, outcome: Outcome, again: Outcome, walls: tuple[float, float
     lines = [
         "# The demo, stage by stage",
         "",
-        f"The demo takes {walls[0]:.0f} s here; its limit of {_LIMIT:.0f} s on the reference machine is {limit:.0f} s here.",
+        f"The demo takes {walls[0]:.0f} s here; its limit of {_LIMIT:.0f} s on the reference machine is {limit:.0f} s "
+        "here.",
         "",
         f"Written by `make bench`. {cores} cores of {this_machine()}, {render_platform()['gl_renderer']}.",
         "",
