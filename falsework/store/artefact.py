@@ -13,6 +13,7 @@ from groundwork.errors import InputError
 from groundwork.files import MANIFEST, write_json, write_manifest
 
 FORMAT_VERSION = 2  # 1 had no digest of the manifest
+_SEALED = 0o444  # mode of the files of a stored result
 LONGEST_MANIFEST = 64e6  # [bytes] largest manifest; 100,000 files need a fifth of it
 
 
@@ -69,8 +70,17 @@ def seal(folder: Path, record: dict[str, Any]) -> dict[str, Any]:
     write_json(folder / MANIFEST, {**manifest, "digest": digest(manifest)})
     for path, mode in _entries(folder):
         if stat.S_ISREG(mode):
-            path.chmod(0o444)  # a stored result is never edited in place
+            path.chmod(_SEALED)  # a stored result is never edited in place
     return manifest
+
+
+def is_sealed(path: Path) -> bool:
+    """Tell whether a file has the mode of the files of a stored result: regular and read-only.
+
+    Args:
+        path: The file.
+    """
+    return path.lstat().st_mode == stat.S_IFREG | _SEALED
 
 
 def read_manifest(path: Path) -> dict[str, Any]:

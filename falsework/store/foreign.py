@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from falsework.store.artefact import is_sealed
 from groundwork.errors import InputError
 from groundwork.files import MANIFEST, read_json, space_errors
 
@@ -17,15 +18,18 @@ def move_foreign(root: Path, place: str) -> None:
 
     Args:
         root: Output folder of the run.
-        place: `<stage>/<key>` of the result. If its manifest cannot be parsed, nothing is moved.
+        place: `<stage>/<key>` of the result. If its manifest cannot be parsed, everything is moved that is not a
+            read-only file: a stored result consists of such files.
     """
     folder = root / "store" / place
     known = _listed(folder / MANIFEST)
-    if known is None or folder.is_symlink() or not folder.is_dir():
+    if folder.is_symlink() or not folder.is_dir():
         return
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
-        if (path.is_symlink() or not path.is_dir()) and name not in known and name != MANIFEST:
+        if name == MANIFEST or (path.is_dir() and not path.is_symlink()):
+            continue
+        if name not in known if known is not None else not is_sealed(path):
             home = root / FOREIGN / place / name
             with space_errors(home):
                 home.parent.mkdir(parents=True, exist_ok=True)

@@ -290,6 +290,7 @@ class Store:
     def _commit(self, task: Task, work: Path) -> None:
         folder = self.folder(task)
         if os.path.lexists(folder) and not self.has(task):
+            move_foreign(self.root, f"{task.stage}/{task.key}")
             remove(folder)  # a result without its manifest does not count
         try:
             commit_folder(work, folder)

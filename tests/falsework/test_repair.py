@@ -111,11 +111,22 @@ def test_files_of_the_user_outlive_the_results_that_they_lie_in(run: Run, tmp_pa
     (link / "notes.txt").write_text("fourth")
     run(1, keep=("stage", "cloud"))
     assert not link.exists()
+    run(1)
+    manifest = link.resolve() / MANIFEST
+    for text, damage in (("fifth", lambda: manifest.write_text("{")), ("sixth", manifest.unlink)):
+        (link / "notes.txt").write_text(text)
+        manifest.chmod(0o644)
+        damage()
+        shutil.rmtree(out / "store/cloud")
+        run(1)
+        assert Store(out).verify() == []
     assert {path.read_text() for path in (out / "foreign").rglob("notes.txt*")} == {
         "first",
         "second",
         "third",
         "fourth",
+        "fifth",
+        "sixth",
     }
 
 
