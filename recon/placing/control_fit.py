@@ -38,7 +38,11 @@ class SurveyedPoints:
     spread: F64
 
     def of(self, rows: NDArray[np.bool_]) -> "SurveyedPoints":
-        """Take some of them."""
+        """Take some of them.
+
+        Args:
+            rows: Which, shape (N,), bool.
+        """
         return SurveyedPoints(self.source[rows], self.goal[rows], self.sigma[rows], self.spread[rows])
 
     def covariances(self, similarity: Similarity) -> F64:
