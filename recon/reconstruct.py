@@ -71,7 +71,7 @@ def reconstruct(
         RejectedSceneError: The images do not suffice for a cloud; its reason says why.
     """
     photographs = open_photographs(capture)
-    surveyed = None if control is None else read_control(control, photographs)
+    surveyed = None if control is None else read_control(control, photographs, progress)
     work = enter_work(folder)
     sparse = read_stored_model(model, photographs) if model else run_sparse(photographs, work, settings, progress)
     for mode in settings.modes:
@@ -121,7 +121,7 @@ def reconstruct_cloud(
         RejectedSceneError: The model does not suffice for a cloud; its reason says why.
     """
     photographs = open_photographs(capture)
-    surveyed = None if control is None else read_control(control, photographs)
+    surveyed = None if control is None else read_control(control, photographs, progress)
     work = enter_work(folder)
     sparse = read_stored_model(model, photographs)
     _make_cloud(photographs, sparse, surveyed, _Workplace(folder, work), settings, progress)

@@ -2,21 +2,22 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from recon.dense.undistort import lens_of
 from recon.placing.align import Alignment, Target, stand_upright
 from recon.placing.align_gps import align_to_fixes
 from recon.placing.control_fit import SurveyedPoints, fit_to_points
 from recon.placing.gps_fit import Fit
 from recon.placing.gravity import GravityCues, gravity_cues
 from recon.placing.ground_control import ControlPoint, GroundControl
+from recon.placing.marked_places import MarkedPlace, find_places, mark_variances
 from recon.placing.place_errors import PlaceErrors, expected_errors
+from recon.placing.scale_bars import scale_of_bars
 from recon.placing.similarity import Similarity
 from recon.sfm.colmap_model import SparseModel
 from render.capture import Capture
@@ -25,27 +26,8 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 POINTS, BARS = "control points", "scale bars"
-_LEAST_POINTS, _LEAST_MARKS = 3, 2
-_SURE = 2.0  # standard deviations of a 95 % interval
+_LEAST_POINTS = 3
 _DECIMALS = -2  # [m] the origin in a plane system is rounded to this
-
-
-@dataclass(frozen=True, eq=False)
-class MarkedPlace:
-    """Where the marks of a point meet.
-
-    Attributes:
-        place: Position [model units], shape (3,), float64.
-        images: Number of photographs.
-        pixels: Root mean square distance of the marks from the projected position [px].
-        covariance: Of the position, for marks with a standard deviation of one pixel along each axis [model units²],
-            shape (3, 3), float64.
-    """
-
-    place: F64
-    images: int
-    pixels: float
-    covariance: F64
 
 
 @dataclass(frozen=True)
@@ -87,7 +69,7 @@ def align_to_control(
     Raises:
         InputError: A mark outside its image, or too few points that two registered photographs show and no bar.
     """
-    places = _triangulated(model, capture, control)
+    places = find_places(model, capture, control)
     known = [point for point in control.points if point.position is not None and point.name in places]
     bars = [bar for bar in control.bars if bar.ends[0] in places and bar.ends[1] in places]
     if len(known) < _LEAST_POINTS and not bars:
@@ -104,7 +86,8 @@ def align_to_control(
     origin = _origin(capture, control, coordinates)
     goal = control.system.local(coordinates, origin)
     source, sigma = np.array([places[point.name].place for point in known]), np.array([point.sigma for point in known])
-    spread = mark_noise(list(places.values())) ** 2 * np.array([places[point.name].covariance for point in known])
+    variances = dict(zip(places, mark_variances(list(places.values())), strict=True))
+    spread = np.array([variances[point.name] * places[point.name].covariance for point in known])
     gimbal = None if target.gimbal is None else target.gimbal[rows]
     levels = gravity_cues(target.level(model.poses, rows), gimbal)
     fit, errors = _fixed_frame(SurveyedPoints(source, goal, sigma, spread), levels, control.file, rng)
@@ -121,19 +104,6 @@ def align_to_control(
         **_bar_facts(fit.similarity, places, control),
     }
     return ControlFit(alignment, POINTS, facts)
-
-
-def mark_noise(places: list[MarkedPlace]) -> float:
-    """Estimate the standard deviation of a mark along an axis of the picture.
-
-    Args:
-        places: All marked points.
-
-    Returns:
-        The standard deviation [px].
-    """
-    squares = sum(place.images * place.pixels**2 for place in places)
-    return float(np.sqrt(squares / max(sum(2 * place.images - 3 for place in places), 1)))
 
 
 def _fixed_frame(
@@ -163,71 +133,6 @@ def _point_facts(point: ControlPoint, place: MarkedPlace, off: F64, agrees: bool
     }
 
 
-def triangulate(centers: F64, directions: F64) -> F64:
-    """Find the point nearest to some rays, each weighted by the inverse of its distance, as pixel errors do.
-
-    Args:
-        centers: Starts of the rays [model units], shape (N, 3), float64.
-        directions: Unit directions [1], shape (N, 3), float64.
-
-    Returns:
-        The point [model units], shape (3,), float64; NaN for parallel rays.
-    """
-    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
-    weights = np.ones(len(centers))
-    point = np.full(3, np.nan)
-    for _ in range(5):
-        normal = np.einsum("n,nij->ij", weights, across)
-        if np.linalg.eigvalsh(normal)[0] < 1e-12 * np.trace(normal):
-            return np.full(3, np.nan)
-        point = np.linalg.solve(normal, np.einsum("n,nij,nj->i", weights, across, centers))
-        square = ((point - centers) ** 2).sum(axis=1)
-        weights = square.mean() / np.maximum(square, 1e-12 * square.mean())
-    return point
-
-
-def _triangulated(model: SparseModel, capture: Capture, control: GroundControl) -> dict[str, MarkedPlace]:
-    """Find where the marks of each point meet in the model."""
-    camera, distortion = lens_of(model, capture.size)
-    row_of = {PurePath(name).stem: row for row, name in enumerate(model.names)}
-    focal, middle = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
-    size = np.array(capture.size)
-    found: dict[str, MarkedPlace] = {}
-    for point in control.points:
-        marks = [mark for mark in point.marks if PurePath(mark.image).stem in row_of]
-        uv = np.array([mark.uv for mark in marks]).reshape(-1, 2)
-        for mark in marks:
-            if not ((np.array(mark.uv) >= 0.0) & (np.array(mark.uv) <= size)).all():
-                raise InputError(
-                    f"the mark of {point.name} lies outside the image",
-                    where=control.file,
-                    field=mark.image,
-                    value=mark.uv,
-                    allowed=f"0 0 to {size[0]} {size[1]}",
-                )
-        if len(marks) < _LEAST_MARKS:
-            continue
-        poses = model.poses[[row_of[PurePath(mark.image).stem] for mark in marks]]
-        rays = np.column_stack([distortion.undistort((uv - middle) / focal), np.ones(len(marks))])
-        world = np.einsum("nij,nj->ni", poses[:, :3, :3], rays / np.linalg.norm(rays, axis=1, keepdims=True))
-        place = triangulate(poses[:, :3, 3], world)
-        local = np.einsum("nji,nj->ni", poses[:, :3, :3], place - poses[:, :3, 3])
-        if not (local[:, 2] > 0.0).all():
-            continue  # the rays diverge: a mark is wrong
-        back = distortion.distort(local[:, :2] / local[:, 2:]) * focal + middle
-        pixels = float(np.sqrt(((back - uv) ** 2).sum(axis=1).mean()))
-        covariance = _covariance(place - poses[:, :3, 3], float(focal.mean()))
-        found[point.name] = MarkedPlace(place, len(marks), pixels, covariance)
-    return found
-
-
-def _covariance(lines: F64, focal: float) -> F64:
-    """Compute the covariance of the point where lines of sight, shape (N, 3), meet, for marks off by one pixel."""
-    square = (lines**2).sum(axis=1)
-    across = square[:, None, None] * np.eye(3) - lines[:, :, None] * lines[:, None, :]
-    return np.linalg.inv(np.einsum("n,nij->ij", (focal / square) ** 2, across))
-
-
 def _scaled(
     model: SparseModel,
     rows: I64,
@@ -238,12 +143,7 @@ def _scaled(
 ) -> Alignment:
     """Scale by bars a model that GPS, or gravity alone, has placed; the centroid of its cameras stays."""
     bars = [bar for bar in control.bars if bar.ends[0] in places and bar.ends[1] in places]
-    found = np.array([np.linalg.norm(places[bar.ends[0]].place - places[bar.ends[1]].place) for bar in bars])
-    lengths, sigmas = np.array([bar.length for bar in bars]), np.array([bar.sigma for bar in bars])
-    weights = (found / sigmas) ** 2
-    scale = float((weights * lengths / found).sum() / weights.sum())
-    spread = float(np.sqrt((weights * (lengths / found / scale - 1.0) ** 2).sum() / weights.sum() / len(bars)))
-    unsure = 100.0 * _SURE * max(spread, 1.0 / (scale * float(np.sqrt(weights.sum()))))
+    scale, unsure = scale_of_bars(bars, dict(places))
     base = (
         align_to_fixes(model.poses, rows, target, rng)
         if target.kind == "gps"
@@ -254,7 +154,9 @@ def _scaled(
     rotation = base.similarity.rotation
     similarity = Similarity(scale, rotation, there - scale * rotation @ middle)
     errors = base.errors if base.errors is not None and not base.unfixed else None
-    stated = PlaceErrors(unsure, np.nan, np.nan, np.nan) if errors is None else replace(errors, scale=unsure)
+    stated = (
+        PlaceErrors(100.0 * unsure, np.nan, np.nan, np.nan) if errors is None else replace(errors, scale=100.0 * unsure)
+    )
     far = np.linalg.norm(similarity.move(model.poses[:, :3, 3]) - target.centers[rows], axis=1)
     center_errors = base.center_errors.copy()
     center_errors[rows] = np.where(np.isnan(center_errors[rows]), np.nan, far)

@@ -88,6 +88,7 @@ def _adjust(start: Fit, points: SurveyedPoints, levels: GravityCues) -> Fit:
         weights = np.asarray(np.linalg.inv(points.covariances(similarity)) / factor, np.float64)
         measured, tilt, right = _equations(similarity, points, weights, levels)
         delta = _inverse(measured + tilt) @ right
+        delta[:4] = np.clip(delta[:4], -0.5, 0.5)  # far from the optimum a step may be too large
         similarity, before = adjusted(similarity, center, delta), factor
         factor *= _variance_factor(similarity, points, weights, _redundancy(points, measured, tilt), factor)
         if np.abs(delta[:4]).max() < _SETTLED and abs(factor / before - 1.0) < _SETTLED:

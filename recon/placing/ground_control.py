@@ -21,6 +21,8 @@ Triple = tuple[float, float, float]
 
 _SIGMA = 0.03  # [m] error of a point surveyed by satellite, where the file states none
 _BAR_SIGMA = 0.001  # [m]
+_MOST_EAST, _MOST_NORTH = 180.0, 90.0  # [deg]
+_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".dng")
 _LONGEST = 5_000_000  # [bytes] files of marks are far shorter
 _HEADS: Mapping[str, tuple[str, ...]] = {
     "camera": ("camera", "image", "photo", "camera_label", "image_name", "photo_name"),
@@ -47,6 +49,16 @@ class Mark:
 
     image: str
     uv: tuple[float, float]
+
+
+def image_key(name: str) -> str:
+    """Return what a photograph's file and its label in other programs have in common: the file name without suffix.
+
+    Args:
+        name: File or label; a label may have dots of its own.
+    """
+    file = PurePath(name)
+    return file.stem if file.suffix.lower() in _SUFFIXES else file.name
 
 
 @dataclass
@@ -110,9 +122,23 @@ def read_ground_control(path: Path) -> GroundControl:
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
     if not lines:
         raise InputError("the file is empty", where=path, hint="Name a gcp_list.txt, or a CSV file of markers")
-    if any(_heads(line) for _, line in lines):
-        return _read_tables(path, lines)
-    return _read_list(path, lines)
+    control = _read_tables(path, lines) if any(_heads(line) for _, line in lines) else _read_list(path, lines)
+    _refuse_degrees(control)
+    return control
+
+
+def _refuse_degrees(control: GroundControl) -> None:
+    """Refuse coordinates that are not plausible in the plane system of the file, but as longitude and latitude."""
+    places = [point.position for point in control.points if point.position is not None]
+    plane = control.system.zone is None and control.system.assumed
+    if plane and places and all(abs(east) <= _MOST_EAST and abs(north) <= _MOST_NORTH for east, north, _ in places):
+        raise InputError(
+            "the coordinates look like longitude and latitude, but the file states another system",
+            where=control.file,
+            field=control.system.name[:60],
+            value=places[0],
+            hint="For longitude and latitude write EPSG:4326; for a plane system of your own, LOCAL",
+        )
 
 
 def _read_list(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
@@ -130,7 +156,7 @@ def _read_list(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
     for number, line in lines[1:]:
         if line.startswith("#"):
             continue
-        cells = line.split("\t") if line.count("\t") >= 5 else line.split()
+        cells = line.split("\t") if line.count("\t") >= 5 else _joined(line.split())
         if len(cells) < 6:
             raise InputError(
                 "too few columns",
@@ -146,6 +172,12 @@ def _read_list(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
     return GroundControl(path, system, tuple(points.values()))
 
 
+def _joined(cells: list[str]) -> list[str]:
+    """Join the sixth cell with the following ones up to the end of a file name that has spaces."""
+    last = next((at for at in range(5, len(cells)) if PurePath(cells[at]).suffix.lower() in _SUFFIXES), 5)
+    return [*cells[:5], " ".join(cells[5 : last + 1]), *cells[last + 1 :]] if len(cells) > 5 else cells
+
+
 def _read_tables(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
     """Read the format of Metashape."""
     points: dict[str, ControlPoint] = {}
@@ -156,7 +188,7 @@ def _read_tables(path: Path, lines: list[tuple[int, str]]) -> GroundControl:
         found = _heads(line)
         if found:
             heads = found
-            if system is None and re.search("longitude|latitude", line, re.IGNORECASE):
+            if system is None and re.search(r"longitude|latitude|\b(lon|lat)\b", line, re.IGNORECASE):
                 system = MapSystem("longitude and latitude", 0)
             continue
         if line.startswith("#"):
@@ -232,7 +264,7 @@ def _place(path: Path, line: int, point: ControlPoint, position: Triple) -> None
 
 
 def _mark(path: Path, line: int, point: ControlPoint, image: str, uv: tuple[float, float]) -> None:
-    if any(PurePath(mark.image).stem == PurePath(image).stem for mark in point.marks):
+    if any(image_key(mark.image) == image_key(image) for mark in point.marks):
         raise InputError(
             f"the point {point.name} is marked twice in one image", where=path, field=f"line {line}", value=image
         )

@@ -7,10 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.photos.photos import local_position
+from recon.placing.wkt_unit import FOOT, US_FOOT, unit_of_wkt
 
 F64 = NDArray[np.float64]
 
 _A, _F, _K0 = 6_378_137.0, 1.0 / 298.257223563, 0.9996  # WGS 84; scale of UTM on its central meridian
+_GEOGRAPHIC = frozenset(  # EPSG codes of longitude and latitude, all within two metres of WGS 84
+    (4326, 4979, 4258, 4937, 4269, 4152, 6318, 6319, 4617, 4674, 4283, 7844, 7843, 4167, 4619, 4612, 6668, 4490, 4171)
+)
+_UNITS = {"m": 1.0, "us-ft": US_FOOT, "ft": FOOT, "km": 1000.0, "cm": 0.01, "mm": 0.001}  # [m]
 _EAST, _SOUTH = 500_000.0, 10_000_000.0  # [m] false easting, and false northing south of the equator
 
 
@@ -21,11 +26,17 @@ class MapSystem:
     Attributes:
         name: As in the file.
         zone: UTM zone on WGS 84, negative south of the equator; 0 for longitude and latitude [deg]; None for any other
-            plane system in metres, whose own axes are then east, north and up.
+            plane system, whose own axes are then east, north and up.
+        unit: Length of one unit of the horizontal coordinates [m]; of no use for longitude and latitude.
+        up_unit: Length of one unit of the heights [m].
+        assumed: Whether the text states no unit, so that metres are assumed.
     """
 
     name: str
     zone: int | None
+    unit: float = 1.0
+    up_unit: float = 1.0
+    assumed: bool = False
 
     def geographic(self, points: F64) -> F64:
         """Convert coordinates to latitude, longitude and height; not defined for a plane system.
@@ -36,9 +47,10 @@ class MapSystem:
         Returns:
             Latitude [deg], longitude [deg] and height [m], array of shape (N, 3), float64.
         """
+        up = points[:, 2] * self.up_unit
         if not self.zone:
-            return points[:, [1, 0, 2]]
-        return np.column_stack([*_from_utm(points[:, 0], points[:, 1], self.zone), points[:, 2]])
+            return np.column_stack([points[:, 1], points[:, 0], up])
+        return np.column_stack([*_from_utm(points[:, 0] * self.unit, points[:, 1] * self.unit, self.zone), up])
 
     def local(self, points: F64, origin: tuple[float, float, float]) -> F64:
         """Convert coordinates to metres east, north and up of an origin.
@@ -51,7 +63,7 @@ class MapSystem:
             Positions [m], shape (N, 3), float64.
         """
         if self.zone is None:
-            return points - np.array(origin)
+            return (points - np.array(origin)) * np.array([self.unit, self.unit, self.up_unit])
         places = self.geographic(points)
         return np.array([local_position((lat, lon, up), origin) for lat, lon, up in places.tolist()]).reshape(-1, 3)
 
@@ -66,22 +78,48 @@ def read_system(text: str) -> MapSystem | None:
         The system; None where the text names none.
     """
     plain = " ".join(text.replace('"', " ").replace("_", " ").split())
-    code = re.search(r"\bEPSG:?\s*(?:[,:]\s*)?(\d{4,6})\b", plain, re.IGNORECASE)
+    wkt = "[" in text
+    code = None if wkt else re.search(r"\bEPSG:?\s*(\d{4,6})\b", plain, re.IGNORECASE)
     number = int(code.group(1)) if code else 0
     if 32601 <= number <= 32660 or 32701 <= number <= 32760:
         return MapSystem(text, number % 100 if number < 32700 else -(number % 100))
+    stated = _stated_unit(text)
+    unit, up_unit = stated or (1.0, 1.0)
     utm = re.search(r"\bUTM(?: zone)?\s*=?\s*(\d{1,2})\s*([NS])?\b", plain, re.IGNORECASE)
     wgs = re.search(r"WGS ?(19)?84", plain, re.IGNORECASE) is not None
     if "+proj=utm" in plain and (zone := re.search(r"\+zone=(\d{1,2})", plain)):
-        south = "+south" in plain
-        return MapSystem(text, -int(zone.group(1)) if south else int(zone.group(1))) if wgs else MapSystem(text, None)
+        number = -int(zone.group(1)) if "+south" in plain else int(zone.group(1))
+        return MapSystem(text, number if wgs else None, unit, up_unit)
     if utm and wgs and 1 <= int(utm.group(1)) <= 60:
-        return MapSystem(text, -int(utm.group(1)) if (utm.group(2) or "N").upper() == "S" else int(utm.group(1)))
-    if number == 4326 or "+proj=longlat" in plain or "+proj=latlong" in plain or plain.upper().startswith("GEOGCS"):
-        return MapSystem(text, 0)
-    if code or "+proj=" in plain or re.match(r"(PROJCS|LOCAL ?CS|LOCAL|NONE)\b", plain, re.IGNORECASE):
-        return MapSystem(text, None)
+        number = -int(utm.group(1)) if (utm.group(2) or "N").upper() == "S" else int(utm.group(1))
+        return MapSystem(text, number, unit, up_unit)
+    if unit == 0.0 or number in _GEOGRAPHIC or "+proj=longlat" in plain or "+proj=latlong" in plain:
+        return MapSystem(text, 0, up_unit=up_unit)
+    if code or "+proj=" in plain or re.match(r"(PROJ(CS|CRS)|COMPD ?CS|COMPOUNDCRS)\b", plain, re.IGNORECASE):
+        return MapSystem(text, None, unit, up_unit, assumed=stated is None and "+proj=" not in plain)
+    if re.match(r"(LOCAL ?CS|LOCAL|NONE)\b", plain, re.IGNORECASE):
+        return MapSystem(text, None, unit, up_unit)
     return MapSystem(text, 0) if plain.upper() in ("WGS84", "WGS 84") else None
+
+
+def _stated_unit(text: str) -> tuple[float, float] | None:
+    """Find the units of horizontal coordinates and of heights [m] in a PROJ string or in well-known text.
+
+    Heights of which nothing is said have the unit of the others, and of longitude and latitude metres.
+    """
+    if "[" in text:
+        unit = unit_of_wkt(text)
+        vertical = re.search(
+            r"\bVERT(?:_CS|CRS)\s*\[.*?\b(?:LENGTH)?UNIT\s*\[\s*\"[^\"]*\"\s*,\s*([\d.eE+-]+)", text, re.S
+        )
+        return None if unit is None else (unit, float(vertical.group(1)) if vertical else unit or 1.0)
+    lengths = []
+    for factor, name in (("to_meter", "units"), ("vto_meter", "vunits")):
+        number = re.search(rf"\+{factor}=([\d.]+)", text)
+        unit = re.search(rf"\+{name}=([\w-]+)", text)
+        lengths.append(float(number.group(1)) if number else _UNITS.get(unit.group(1)) if unit else None)
+    horizontal, up = lengths
+    return None if horizontal is None else (horizontal, horizontal if up is None else up)
 
 
 def _from_utm(easting: F64, northing: F64, zone: int) -> tuple[F64, F64]:

@@ -2,17 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
+from groundwork.progress import Progress
 from recon.placing.align import OK, UNREGISTERED, Alignment, Target, align, center_limit, check_share, stand_upright
 from recon.placing.align_control import POINTS, align_to_control
 from recon.placing.align_gps import align_to_fixes
-from recon.placing.ground_control import GroundControl, read_ground_control
+from recon.placing.ground_control import GroundControl, image_key, read_ground_control
 from recon.placing.similarity import Similarity
 from recon.settings import AlignmentSettings
 from recon.sfm.colmap_model import SparseModel
@@ -103,12 +104,13 @@ def place_on_control(
     return replace(found.alignment, status=status), replace(target, kind=found.kind), found.facts
 
 
-def read_control(path: Path, capture: Capture) -> GroundControl:
+def read_control(path: Path, capture: Capture, progress: Progress) -> GroundControl:
     """Read ground control for photographs, before anything is computed.
 
     Args:
         path: File of control points.
         capture: The photographs.
+        progress: Listener; it is told what was assumed, and which marks fit no photograph.
 
     Raises:
         InputError: The file is wrong, names none of the photographs, or these come with their truth.
@@ -116,9 +118,10 @@ def read_control(path: Path, capture: Capture) -> GroundControl:
     control = read_ground_control(path)
     if (capture.folder / TRUTH).is_dir():
         raise InputError("a capture with truth is aligned to its truth", where=capture.folder, hint="Leave --gcp out")
-    known = {PurePath(image.file).stem for image in capture.images}
+    known = {image_key(image.file) for image in capture.images}
     marked = [mark.image for point in control.points for mark in point.marks]
-    if not any(PurePath(image).stem in known for image in marked):
+    strange = sorted({image for image in marked if image_key(image) not in known})
+    if all(image in strange for image in marked):
         raise InputError(
             "has no mark in these photographs",
             where=path,
@@ -126,6 +129,11 @@ def read_control(path: Path, capture: Capture) -> GroundControl:
             allowed=f"names like {capture.images[0].file}",
             hint=f"Check that it belongs to {capture.folder}",
         )
+    if strange:
+        progress.note(f"{path}: {len(strange)} images with marks are not among the photographs, such as {strange[0]}")
+    if control.system.assumed:
+        name = control.system.name[:60]
+        progress.note(f"{path}: coordinates in {name} are taken as meters; a PROJ string with +units=… states others")
     return control
 
 

@@ -4,7 +4,8 @@ import struct
 
 import pytest
 
-from recon.formats.crs_unit import US_FOOT, meters_per_unit
+from recon.formats.crs_unit import meters_per_unit
+from recon.placing.wkt_unit import US_FOOT
 
 GEOGRAPHIC = 'GEOGCS["NAD83",DATUM["d",SPHEROID["GRS 1980",6378137,298.257]],UNIT["degree",0.0174532925199433]]'
 FEET = (

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pycolmap
 import pytest
 from numpy.typing import NDArray
 
@@ -16,11 +15,19 @@ from groundwork.progress import SILENT
 from recon import reconstruct as conductor
 from recon.cloud import read_cloud
 from recon.placing.align import OK, Target
-from recon.placing.align_control import align_to_control, triangulate
-from recon.placing.ground_control import ControlPoint, GroundControl, Mark, ScaleBar, read_ground_control
+from recon.placing.align_control import align_to_control
+from recon.placing.ground_control import (
+    ControlPoint,
+    GroundControl,
+    Mark,
+    ScaleBar,
+    read_ground_control,
+)
 from recon.placing.map_projection import MapSystem, read_system
+from recon.placing.marked_places import intersect_rays
 from recon.placing.place import read_control
 from recon.placing.similarity import Similarity
+from recon.placing.wkt_unit import US_FOOT
 from recon.settings import ReconSettings
 from recon.sfm.colmap_model import SparseModel, read_model
 from recon.sfm.sparse import Sparse
@@ -106,25 +113,25 @@ def test_two_rays_meet_where_the_closed_form_says() -> None:
         point, centers = rng.normal(size=3), rng.normal(size=(5, 3)) * 8
         rays = point - centers
         np.testing.assert_allclose(
-            triangulate(centers, rays / np.linalg.norm(rays, axis=1, keepdims=True)), point, atol=1e-9
+            intersect_rays(centers, rays / np.linalg.norm(rays, axis=1, keepdims=True)), point, atol=1e-9
         )
     centers, rays = np.array([[-3.0, 0.2, 0.0], [3.0, -0.2, 0.0]]), np.array([[0.6, 0.0, 0.8], [-0.6, 0.0, 0.8]])
-    np.testing.assert_allclose(triangulate(centers, rays), [0.0, 0.0, 4.0], atol=1e-12)
-    assert np.isnan(triangulate(centers, np.array([[0.0, 0.0, 1.0]] * 2))).all()
+    np.testing.assert_allclose(intersect_rays(centers, rays), [0.0, 0.0, 4.0], atol=1e-12)
+    assert np.isnan(intersect_rays(centers, np.array([[0.0, 0.0, 1.0]] * 2))).all()
 
 
 def test_exact_marks_give_the_exact_similarity(record_proof: RecordProof) -> None:
-    """Five surveyed points, a lens that bends: the similarity comes back to a micron, residuals and marks are zero."""
+    """Five surveyed points, a lens that bends: the similarity comes back to 0.03 mm, as far as gravity pulls at it."""
     _, _, known, true = flown()
     points = tuple(replace(point, sigma=(0.001, 0.001, 0.001)) for point in marked(CORNERS, true))
     found, _ = placed(GroundControl(FILE, MapSystem("local", None), points))
     moved = found.alignment.similarity.move(np.eye(3))
     origin = found.facts["origin"]
     shift = np.array([origin["east"], origin["north"], origin["up"]])
-    np.testing.assert_allclose(moved + shift, known.move(np.eye(3)), atol=1e-5)
+    np.testing.assert_allclose(moved + shift, known.move(np.eye(3)), atol=3e-5)
     assert found.alignment.status == (OK,) * 8
     for row in found.facts["control_points"]:
-        assert row["distance"] < 1e-6
+        assert row["distance"] < 1e-5
         assert row["pixels"] < 1e-5
         assert row["agrees"]
     worst = float(np.abs(moved + shift - known.move(np.eye(3))).max())
@@ -175,7 +182,7 @@ def test_a_point_surveyed_wrongly_is_named() -> None:
 
 
 def test_scale_bars_alone_give_metres() -> None:
-    """Two bars between marked points, no coordinates and no GPS: the scale is right, and its limit that of the bars."""
+    """Two bars between marked points, no coordinates and no GPS: the scale is right."""
     _, _, known, true = flown()
     points = tuple(replace(point, position=None) for point in marked(CORNERS, true))
     bars = (
@@ -185,108 +192,63 @@ def test_scale_bars_alone_give_metres() -> None:
     found, _ = placed(GroundControl(FILE, MapSystem("local", None), points, bars))
     assert found.kind == "scale bars"
     assert found.alignment.similarity.scale == pytest.approx(known.scale, rel=1e-9)
-    assert found.alignment.errors.scale == pytest.approx(
-        100 * 2 / np.linalg.norm([bar.length / 0.01 for bar in bars]), rel=1e-6
-    )
     assert [abs(row["error"]) < 1e-6 for row in found.facts["scale_bars"]] == [True, True]
 
 
-def test_both_forms_say_the_same(tmp_path: Path) -> None:
-    """A gcp_list.txt and Metashape's tables of the same points give the same points, marks and coordinates."""
-    _, _, _, true = flown()
-    away = np.array([500_000.0, 5_000_000.0, 100.0])
-    there = true.copy()
-    there[:, :3, 3] += away
-    points = marked(CORNERS + away, there)
-    rows = [(point, mark) for point in points for mark in point.marks]
-    listed = "\n".join(
-        [
-            "WGS84 UTM 32N",
-            *(f"{' '.join(map(repr, p.position or ()))} {m.uv[0]!r} {m.uv[1]!r} {m.image} {p.name}" for p, m in rows),
-        ]
-    )
-    (tmp_path / "gcp_list.txt").write_text(listed + "\n", encoding="utf-8")
-    tables = "\n".join(
-        [
-            '# CoordinateSystem: PROJCS["WGS 84 / UTM zone 32N",GEOGCS["WGS 84"]]',
-            "#Label,X/Easting,Y/Northing,Z/Altitude,Accuracy_(m)",
-            *(f'"{p.name}",{",".join(map(repr, p.position or ()))},0.03' for p in points),
-            "#Camera,Label,x,y",
-            *(f"{m.image[:-4]},{p.name},{m.uv[0]!r},{m.uv[1]!r}" for p, m in rows),
-            "#Label,Distance_(m),Accuracy_(m)",
-            "P0_P1,60.0083,0.002",
-        ]
-    )
-    (tmp_path / "markers.csv").write_text(tables, encoding="utf-8")
-    one, other = read_ground_control(tmp_path / "gcp_list.txt"), read_ground_control(tmp_path / "markers.csv")
-    assert one.system.zone == other.system.zone == 32
-    assert [(p.name, p.position, p.sigma) for p in one.points] == [(p.name, p.position, p.sigma) for p in other.points]
-    assert [[mark.uv for mark in p.marks] for p in one.points] == [[mark.uv for mark in p.marks] for p in other.points]
-    assert other.bars == (ScaleBar(("P0", "P1"), 60.0083, 0.002),)
+@pytest.mark.parametrize("bars", [1, 2])
+def test_limits_of_scale_bars_hold(bars: int, proof_count: Count, record_proof: RecordProof) -> None:
+    """Bars of ten metres known to 5 mm, their ends marked to a pixel: the limit of 95 % counts both errors."""
+    _, _, known, true = flown()
+    count, starts = proof_count(60, 1000), np.array([[10.0, 10.0, 0.0], [45.0, 25.0, 1.0]])[:bars]
+    kept = []
+    for seed in range(count):
+        draw = np.random.default_rng(seed)
+        ends = np.repeat(starts, 2, axis=0) + np.tile([[0.0, 0.0, 0.0], [8.0, 6.0, 0.0]], (bars, 1))
+        points = tuple(replace(point, position=None) for point in marked(ends, true, 1.0, 1000 + seed))
+        measured = tuple(
+            ScaleBar((f"P{2 * row}", f"P{2 * row + 1}"), 10.0 + draw.normal(0, 0.005), 0.005) for row in range(bars)
+        )
+        found, _ = placed(GroundControl(FILE, MapSystem("local", None), points, measured))
+        error = abs(found.alignment.similarity.scale / known.scale - 1.0)
+        kept.append(100.0 * error <= found.alignment.errors.scale)
+    share = float(np.mean(kept))
+    record_proof(f"scale bars: stated 95 % limit, {bars}", count, 0, {"within": share})
+    assert share > 0.95 - 3.0 * np.sqrt(0.95 * 0.05 / count), share
+
+
+def test_one_wrong_mark_leaves_the_limits_of_the_others() -> None:
+    """A mark 300 px off, in one photograph of a point: that point counts little, and the limits hardly change."""
+    _, _, known, true = flown()
+    points = list(marked(np.concatenate([CORNERS, [[15.0, 30.0, 1.0]]]), true, 0.5))
+    sound, _ = placed(GroundControl(FILE, MapSystem("local", None), tuple(points)))
+    mark = points[2].marks[0]
+    wrong = Mark(mark.image, (mark.uv[0], mark.uv[1] - np.sign(mark.uv[1] - 400.0) * 300.0))
+    points[2] = replace(points[2], marks=[wrong, *points[2].marks[1:]])
+    found, _ = placed(GroundControl(FILE, MapSystem("local", None), tuple(points)))
+    assert found.facts["control_points"][2]["pixels"] > 30.0
+    assert found.alignment.similarity.scale == pytest.approx(known.scale, rel=2e-3)
+    for name in ("scale", "tilt", "heading", "place"):
+        assert getattr(found.alignment.errors, name) < 2.0 * getattr(sound.alignment.errors, name)
 
 
 @pytest.mark.parametrize(
-    ("name", "zone"),
-    [
-        ("EPSG:32633", 33),
-        ("epsg:32733", -33),
-        ("WGS84 UTM 10N", 10),
-        ("WGS84 UTM 17S", -17),
-        ("EPSG:4326", 0),
-        ("+proj=utm +zone=15 +ellps=WGS84 +datum=WGS84 +units=m +no_defs", 15),
-        ("EPSG:25832", None),
-        ("+proj=utm +zone=55 +south +datum=WGS84", -55),
-        ("+proj=longlat +datum=WGS84", 0),
-        ("LOCAL", None),
-    ],
+    "system", ["+proj=lcc +lat_1=35 +units=us-ft +no_defs", 'PROJCS["x",UNIT["US survey foot",0.3048006096]]']
 )
-def test_systems_by_their_names(name: str, zone: int | None) -> None:
-    """EPSG codes, PROJ strings and OpenDroneMap's own names; a plane system of another kind is taken as it is."""
-    found = read_system(name)
-    assert found is not None
-    assert found.zone == zone
-    assert read_system("481367 5782936 100 3 4 a.jpg") is None
-
-
-def test_utm_against_colmap() -> None:
-    """Latitude and longitude of UTM coordinates in both halves of the earth, against COLMAP's, to a millimetre."""
-    rng = np.random.default_rng(0)
-    for zone in (1, 17, 33, 60, -4, -55):
-        low, high = (1.0, 80.0) if zone > 0 else (-75.0, -1.0)
-        places = np.column_stack(
-            [rng.uniform(low, high, 40), 6.0 * abs(zone) - 183.0 + rng.uniform(-2.9, 2.9, 40), rng.uniform(0, 900, 40)]
-        )
-        there, number = pycolmap.GPSTransform().ellipsoid_to_utm(places)
-        assert abs(number) == abs(zone)
-        found = MapSystem("", zone).geographic(np.asarray(there, np.float64))
-        np.testing.assert_allclose(found[:, :2], places[:, :2], atol=1e-8)
-
-
-BAD = {
-    "": "the file is empty",
-    "hello\n1 2 3 4 5 a.jpg": "the first line names no coordinate system",
-    "EPSG:32633\n1 2 3 4 a.jpg": "line 2: too few columns",
-    "EPSG:32633\n1 2 x 4 5 a.jpg": "line 2: not a number",
-    "EPSG:32633\n1 2 nan 4 5 a.jpg": "line 2: not a number",
-    "EPSG:32633\n1 2 3 4 5 a.jpg P\n1 2 4 4 5 b.jpg P": "line 3: one point has two positions",
-    "EPSG:32633\n1 2 3 4 5 a.jpg P\n1 2 3 4 5 a.jpg P": "line 3: the point P is marked twice",
-    "#Label,X,Y,Z,Accuracy\nP,1,2,3,0": "line 2: an accuracy must be above 0",
-    "#Label,X,Y,Z\n,1,2,3": "line 2: a row without a name",
-    "#Camera,Label,x,y\na,P,3": "line 2: a mark without pixel coordinates",
-    "#Label,Distance\nP_Q,3": "line 2: a scale bar needs the names of two points",
-}
-
-
-@pytest.mark.parametrize("text", BAD)
-def test_a_bad_file_is_one_line(text: str, tmp_path: Path) -> None:
-    """Whatever is wrong with a file, one line names the file, the line and the mend."""
-    path = tmp_path / "gcp.txt"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(InputError) as caught:
-        read_ground_control(path)
-    assert str(path) in str(caught.value)
-    assert BAD[text] in str(caught.value)
-    assert "\n" not in str(caught.value)
+def test_feet_become_metres(system: str) -> None:
+    """A plane system in feet: the scale is that of metres."""
+    _, _, known, true = flown()
+    feet = tuple(
+        replace(point, position=tuple((np.array(point.position) / US_FOOT).tolist())) for point in marked(CORNERS, true)
+    )
+    read = read_system(system)
+    assert read is not None
+    assert not read.assumed
+    found, _ = placed(GroundControl(FILE, read, feet))
+    assert found.alignment.similarity.scale == pytest.approx(known.scale, rel=1e-5)
+    utm = read_system("+proj=utm +zone=10 +ellps=WGS84 +units=us-ft")
+    assert utm is not None
+    metres = MapSystem("", 10).geographic(np.array([[5e5, 4e6, 30.0]]))
+    np.testing.assert_allclose(utm.geographic(np.array([[5e5, 4e6, 30.0]]) / US_FOOT), metres, atol=1e-9)
 
 
 def test_what_does_not_fit_is_one_line(tmp_path: Path) -> None:
@@ -299,7 +261,7 @@ def test_what_does_not_fit_is_one_line(tmp_path: Path) -> None:
     _, capture, _, true = flown()
     (tmp_path / "gcp.txt").write_text("LOCAL\n1 2 3 4 5 other.jpg P\n", encoding="utf-8")
     with pytest.raises(InputError, match="has no mark in these photographs"):
-        read_control(tmp_path / "gcp.txt", replace(capture, folder=tmp_path))
+        read_control(tmp_path / "gcp.txt", replace(capture, folder=tmp_path), SILENT)
     points = marked(CORNERS, true)
     local = MapSystem("local", None)
     outside = replace(points[0], marks=[Mark("0.jpg", (-5.0, 3.0))])
