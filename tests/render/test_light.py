@@ -123,14 +123,15 @@ def test_the_default_day_is_bright_at_its_horizon() -> None:
 
 
 def test_a_picture_as_dome_is_decoded_from_srgb(tmp_path: Path) -> None:
-    """Codes 5, 10, 11 and 188 are the radiance of IEC 61966-2-1, all around."""
+    """Codes 5, 10, 11 and 188 are the radiance of IEC 61966-2-1, all around; in 8 or 16 bits, gray or color."""
+    scene, file = plate(Material("card")).build(DOWN[None]), tmp_path / "sky.png"
     for code, linear in ((5, 0.001517635), (10, 0.003035270), (11, 0.003346536), (188, 0.502886458)):
-        file = tmp_path / f"{code}.png"
-        cv2.imwrite(str(file), np.full((8, 16, 3), code, np.uint8))
-        scene = replace(plate(Material("card")).build(DOWN[None]), dome=Dome((1.0, 1.0, 1.0), str(file)))
-        day, warnings = read_daylight(scene)
-        assert warnings == []
-        np.testing.assert_allclose(day.radiance(sphere(64)), linear, rtol=1e-4)
+        for pixels in (np.full((8, 16, 3), code, np.uint8), np.full((8, 16, 4), code * 257, np.uint16)):
+            for told in (pixels, pixels[..., 0]):
+                cv2.imwrite(str(file), told)
+                day, warnings = read_daylight(replace(scene, dome=Dome((1.0, 1.0, 1.0), str(file))))
+                assert warnings == []
+                np.testing.assert_allclose(day.radiance(sphere(64)), linear, rtol=1e-4)
 
 
 def test_every_texel_of_a_dome_is_seen_in_its_own_direction(tmp_path: Path) -> None:
