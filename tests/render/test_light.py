@@ -13,7 +13,8 @@ from authoring.light.sun import LUMINANCE
 from groundwork.progress import SILENT
 from render.gpu.context import Gl
 from render.light.daylight import read_daylight, sphere
-from render.light.illumination import BRIGHTEST, CLEAR_DAY, haze_distance
+from render.light.illumination import BRIGHTEST, CLEAR_DAY, Illumination, Lamps, haze_distance
+from render.light.local_lights import LocalLights
 from render.settings import RenderSettings
 from render.views.prepare import prepare
 from tests.render.scenes import CAMERA, DOWN, WHITE_DOME, SceneBuilder, placed
@@ -152,6 +153,17 @@ def test_every_texel_of_a_dome_is_seen_in_its_own_direction(tmp_path: Path) -> N
         assert day.panorama.shape == ((6, 12, 3) if times == 1 else (512, 1024, 3))
         seen = day.radiance(own.reshape(-1, 3) @ day.dome_from_world)
         np.testing.assert_allclose(seen, linear.reshape(-1, 3), rtol=1e-4)
+
+
+def test_a_bright_texel_of_a_dome_stays_finite(gl: Gl) -> None:
+    """9e4 is more than a half float holds: the texel and what the smaller levels make of it are finite."""
+    day, _ = read_daylight(replace(plate(Material("card")).build(DOWN[None]), dome=WHITE_DOME))
+    panorama = np.ones((8, 16, 3), np.float32)
+    panorama[3, 3] = 9.0e4
+    none = LocalLights(np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 2, 3)))
+    lamps = Lamps(gl.context, Illumination(replace(day, panorama=panorama), None, None, CLEAR_DAY, none), np.zeros(3))
+    levels = [np.frombuffer(lamps._panorama.read(level=level), np.float16) for level in range(4)]
+    assert all(np.isfinite(level).all() for level in levels)
 
 
 def test_a_dome_without_its_file_is_told_and_drawn_plain(tmp_path: Path) -> None:
