@@ -136,11 +136,13 @@ def test_textures_go_on_beyond_their_edges(
 
 
 def test_a_picture_glows(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
-    """An emissive texture adds its colour."""
+    """An emissive texture adds its colour times `scale` plus `bias`, also beyond 1."""
     cv2.imwrite(str(tmp_path / "glow.png"), np.full((32, 32, 3), (0, coded(0.5), 0), np.uint8))
     body = "color3f inputs:diffuseColor = (0.2, 0.2, 0.2)\ncolor3f inputs:emissiveColor.connect = </Mat/A.outputs:rgb>"
-    picture = shot(gl, ideal, tmp_path, network(body, straight(texture("A", "./glow.png"))))
-    np.testing.assert_allclose(picture.seen(0, 0, 0)[0], (0.2, 0.7, 0.2), atol=0.02)
+    strong = "float4 inputs:scale = (9, 10, 1, 1)\nfloat4 inputs:bias = (0, 1, 0.1, 0)"
+    for more, seen in (("", (0.2, 0.7, 0.2)), (strong, (0.2, 6.2, 0.3))):
+        picture = shot(gl, ideal, tmp_path, network(body, straight(texture("A", "./glow.png", more))))
+        np.testing.assert_allclose(picture.seen(0, 0, 0)[0], seen, rtol=0.02, atol=0.02)
 
 
 def test_the_specular_workflow_shines_as_it_says(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
