@@ -137,6 +137,28 @@ def test_two_foreign_uv_sets(tmp_path: Path) -> None:
     np.testing.assert_allclose(scene.geometry.st1.max(axis=0), (1.0, 1.0))
 
 
+def test_materials_of_one_mesh_share_its_two_sets(tmp_path: Path) -> None:
+    """Each part is drawn with the texture coordinates that its own material names; of a third set a line is said."""
+    body, subsets = "", ""
+    for face, name in enumerate("ABC"):
+        one = network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>", texture("A", "./a.png", "", name))
+        body += one.partition("def Mesh")[0].replace('"Mat"', f'"Mat{name}"').replace("</Mat/", f"</Mat{name}/")
+        subsets += f"""def GeomSubset "{name}" (prepend apiSchemas = ["MaterialBindingAPI"]) {{
+            uniform token familyName = "materialBind"
+            int[] indices = [{face}]
+            rel material:binding = </Mat{name}>
+        }}\n"""
+    strips = SQUARE.replace("[4]", "[3, 3, 3]").replace("[0, 1, 2, 3]", "[0, 1, 2, 0, 2, 3, 0, 1, 3]")
+    uvs = "".join(UV.format(name).replace("(1,1)", f"({width},1)") for width, name in ((2, "A"), (3, "B"), (4, "C")))
+    (tmp_path / "a.png").write_bytes(b"")
+    scene = read_body(tmp_path, body + f'def Mesh "M" {{\n{strips}{uvs}{subsets}}}')
+    drawn = [scene.materials[row] for row in scene.draws.material]
+    sets = {one.name: one.base_texture.uv_set for one in drawn if one.base_texture}
+    assert (sets["/MatA"], sets["/MatB"]) == (0, 1)
+    assert (scene.geometry.st[:, 0].max(), scene.geometry.st1[:, 0].max()) == (2.0, 3.0)
+    assert scene.warnings == ("/M: texture coordinates C are left out: a mesh has two sets of them",)
+
+
 def test_interface_inputs_are_followed(tmp_path: Path) -> None:
     """Values and primvar names on the material itself reach the shaders, as Blender and usdex write them."""
     nodes = texture("A", "./a.png").replace(

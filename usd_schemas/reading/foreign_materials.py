@@ -213,6 +213,8 @@ def _read_mtlx(path: str, shader: UsdShade.Shader, names: _Surface, note: Callab
     opacity, cut = _see_through(shader, source, names, note)
     used = [name for name in dict.fromkeys(placed.values()) if name]
     second = used[1] if len(used) > 1 else ""
+    for name in used[2:]:
+        note(f"texture coordinates {name} are left out: a material has two sets of them")
 
     def numbered(name: str, one: Texture | None) -> Texture | None:
         return one and replace(one, uv_set=int(placed[name] == second != ""))

@@ -85,7 +85,7 @@ def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shad
     opacity = _read_opacity(surface, note)
     base, threshold = _see_through(base, color, opacity, note)
     used = (base, rough, metal, normal, glow, shine)
-    names = _uv_names([sampled.varname for sampled in used if sampled])
+    names = _uv_names([sampled.varname for sampled in used if sampled], note)
 
     def numbered(sampled: _Sampled | None) -> Texture | None:
         return replace(sampled.texture, uv_set=int(sampled.varname == names[1] != "")) if sampled else None
@@ -115,10 +115,13 @@ def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shad
     )
 
 
-def _uv_names(used: list[str]) -> tuple[str, str]:
+def _uv_names(used: list[str], note: Warn) -> tuple[str, str]:
     """Assign the primvars that textures read to the two UV sets: `st1` is always the second."""
     first = [name for name in dict.fromkeys(used) if name and name != ATLAS_ST]
     second = ATLAS_ST if ATLAS_ST in used else (first[1] if len(first) > 1 else "")
+    for name in first[1:]:
+        if name != second:
+            note(f"texture coordinates {name} are left out: a material has two sets of them")
     return (first[0] if first else ""), second
 
 
