@@ -194,6 +194,8 @@ def _keys(material: Material) -> dict[str, TextureKey]:
                 texture.bias,
                 texture.alpha,
                 texture.alpha_channel,
+                texture.alpha_gain,
+                texture.alpha_bias,
             )
     if material.detail.file and material.detail.periods:
         keys["detail"] = TextureKey(material.detail.file, False, "number")

@@ -290,6 +290,15 @@ def test_cut_outs_and_glass(tmp_path: Path) -> None:
     assert material.base_texture is not None
     assert (material.base_texture.alpha, material.base_texture.alpha_channel) == (material.base_texture.file, 1)
     assert material.base_texture.bias == pytest.approx((0.2, 0.4, 0.6))
+    turned = 'float4 inputs:scale = (1, 1, 1, -1)\nfloat4 inputs:bias = (0, 0, 0, 1)\ntoken inputs:wrapS = "clamp"'
+    nodes = texture("A", "./a.png") + texture("B", "./a.png", turned, "map7")
+    scene, material = read_one(tmp_path, network(diffuse + alpha.replace("</Mat/A", "</Mat/B"), nodes))
+    assert material.base_texture is not None
+    assert (material.base_texture.alpha_gain, material.base_texture.alpha_bias) == (-1.0, 1.0)
+    assert scene.warnings == tuple(
+        f"/Mat: opacity and diffuseColor have different {what}: those of diffuseColor are used for both"
+        for what in ("wrap modes", "texture coordinates")
+    )
 
 
 def test_detail(tmp_path: Path) -> None:
