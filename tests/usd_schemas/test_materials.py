@@ -335,6 +335,17 @@ def test_collection_binding(tmp_path: Path) -> None:
     assert names == ["/Mat", "fallback"]
 
 
+def test_instances_share_their_materials(tmp_path: Path) -> None:
+    """A material inside of an instanced asset is one material, however often the asset is there."""
+    inside = network("float inputs:clearcoat = 1").replace("</", "</Asset/")
+    body = f'class "Asset" {{\n{inside}\n}}\n'
+    body += "".join(f'def Xform "I{row}" (instanceable = true\n references = </Asset>) {{}}\n' for row in range(3))
+    scene = read_body(tmp_path, body)
+    assert [scene.materials[row].name for row in scene.draws.material] == ["/I0/Mat"] * 3
+    assert len(scene.materials) == 3  # with the fallback and displayColor
+    assert scene.warnings == ("/I0/Mat: clearcoat is left out",)
+
+
 def test_textures_of_a_referenced_layer(tmp_path: Path) -> None:
     """A relative texture path counts from the layer that holds it."""
     inner = tmp_path / "asset"

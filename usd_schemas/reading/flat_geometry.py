@@ -135,9 +135,13 @@ def mesh_key(placement: Placement) -> object:
     Args:
         placement: A drawn prim, maybe an instance proxy.
     """
-    prim = placement.prim
-    path = (prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath()
+    path = _shared(placement.prim).GetPath()
     return (path, placement.time.GetValue()) if placement.deforms else path
+
+
+def _shared(prim: Usd.Prim) -> Usd.Prim:
+    """Find the prim that all instances share; of an instance proxy, that in its prototype."""
+    return prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
 
 
 def world_bounds(scene: FlatScene | Flattened) -> tuple[F64, F64]:
@@ -228,7 +232,7 @@ class _Materials:
         self._found, self._tints = [], {}
         self._tiles: dict[int, dict[int | None, int]] = {}
         for material in bound:
-            key = material.GetPath() if material else None
+            key = _shared(material.GetPrim()).GetPath() if material else None
             if key not in known:
                 read = read_material(material, warn)
                 known[key] = (None if read.material is None else self._add(read.material), read)
