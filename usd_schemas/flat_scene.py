@@ -85,6 +85,8 @@ class Texture:
         wrap: Wrap mode along s and t: `repeat`, `mirror`, `clamp` or `black`.
         alpha: File of its opacity; empty if it is its own.
         alpha_channel: Channel of that file: 0 red, 1 green, 2 blue, 3 alpha.
+        alpha_gain: Multiplier of that opacity [1].
+        alpha_bias: Added after `alpha_gain` [1].
     """
 
     file: str
@@ -99,6 +101,8 @@ class Texture:
     wrap: tuple[str, str] = ("repeat", "repeat")
     alpha: str = ""
     alpha_channel: int = 3
+    alpha_gain: float = 1.0
+    alpha_bias: float = 0.0
 
     @property
     def is_plain(self) -> bool:

@@ -1,7 +1,7 @@
 """Materials in the shader's format, and the variant of the shader that each of them needs."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import moderngl
@@ -183,6 +183,7 @@ def _keys(material: Material) -> dict[str, TextureKey]:
     keys: dict[str, TextureKey] = {}
     for name, texture in _maps(material).items():
         if texture is not None and texture.file:
+            texture = _relative(texture)[0] if name == "emission" else texture
             channel = texture.channel if _KINDS[name] == "number" else 0
             keys[name] = TextureKey(
                 texture.file,
@@ -193,12 +194,23 @@ def _keys(material: Material) -> dict[str, TextureKey]:
                 texture.bias,
                 texture.alpha,
                 texture.alpha_channel,
+                texture.alpha_gain,
+                texture.alpha_bias,
             )
     if material.detail.file and material.detail.periods:
         keys["detail"] = TextureKey(material.detail.file, False, "number")
     if material.detail.macro_file:
         keys["macro"] = TextureKey(material.detail.macro_file, False, "vector")
     return keys
+
+
+def _relative(texture: Texture) -> tuple[Texture, tuple[float, float, float]]:
+    """Divide a texture by the brightest color that it can have, so that 8 bits hold it; returns that color too."""
+    peaks = [max(gain, 0.0) + bias for gain, bias in zip(texture.gain, texture.bias, strict=True)]
+    red, green, blue = (peak if peak > 0.0 else 1.0 for peak in peaks)
+    gain = texture.gain[0] / red, texture.gain[1] / green, texture.gain[2] / blue
+    bias = texture.bias[0] / red, texture.bias[1] / green, texture.bias[2] / blue
+    return replace(texture, gain=gain, bias=bias), (red, green, blue)
 
 
 def placed_textures(material: Material) -> Iterator[tuple[TextureKey, float, int]]:
@@ -223,7 +235,9 @@ def placed_textures(material: Material) -> Iterator[tuple[TextureKey, float, int
 
 def _fill(row: NDArray[np.void], material: Material, found: dict[str, TextureSlot]) -> None:
     row["base"] = (*material.base_color, material.roughness)
-    row["emissive"] = (*material.emissive, material.metallic)
+    glow = material.emissive_texture
+    emissive = _relative(glow)[1] if glow is not None and "emission" in found else material.emissive
+    row["emissive"] = (*emissive, material.metallic)
     specular = found["specular"].mean if "specular" in found else material.specular or (0.0, 0.0, 0.0)
     row["specular"] = (*specular, 0.0)
     for name, texture in _maps(material).items():

@@ -46,6 +46,8 @@ class TextureKey:
         bias: Added after `gain` [1].
         alpha: File whose channel is its opacity; empty for its own.
         alpha_channel: Channel of that file: 0 red, 1 green, 2 blue, 3 alpha.
+        alpha_gain: Multiplier of that opacity [1].
+        alpha_bias: Added after `alpha_gain` [1].
     """
 
     file: str
@@ -56,6 +58,8 @@ class TextureKey:
     bias: tuple[float, float, float] = _NONE
     alpha: str = ""
     alpha_channel: int = _OPACITY
+    alpha_gain: float = 1.0
+    alpha_bias: float = 0.0
 
 
 ChannelPair = tuple[TextureKey | None, TextureKey | None]
@@ -295,13 +299,13 @@ def _decode(path: Path) -> NDArray[Any]:
 
 
 def _table(key: TextureKey, channels: int) -> U8:
-    """Compute the new value for each of the 256 values of a file, shape (1, 256, channels); opacity is not changed."""
+    """Compute the new value for each of the 256 values of a file, shape (1, 256, channels); the last is opacity."""
     coded = np.arange(256)[None, :, None] / 255.0
     linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4) if key.srgb else coded
     told = np.clip(linear * np.array(key.gain) + np.array(key.bias), 0.0, 1.0)
     table = np.empty((1, 256, 4), np.uint8)
     table[..., :3] = np.rint((np.sqrt(told) if key.kind == "color" else told) * 255)
-    table[..., 3] = np.arange(256)
+    table[..., 3] = np.rint(np.clip(coded[..., 0] * key.alpha_gain + key.alpha_bias, 0.0, 1.0) * 255)
     return np.ascontiguousarray(table[..., :channels])
 
 

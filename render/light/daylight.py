@@ -185,9 +185,10 @@ def _decode_panorama(path: Path) -> F32:
         raise InputError("no such texture", where=path)
     if path.suffix.lower() == ".exr":
         return decode_exr(path)
-    pixels = image_files.decode(path)[..., :3]
-    if pixels.dtype == np.uint8:
-        coded = pixels.astype(np.float32) / 255
+    pixels = image_files.decode(path)
+    pixels = np.repeat(pixels[..., None], 3, axis=2) if pixels.ndim == 2 else pixels[..., :3]
+    if pixels.dtype in (np.uint8, np.uint16):
+        coded = pixels.astype(np.float32) / np.iinfo(pixels.dtype).max
         return np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4).astype(np.float32)
     return pixels.astype(np.float32)
 

@@ -20,6 +20,7 @@ F64 = NDArray[np.float64]
 CLEAR_DAY = 6000.0  # default distance at which haze removes 63 % of the contrast [m]
 LEAST_CONTRAST = 0.02  # contrast that is left at the visibility [1]
 BRIGHTEST = 16.0  # largest radiance of a pixel's 16-bit code
+_MOST_RADIANCE = 6.0e4  # of the panorama: half floats end at 65,504, and an infinite texel spreads over the mipmaps
 _AIR = 1.16e-5  # extinction of green by air alone [1/m]
 _BY_AIR, _BY_HAZE = np.array([0.656, 1.0, 1.98]), np.array([0.874, 1.0, 1.244])  # of 610, 550 and 465 nm [1]
 _SHADOW_UNIT, _VOLUME_UNIT, _PANORAMA_UNIT, FIRST_FREE_UNIT = 0, 1, 4, 5
@@ -81,8 +82,8 @@ class Lamps:
             anchor: Origin of positions in the shading [m], shape (3,), float64.
         """
         self.features, self.shadow = light.features(), light.shadow
-        panorama = light.daylight.panorama
-        self._panorama = context.texture(panorama.shape[1::-1], 3, panorama.astype(np.float16).tobytes(), dtype="f2")
+        panorama = np.minimum(light.daylight.panorama, _MOST_RADIANCE).astype(np.float16)
+        self._panorama = context.texture(panorama.shape[1::-1], 3, panorama.tobytes(), dtype="f2")
         self._panorama.build_mipmaps()
         self._panorama.repeat_y = False
         self._volume = _volume_textures(context, light.volume) if light.volume is not None else []

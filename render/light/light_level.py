@@ -53,7 +53,9 @@ def dimmed(scene: FlatScene, times: int) -> FlatScene:
         return color[0] * share, color[1] * share, color[2] * share
 
     def surface(material: Material) -> Material:
-        return replace(material, emissive=scaled(material.emissive))
+        glow = material.emissive_texture
+        glow = glow and replace(glow, gain=scaled(glow.gain), bias=scaled(glow.bias))
+        return replace(material, emissive=scaled(material.emissive), emissive_texture=glow)
 
     return replace(
         scene,

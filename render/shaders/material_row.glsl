@@ -3,7 +3,7 @@
 
 layout(std140, binding = 0) uniform MaterialRow {
     vec4 base;              // linear colour, roughness
-    vec4 emissive;          // linear colour, metallic
+    vec4 emissive;          // linear colour, or what its texture is multiplied by; metallic
     vec4 albedo_map[2];     // rows of the affine map of (s, t, 1); then layer, uv set
     vec4 roughness_map[2];
     vec4 normal_map[2];

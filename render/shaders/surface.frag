@@ -253,7 +253,7 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
 #ifndef GREY_CARD
 #ifdef HAS_EMISSION
     vec3 glow = texture(emission_array, vec3(emission_place, emission_map[0].w), SHARPER).rgb;
-    light += glow * glow;
+    light += glow * glow * emissive.rgb;
 #else
     light += emissive.rgb;
 #endif

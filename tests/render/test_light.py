@@ -13,7 +13,8 @@ from authoring.light.sun import LUMINANCE
 from groundwork.progress import SILENT
 from render.gpu.context import Gl
 from render.light.daylight import read_daylight, sphere
-from render.light.illumination import BRIGHTEST, CLEAR_DAY, haze_distance
+from render.light.illumination import BRIGHTEST, CLEAR_DAY, Illumination, Lamps, haze_distance
+from render.light.local_lights import LocalLights
 from render.settings import RenderSettings
 from render.views.prepare import prepare
 from tests.render.scenes import CAMERA, DOWN, WHITE_DOME, SceneBuilder, placed
@@ -123,14 +124,15 @@ def test_the_default_day_is_bright_at_its_horizon() -> None:
 
 
 def test_a_picture_as_dome_is_decoded_from_srgb(tmp_path: Path) -> None:
-    """Codes 5, 10, 11 and 188 are the radiance of IEC 61966-2-1, all around."""
+    """Codes 5, 10, 11 and 188 are the radiance of IEC 61966-2-1, all around; in 8 or 16 bits, gray or color."""
+    scene, file = plate(Material("card")).build(DOWN[None]), tmp_path / "sky.png"
     for code, linear in ((5, 0.001517635), (10, 0.003035270), (11, 0.003346536), (188, 0.502886458)):
-        file = tmp_path / f"{code}.png"
-        cv2.imwrite(str(file), np.full((8, 16, 3), code, np.uint8))
-        scene = replace(plate(Material("card")).build(DOWN[None]), dome=Dome((1.0, 1.0, 1.0), str(file)))
-        day, warnings = read_daylight(scene)
-        assert warnings == []
-        np.testing.assert_allclose(day.radiance(sphere(64)), linear, rtol=1e-4)
+        for pixels in (np.full((8, 16, 3), code, np.uint8), np.full((8, 16, 4), code * 257, np.uint16)):
+            for told in (pixels, pixels[..., 0]):
+                cv2.imwrite(str(file), told)
+                day, warnings = read_daylight(replace(scene, dome=Dome((1.0, 1.0, 1.0), str(file))))
+                assert warnings == []
+                np.testing.assert_allclose(day.radiance(sphere(64)), linear, rtol=1e-4)
 
 
 def test_every_texel_of_a_dome_is_seen_in_its_own_direction(tmp_path: Path) -> None:
@@ -151,6 +153,17 @@ def test_every_texel_of_a_dome_is_seen_in_its_own_direction(tmp_path: Path) -> N
         assert day.panorama.shape == ((6, 12, 3) if times == 1 else (512, 1024, 3))
         seen = day.radiance(own.reshape(-1, 3) @ day.dome_from_world)
         np.testing.assert_allclose(seen, linear.reshape(-1, 3), rtol=1e-4)
+
+
+def test_a_bright_texel_of_a_dome_stays_finite(gl: Gl) -> None:
+    """9e4 is more than a half float holds: the texel and what the smaller levels make of it are finite."""
+    day, _ = read_daylight(replace(plate(Material("card")).build(DOWN[None]), dome=WHITE_DOME))
+    panorama = np.ones((8, 16, 3), np.float32)
+    panorama[3, 3] = 9.0e4
+    none = LocalLights(np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 2, 3)))
+    lamps = Lamps(gl.context, Illumination(replace(day, panorama=panorama), None, None, CLEAR_DAY, none), np.zeros(3))
+    levels = [np.frombuffer(lamps._panorama.read(level=level), np.float16) for level in range(4)]
+    assert all(np.isfinite(level).all() for level in levels)
 
 
 def test_a_dome_without_its_file_is_told_and_drawn_plain(tmp_path: Path) -> None:

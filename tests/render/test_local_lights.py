@@ -1,7 +1,9 @@
 """SphereLights against closed forms: the square of the distance, the cosine, and the horizon that cuts a near ball."""
 
 from dataclasses import replace
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -15,7 +17,7 @@ from render.views.prepare import prepare
 from tests.conftest import RecordProof
 from tests.render.scenes import CAMERA, SceneBuilder
 from tests.render.test_light import DOWN, plate, radiance
-from usd_schemas.flat_scene import Dome, FlatScene, Material, SphereLight, Sun
+from usd_schemas.flat_scene import Dome, FlatScene, Material, SphereLight, Sun, Texture
 from usd_schemas.pinhole import look_at, unproject
 
 F64 = NDArray[np.float64]
@@ -98,15 +100,20 @@ def test_a_far_ball_shades_as_a_sun(gl: Gl, ideal: RenderSettings, quality: str)
         np.testing.assert_allclose(by_ball, by_sun, rtol=0.03, atol=0.01)
 
 
-@pytest.mark.parametrize("times", [-12, 11])
-def test_light_has_no_unit(gl: Gl, ideal: RenderSettings, times: int) -> None:
+@pytest.mark.parametrize(("times", "pictured"), [(-12, False), (11, True)])
+def test_light_has_no_unit(gl: Gl, ideal: RenderSettings, times: int, pictured: bool, tmp_path: Path) -> None:
     """A dome of 2,000 or of a quarter of a thousandth gives the picture that one of 1 gives, and one line says so."""
-    glowing = Material("card", base_color=(0.2, 0.3, 0.4), roughness=1.0, emissive=(0.0, 0.1, 0.0))
+    cv2.imwrite(str(tmp_path / "white.png"), np.full((16, 16), 255, np.uint8))
+    glow = Texture(str(tmp_path / "white.png"), True, gain=(0.0, 0.1, 0.0)) if pictured else None
+    glowing = Material(
+        "card", base_color=(0.2, 0.3, 0.4), roughness=1.0, emissive=(0.0, 0.1, 0.0), emissive_texture=glow
+    )
     scene = replace(plate(glowing).build(DOWN[None]), dome=Dome((1.0, 0.9, 0.8)))
     scene = replace(scene, sun=Sun((0.0, 0.6, 0.8), (1.0, 1.0, 1.0)), sphere_lights=(ball((0, 0, 3), 0.3, 1.0),))
     bright = dimmed(scene, -times)
     assert bright.dome
     assert bright.dome.radiance[0] == 2.0**times
+    assert [one.gain[1] for one in bright.materials[0].textures()] == [0.1 * 2.0**times] * pictured
     assert not any("no unit" in line for line in prepare(gl, scene, ideal, SILENT).warnings)
     (line,) = (line for line in prepare(gl, bright, ideal, SILENT).warnings if "no unit" in line)
     shown, expected = (radiance(gl, one, ideal)[0] for one in (bright, scene))

@@ -88,7 +88,7 @@ def test_alpha_of_a_picture_is_blended(gl: Gl, ideal: RenderSettings, tmp_path: 
 
 
 def test_opacity_of_another_picture(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
-    """A grey picture cuts a plain colour, and one with a picture of its own."""
+    """A grey picture cuts a plain colour, and one with a picture of its own; `scale` and `bias` turn the mask round."""
     cv2.imwrite(str(tmp_path / "mask.png"), np.repeat([[0] * 32 + [255] * 32], 64, axis=0).astype(np.uint8))
     cv2.imwrite(str(tmp_path / "red.png"), np.full((32, 32, 3), (0, 0, coded(0.8)), np.uint8))
     cut = "float inputs:opacity.connect = </Mat/A.outputs:r>\nfloat inputs:opacityThreshold = 0.5\n"
@@ -97,10 +97,12 @@ def test_opacity_of_another_picture(gl: Gl, ideal: RenderSettings, tmp_path: Pat
         "color3f inputs:diffuseColor.connect = </Mat/B.outputs:rgb>\n" + cut,
         straight(texture("A", "./mask.png") + texture("B", "./red.png")),
     )
-    for body in (plain, both):
+    turned = "float4 inputs:scale = (-1, 1, 1, 1)\nfloat4 inputs:bias = (1, 0, 0, 0)\nasset inputs:file = @./mask.png@"
+    for body, side in ((plain, 0.5), (both, 0.5), (both.replace("asset inputs:file = @./mask.png@", turned), -0.5)):
         picture = shot(gl, ideal, tmp_path, body)
-        np.testing.assert_allclose(picture.seen(0.5, 0, 0)[0], (0.8, 0, 0), atol=0.02)
-        np.testing.assert_allclose(picture.seen(-0.5, 0, -1)[0], FLOOR_SEEN[0], atol=0.02)
+        np.testing.assert_allclose(picture.seen(side, 0, 0)[0], (0.8, 0, 0), atol=0.02)
+        np.testing.assert_allclose(picture.seen(-side, 0, -1)[0], FLOOR_SEEN[0], atol=0.02)
+        assert picture.seen(-side, 0, -1)[1] == pytest.approx(-1.0, abs=1e-4)
 
 
 def test_glass_throws_no_shadow(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
@@ -136,11 +138,13 @@ def test_textures_go_on_beyond_their_edges(
 
 
 def test_a_picture_glows(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
-    """An emissive texture adds its colour."""
+    """An emissive texture adds its colour times `scale` plus `bias`, also beyond 1."""
     cv2.imwrite(str(tmp_path / "glow.png"), np.full((32, 32, 3), (0, coded(0.5), 0), np.uint8))
     body = "color3f inputs:diffuseColor = (0.2, 0.2, 0.2)\ncolor3f inputs:emissiveColor.connect = </Mat/A.outputs:rgb>"
-    picture = shot(gl, ideal, tmp_path, network(body, straight(texture("A", "./glow.png"))))
-    np.testing.assert_allclose(picture.seen(0, 0, 0)[0], (0.2, 0.7, 0.2), atol=0.02)
+    strong = "float4 inputs:scale = (9, 10, 1, 1)\nfloat4 inputs:bias = (0, 1, 0.1, 0)"
+    for more, seen in (("", (0.2, 0.7, 0.2)), (strong, (0.2, 6.2, 0.3))):
+        picture = shot(gl, ideal, tmp_path, network(body, straight(texture("A", "./glow.png", more))))
+        np.testing.assert_allclose(picture.seen(0, 0, 0)[0], seen, rtol=0.02, atol=0.02)
 
 
 def test_the_specular_workflow_shines_as_it_says(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:

@@ -147,8 +147,9 @@ def test_panels(header: str, unit: float, tmp_path: Path) -> None:
 
 
 def test_the_first_visible_light_counts(tmp_path: Path) -> None:
-    """Hidden lights do not shine; further ones and other kinds are named."""
-    lights = 'def DistantLight "Hidden" {\ntoken visibility = "invisible"\n}\ndef DistantLight "A" {\n'
+    """Hidden lights, and those without diffuse and specular light, do not shine; further ones and others are named."""
+    lights = 'def DistantLight "Hidden" {\ntoken visibility = "invisible"\n}\ndef DistantLight "Idle" {\n'
+    lights += 'float inputs:diffuse = 0\nfloat inputs:specular = 0\n}\ndef DistantLight "A" {\n'
     lights += "float inputs:intensity = 3\nbool inputs:normalize = 1\n}\n"
     lights += 'def DistantLight "B" {}\ndef CylinderLight "Tube" {}\n'
     scene = read_body(tmp_path, GROUND + lights)
@@ -156,6 +157,7 @@ def test_the_first_visible_light_counts(tmp_path: Path) -> None:
     assert scene.sun.radiance == (3.0, 3.0, 3.0)
     assert "/B: DistantLight is left out" in scene.warnings
     assert "/Tube: CylinderLight is left out" in scene.warnings
+    assert not any("Idle" in line or "Hidden" in line for line in scene.warnings)
     assert read_body(tmp_path, GROUND).sun is None
 
 

@@ -137,6 +137,28 @@ def test_two_foreign_uv_sets(tmp_path: Path) -> None:
     np.testing.assert_allclose(scene.geometry.st1.max(axis=0), (1.0, 1.0))
 
 
+def test_materials_of_one_mesh_share_its_two_sets(tmp_path: Path) -> None:
+    """Each part is drawn with the texture coordinates that its own material names; of a third set a line is said."""
+    body, subsets = "", ""
+    for face, name in enumerate("ABC"):
+        one = network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>", texture("A", "./a.png", "", name))
+        body += one.partition("def Mesh")[0].replace('"Mat"', f'"Mat{name}"').replace("</Mat/", f"</Mat{name}/")
+        subsets += f"""def GeomSubset "{name}" (prepend apiSchemas = ["MaterialBindingAPI"]) {{
+            uniform token familyName = "materialBind"
+            int[] indices = [{face}]
+            rel material:binding = </Mat{name}>
+        }}\n"""
+    strips = SQUARE.replace("[4]", "[3, 3, 3]").replace("[0, 1, 2, 3]", "[0, 1, 2, 0, 2, 3, 0, 1, 3]")
+    uvs = "".join(UV.format(name).replace("(1,1)", f"({width},1)") for width, name in ((2, "A"), (3, "B"), (4, "C")))
+    (tmp_path / "a.png").write_bytes(b"")
+    scene = read_body(tmp_path, body + f'def Mesh "M" {{\n{strips}{uvs}{subsets}}}')
+    drawn = [scene.materials[row] for row in scene.draws.material]
+    sets = {one.name: one.base_texture.uv_set for one in drawn if one.base_texture}
+    assert (sets["/MatA"], sets["/MatB"]) == (0, 1)
+    assert (scene.geometry.st[:, 0].max(), scene.geometry.st1[:, 0].max()) == (2.0, 3.0)
+    assert scene.warnings == ("/M: texture coordinates C are left out: a mesh has two sets of them",)
+
+
 def test_interface_inputs_are_followed(tmp_path: Path) -> None:
     """Values and primvar names on the material itself reach the shaders, as Blender and usdex write them."""
     nodes = texture("A", "./a.png").replace(
@@ -268,6 +290,15 @@ def test_cut_outs_and_glass(tmp_path: Path) -> None:
     assert material.base_texture is not None
     assert (material.base_texture.alpha, material.base_texture.alpha_channel) == (material.base_texture.file, 1)
     assert material.base_texture.bias == pytest.approx((0.2, 0.4, 0.6))
+    turned = 'float4 inputs:scale = (1, 1, 1, -1)\nfloat4 inputs:bias = (0, 0, 0, 1)\ntoken inputs:wrapS = "clamp"'
+    nodes = texture("A", "./a.png") + texture("B", "./a.png", turned, "map7")
+    scene, material = read_one(tmp_path, network(diffuse + alpha.replace("</Mat/A", "</Mat/B"), nodes))
+    assert material.base_texture is not None
+    assert (material.base_texture.alpha_gain, material.base_texture.alpha_bias) == (-1.0, 1.0)
+    assert scene.warnings == tuple(
+        f"/Mat: opacity and diffuseColor have different {what}: those of diffuseColor are used for both"
+        for what in ("wrap modes", "texture coordinates")
+    )
 
 
 def test_detail(tmp_path: Path) -> None:
@@ -302,6 +333,17 @@ def test_collection_binding(tmp_path: Path) -> None:
     scene = read_body(tmp_path, material + group)
     names = [scene.materials[row].name for row in scene.draws.material]
     assert names == ["/Mat", "fallback"]
+
+
+def test_instances_share_their_materials(tmp_path: Path) -> None:
+    """A material inside of an instanced asset is one material, however often the asset is there."""
+    inside = network("float inputs:clearcoat = 1").replace("</", "</Asset/")
+    body = f'class "Asset" {{\n{inside}\n}}\n'
+    body += "".join(f'def Xform "I{row}" (instanceable = true\n references = </Asset>) {{}}\n' for row in range(3))
+    scene = read_body(tmp_path, body)
+    assert [scene.materials[row].name for row in scene.draws.material] == ["/I0/Mat"] * 3
+    assert len(scene.materials) == 3  # with the fallback and displayColor
+    assert scene.warnings == ("/I0/Mat: clearcoat is left out",)
 
 
 def test_textures_of_a_referenced_layer(tmp_path: Path) -> None:

@@ -40,6 +40,14 @@ SAID = {
         MESH.replace(SQUARE, SQUARE + "float[] primvars:displayOpacity = [0.5]\n"),
         "/M: displayOpacity is left out: drawn opaque",
     ),
+    "refraction": (
+        MESH + 'def Shader "S" {\n uniform token info:id = "UsdPreviewSurface"\n float inputs:ior = 2.4\n}\n',
+        "/S: ior is left out: drawn as 1.5",
+    ),
+    "shine of a light": (
+        MESH + 'def DistantLight "Sun" {\n float inputs:specular = 0\n}\n',
+        "/Sun: inputs:specular is left out",
+    ),
     "focus": (MESH + 'def Camera "C" {\n float fStop = 2.8\n}\n', "/C: fStop is left out: everything is sharp"),
     "shutter": (
         MESH + 'def Camera "C" {\n double shutter:open = -0.25\n double shutter:close = 0.25\n}\n',
@@ -59,5 +67,6 @@ def test_what_is_left_out_is_said(name: str, tmp_path: Path, record_proof: Recor
 
 def test_nothing_is_said_of_a_plain_stage(tmp_path: Path) -> None:
     """A mesh, a light and a camera that say nothing unusual cost no line of this kind."""
-    scene = read_body(tmp_path, MESH + 'def DistantLight "Sun" {}\ndef Camera "C" {}\n')
+    plain = 'def Shader "S" {\n uniform token info:id = "UsdPreviewSurface"\n float inputs:ior = 1.5\n}\n'
+    scene = read_body(tmp_path, MESH + 'def DistantLight "Sun" {}\ndef Camera "C" {}\n' + plain)
     assert scene.warnings == ("1 parts have no material: drawn in displayColor or grey",)

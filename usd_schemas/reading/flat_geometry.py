@@ -15,6 +15,7 @@ from usd_schemas.reading.placements import Placement
 from usd_schemas.reading.subsets import subset_faces
 from usd_schemas.reading.tiles import tile_materials, tile_numbers
 from usd_schemas.reading.traversal import UnreadableMeshError, guarded, numbers_of, table_of
+from usd_schemas.reading.uv_sets import on_sets, share_sets
 from usd_schemas.taxonomies import Taxonomy
 
 F64 = NDArray[np.float64]
@@ -110,7 +111,7 @@ class _Work:
     def draw(self, placement: Placement, number: int) -> None:
         """Add the draws of one placement, which is number `number` in the list of materials."""
         key = mesh_key(placement)
-        mesh = self._parts.mesh(key, placement, *self.materials.primvars(number))
+        mesh = self._parts.mesh(key, placement, self.materials.sets[key], self.materials.color_name(number))
         transforms, rows = _usable(placement, self._stage_to_world @ placement.transforms, self._warn)
         if mesh is None or not len(rows):
             return
@@ -134,9 +135,13 @@ def mesh_key(placement: Placement) -> object:
     Args:
         placement: A drawn prim, maybe an instance proxy.
     """
-    prim = placement.prim
-    path = (prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath()
+    path = _shared(placement.prim).GetPath()
     return (path, placement.time.GetValue()) if placement.deforms else path
+
+
+def _shared(prim: Usd.Prim) -> Usd.Prim:
+    """Find the prim that all instances share; of an instance proxy, that in its prototype."""
+    return prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
 
 
 def world_bounds(scene: FlatScene | Flattened) -> tuple[F64, F64]:
@@ -212,7 +217,7 @@ def _usable(placement: Placement, transforms: F64, warn: Warn) -> tuple[F64, I64
 
 
 class _Materials:
-    """Materials of every group of every placement, each read once."""
+    """Materials of every group of every placement, each read once; `sets` names the UV sets of each mesh."""
 
     def __init__(self, placements: list[Placement], splits: dict[object, _Split], warn: Warn) -> None:
         self.flat = [Material("fallback", base_color=GRAY), Material("displayColor", use_display_color=True)]
@@ -227,11 +232,12 @@ class _Materials:
         self._found, self._tints = [], {}
         self._tiles: dict[int, dict[int | None, int]] = {}
         for material in bound:
-            key = material.GetPath() if material else None
+            key = _shared(material.GetPrim()).GetPath() if material else None
             if key not in known:
                 read = read_material(material, warn)
                 known[key] = (None if read.material is None else self._add(read.material), read)
             self._found.append(known[key])
+        self.sets = self._share_sets(placements, warn)
         unbound = {prim.GetPath() for prim, material in zip(prims, bound, strict=True) if not material}
         if unbound:
             warn(f"{len(unbound)} parts have no material: drawn in displayColor or grey")
@@ -274,13 +280,38 @@ class _Materials:
             self.flat.append(replace(self.flat[row], base_color=color, use_display_color=False))
         return self._tints[row, color]
 
-    def primvars(self, placement: int) -> tuple[tuple[str, str], str]:
-        """Name the primvars that the materials of a placement read: its two UV sets, and its colors."""
-        last = self._starts[placement + 1] if placement + 1 < len(self._starts) else len(self._found)
-        read = [read for _, read in self._found[self._starts[placement] : last]]
-        named = zip(*(one.uv_names for one in read), strict=True)
-        first, second = (next((name for name in column if name), "") for column in named)
-        return (first, second), next((one.color_name for one in read if one.color_name != PLAIN_COLOR), PLAIN_COLOR)
+    def _groups(self, placement: int) -> range:
+        """Places of the materials of placement number `placement` in `_found`."""
+        ends = [*self._starts[placement + 1 : placement + 2], len(self._found)]
+        return range(self._starts[placement], ends[0])
+
+    def _share_sets(self, placements: list[Placement], warn: Warn) -> dict[object, tuple[str, str]]:
+        """Choose the UV sets of each mesh; materials whose own are numbered otherwise are replaced by others."""
+        meshes: dict[object, tuple[Placement, list[int]]] = {}
+        for number, placement in enumerate(placements):
+            meshes.setdefault(mesh_key(placement), (placement, []))[1].extend(self._groups(number))
+        sets: dict[object, tuple[str, str]] = {}
+        renumbered: dict[tuple[int, tuple[str, str]], int] = {}
+        for key, (placement, places) in meshes.items():
+            read = {(one.uv_names, _reads_atlas(one)): None for one in (self._found[place][1] for place in places)}
+            sets[key] = share_sets(placement.prim, [names for names, _ in read], any(atlas for _, atlas in read), warn)
+            for place in places:
+                row, one = self._found[place]
+                moved = one.material and on_sets(one.material, one.uv_names, sets[key])
+                if row is not None and moved is not None and moved is not one.material:
+                    if (row, sets[key]) not in renumbered:
+                        renumbered[row, sets[key]] = self._add(moved)
+                    self._found[place] = (renumbered[row, sets[key]], one)
+        return sets
+
+    def color_name(self, placement: int) -> str:
+        """Name the primvar of the colors that the materials of a placement read."""
+        read = [self._found[place][1] for place in self._groups(placement)]
+        return next((one.color_name for one in read if one.color_name != PLAIN_COLOR), PLAIN_COLOR)
+
+
+def _reads_atlas(read: ReadMaterial) -> bool:
+    return read.material is not None and bool(read.material.detail.macro_file)
 
 
 def _tints(placement: Placement, name: str, colored: bool) -> F64 | None:

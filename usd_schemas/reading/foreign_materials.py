@@ -213,13 +213,17 @@ def _read_mtlx(path: str, shader: UsdShade.Shader, names: _Surface, note: Callab
     opacity, cut = _see_through(shader, source, names, note)
     used = [name for name in dict.fromkeys(placed.values()) if name]
     second = used[1] if len(used) > 1 else ""
+    for name in used[2:]:
+        note(f"texture coordinates {name} are left out: a material has two sets of them")
 
     def numbered(name: str, one: Texture | None) -> Texture | None:
         return one and replace(one, uv_set=int(placed[name] == second != ""))
 
     if base is not None:
+        if cut is not None and _mapping(cut) != _mapping(base):
+            note("opacity and color are mapped differently: the mapping of the color is used for both")
         base = replace(base, gain=_times(base.gain, _gray(weight)), bias=_times(base.bias, _gray(weight)))
-        base = base if cut is None else replace(base, alpha=cut.file, alpha_channel=cut.channel)
+        base = base if cut is None else replace(base, alpha=cut.file, alpha_channel=cut.channel, alpha_gain=cut.gain[0])
     return Material(
         name=path,
         base_color=_times(_color_of(source(names.color), names.color_default), _gray(weight)),
@@ -305,6 +309,10 @@ def _image(source: Source, is_color: bool, name: str, note: Callable[[str], None
     srgb = is_color and told.color_space.lower() not in _LINEAR_SPACES
     found, varname = _placed(shader, note)
     return replace(found, file=file, srgb=srgb, channel=0 if is_color else channel, gain=gain), varname
+
+
+def _mapping(texture: Texture) -> tuple[object, ...]:
+    return texture.scale, texture.rotation, texture.translation, texture.wrap
 
 
 def _three(value: Any) -> Triple:

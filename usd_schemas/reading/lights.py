@@ -25,6 +25,7 @@ from usd_schemas.reading.traversal import EARLIEST, composed_prims, guarded
 
 F64 = NDArray[np.float64]
 
+_SKIES = ("DomeLight", "DomeLight_1")
 _PANELS = ("RectLight", "DiskLight")
 _UNLIT = ("CylinderLight", "GeometryLight", "PortalLight", "PluginLight")
 _ROUND = 0.01  # relative difference of scales above which a sphere counts as stretched [1]
@@ -61,14 +62,16 @@ def read_lights(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> Lights:
     turn = stage_to_world[:3, :3] / np.linalg.norm(stage_to_world[:3, 0])
     for prim in composed_prims(stage):
         kind = str(prim.GetTypeName())
-        if kind not in ("DistantLight", "DomeLight", "DomeLight_1", "SphereLight", *_PANELS, *_UNLIT):
+        if kind not in ("DistantLight", "SphereLight", *_SKIES, *_PANELS, *_UNLIT):
             continue
         with guarded(prim, warn, "the light is left out"):
             if UsdGeom.Imageable(prim).ComputeVisibility(EARLIEST) == UsdGeom.Tokens.invisible:
                 continue
+            if shines_on_nothing(prim):
+                continue
             if kind == "DistantLight" and not suns:
                 suns.append(_read_sun(prim, turn))
-            elif kind in ("DomeLight", "DomeLight_1") and not domes:
+            elif kind in _SKIES and not domes:
                 domes.append(_read_dome(prim, turn, warn))
             elif kind in ("SphereLight", *_PANELS):
                 lamp = (_read_sphere if kind == "SphereLight" else _read_panel)(prim, stage_to_world, warn)
@@ -78,6 +81,17 @@ def read_lights(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> Lights:
     for kind, paths in sorted(left_out.items()):
         warn(f"{paths[0]}: {kind} is left out" + (f" (and {len(paths) - 1} more)" if len(paths) > 1 else ""))
     return Lights(suns[0] if suns else None, domes[0] if domes else None, tuple(spheres))
+
+
+def shines_on_nothing(prim: Usd.Prim) -> bool:
+    """Check whether a light has neither diffuse nor specular light; false for a sky, which is seen itself.
+
+    Args:
+        prim: A light.
+    """
+    light = UsdLux.LightAPI(prim)
+    parts = light.GetDiffuseAttr().Get(EARLIEST), light.GetSpecularAttr().Get(EARLIEST)
+    return parts == (0.0, 0.0) and prim.GetTypeName() not in _SKIES
 
 
 def _radiance(prim: Usd.Prim) -> tuple[float, float, float]:

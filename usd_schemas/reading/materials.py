@@ -85,7 +85,7 @@ def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shad
     opacity = _read_opacity(surface, note)
     base, threshold = _see_through(base, color, opacity, note)
     used = (base, rough, metal, normal, glow, shine)
-    names = _uv_names([sampled.varname for sampled in used if sampled])
+    names = _uv_names([sampled.varname for sampled in used if sampled], note)
 
     def numbered(sampled: _Sampled | None) -> Texture | None:
         return replace(sampled.texture, uv_set=int(sampled.varname == names[1] != "")) if sampled else None
@@ -115,10 +115,13 @@ def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shad
     )
 
 
-def _uv_names(used: list[str]) -> tuple[str, str]:
+def _uv_names(used: list[str], note: Warn) -> tuple[str, str]:
     """Assign the primvars that textures read to the two UV sets: `st1` is always the second."""
     first = [name for name in dict.fromkeys(used) if name and name != ATLAS_ST]
     second = ATLAS_ST if ATLAS_ST in used else (first[1] if len(first) > 1 else "")
+    for name in first[1:]:
+        if name != second:
+            note(f"texture coordinates {name} are left out: a material has two sets of them")
     return (first[0] if first else ""), second
 
 
@@ -230,13 +233,21 @@ def _gain_and_bias(texture: UsdShade.Shader | None) -> tuple[_Four, _Four]:
 
 @dataclass(frozen=True)
 class _Opacity:
-    """Opacity of a surface: a number, or a channel of a texture; 0 for no threshold."""
+    """Opacity of a surface: a number, or a channel of a texture times `gain` plus `bias`; 0 for no threshold."""
 
     value: float = 1.0
     blends: bool = False
     threshold: float = 0.0
     sampled: _Sampled | None = None
     channel: int = 3
+    gain: float = 1.0
+    bias: float = 0.0
+
+    def over(self, texture: Texture) -> Texture:
+        """Give a texture this opacity."""
+        file = self.sampled.texture.file if self.sampled else ""
+        opacity = {"alpha": file, "alpha_channel": self.channel, "alpha_gain": self.gain, "alpha_bias": self.bias}
+        return replace(texture, **opacity)
 
 
 def _read_opacity(surface: UsdShade.Shader, note: Warn) -> _Opacity:
@@ -251,7 +262,8 @@ def _read_opacity(surface: UsdShade.Shader, note: Warn) -> _Opacity:
     channel = channel_of(sampled.output) if sampled else None
     if sampled is None or channel is None:
         return _Opacity()
-    return _Opacity(1.0, threshold <= 0.0, threshold if threshold > 0.0 else _SOLID, sampled, channel)
+    gain, bias = (values[channel] for values in _gain_and_bias(source.shader))
+    return _Opacity(1.0, threshold <= 0.0, threshold if threshold > 0.0 else _SOLID, sampled, channel, gain, bias)
 
 
 def _see_through(
@@ -262,14 +274,19 @@ def _see_through(
         return base, 0.0
     cut = opacity.sampled.texture
     if base is None:  # a constant color with the silhouette of a texture
-        plain = replace(cut, gain=(0.0, 0.0, 0.0), bias=color, alpha=cut.file, alpha_channel=opacity.channel)
+        plain = replace(opacity.over(cut), gain=(0.0, 0.0, 0.0), bias=color)
         return replace(opacity.sampled, texture=plain, output="rgb"), opacity.threshold
     own = base.texture
-    if cut.file == own.file and opacity.channel == _ALPHA:
+    for what, one, other in (
+        ("texture transforms", (cut.scale, cut.rotation, cut.translation), (own.scale, own.rotation, own.translation)),
+        ("wrap modes", cut.wrap, own.wrap),
+        ("texture coordinates", opacity.sampled.varname, base.varname),
+    ):
+        if one != other:
+            note(f"opacity and diffuseColor have different {what}: those of diffuseColor are used for both")
+    if cut.file == own.file and (opacity.channel, opacity.gain, opacity.bias) == (_ALPHA, 1.0, 0.0):
         return base, opacity.threshold
-    if (cut.scale, cut.rotation, cut.translation) != (own.scale, own.rotation, own.translation):
-        note("opacity and diffuseColor have different texture transforms: that of diffuseColor is used for both")
-    return replace(base, texture=replace(own, alpha=cut.file, alpha_channel=opacity.channel)), opacity.threshold
+    return replace(base, texture=opacity.over(own)), opacity.threshold
 
 
 def _read_detail(prim: Usd.Prim, note: Warn) -> Detail:

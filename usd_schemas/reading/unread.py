@@ -2,13 +2,17 @@
 
 from collections.abc import Iterator
 
-from pxr import Usd, UsdGeom, UsdLux
+from pxr import Usd, UsdGeom, UsdLux, UsdShade
 
 from usd_schemas.reading.labels import Warn
+from usd_schemas.reading.lights import shines_on_nothing
+from usd_schemas.reading.shader_inputs import find_source, number_of
 from usd_schemas.reading.traversal import EARLIEST, composed_prims, guarded
 
 _DRAW_MODES = ("cards", "bounds", "origin")
 _LINKS = ("lightLink", "shadowLink")
+_GLASS = 1.5  # default of `ior` [1]: the 4 % that all surfaces that are no metals mirror
+_NEAR = 1e-6
 
 
 def note_unread(stage: Usd.Stage, warn: Warn) -> None:
@@ -35,6 +39,8 @@ def _unread(prim: Usd.Prim) -> Iterator[str]:
         yield from _of_camera(UsdGeom.Camera(prim))
     if prim.HasAPI(UsdLux.LightAPI) or prim.HasAPI(UsdLux.MeshLightAPI):
         yield from _of_light(prim)
+    if prim.GetTypeName() == "Shader":
+        yield from _of_shader(UsdShade.Shader(prim))
     if prim.IsA(UsdGeom.Gprim):
         opacity = UsdGeom.PrimvarsAPI(prim).GetPrimvar("displayOpacity")
         values = opacity.Get(EARLIEST) if opacity and opacity.HasAuthoredValue() else None
@@ -54,6 +60,14 @@ def _of_camera(camera: UsdGeom.Camera) -> Iterator[str]:
         yield "clippingPlanes are left out"
 
 
+def _of_shader(shader: UsdShade.Shader) -> Iterator[str]:
+    if shader.GetShaderId() != "UsdPreviewSurface" or number_of(find_source(shader, "useSpecularWorkflow"), 0.0):
+        return
+    source = find_source(shader, "ior")
+    if source.shader or abs(number_of(source, _GLASS) - _GLASS) > _NEAR:
+        yield "ior is left out: drawn as 1.5"
+
+
 def _of_light(prim: Usd.Prim) -> Iterator[str]:
     if prim.HasAPI(UsdLux.MeshLightAPI):
         yield "MeshLightAPI is left out: the mesh is drawn, but emits no light"
@@ -68,6 +82,10 @@ def _of_light(prim: Usd.Prim) -> Iterator[str]:
     filters = prim.GetRelationship("light:filters")
     if filters and filters.GetTargets():
         yield "light:filters are left out"
+    if not shines_on_nothing(prim):
+        for name in ("diffuse", "specular"):
+            if _value(prim, f"inputs:{name}") not in (None, 1.0):
+                yield f"inputs:{name} is left out"
     if _value(prim, "inputs:shadow:enable") is False:
         yield "inputs:shadow:enable is left out"
 
