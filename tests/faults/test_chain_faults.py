@@ -213,6 +213,7 @@ def test_flipped_bits_are_all_found(
         assert [line for line in lines if path.name in line], (path, bit)
         kinds["manifest" if path.name == MANIFEST else path.parents[1].name] += 1
         path.write_bytes(former)
+        path.chmod(0o444)
     for path in stored[::7]:
         path.chmod(0o644)
         path.write_bytes(b"another")
