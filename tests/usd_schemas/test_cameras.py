@@ -7,6 +7,7 @@ import pytest
 from pxr import Gf, Usd, UsdGeom
 
 from groundwork.errors import InputError
+from groundwork.slug import slug
 from tests.usd_schemas.stages import SQUARE, Z_UP, bounds, read_body, write_stage
 from usd_schemas.apis import SurveyFacts, apply_survey
 from usd_schemas.distortion import Distortion
@@ -185,6 +186,16 @@ def test_orthographic_and_broken_cameras_are_left_out(tmp_path: Path) -> None:
     scene = read_body(tmp_path, GROUND + body)
     assert [camera.name for camera in scene.cameras] == ["framing"]
     assert {line.split(":")[0] for line in scene.warnings} >= {"/Ortho", "/Blind", "/Nan"}
+
+
+@pytest.mark.parametrize("told", ["/home/u/photos", "../../x", "a/b", "images..", ".hidden", "x" * 300])
+def test_a_survey_is_a_plain_file_name(told: str, tmp_path: Path) -> None:
+    """A survey id that leads elsewhere or is too long is changed to a slug, and said; so is the name of its product."""
+    scene = read_body(tmp_path, GROUND + camera("A", f'uniform token falsework:survey:id = "{told}"') + camera("_B"))
+    names = [slug(told), slug("_B")]
+    assert [product.name for product in scene.products] == [track.name for track in scene.cameras] == names
+    said = [line for line in scene.warnings if "is not a plain file name" in line]
+    assert [line.partition(":")[0] for line in said] == (["/A"] if told != names[0] else []) + ["/_B"]
 
 
 PRODUCTS = """

@@ -14,6 +14,7 @@ from usd_schemas.apis import read_survey
 from usd_schemas.flat_scene import CameraTrack, Product
 from usd_schemas.pinhole import TENTH, USD_FROM_CAMERA, UsdLens, look_at
 from usd_schemas.reading.choices import AS_AUTHORED, StageChoices
+from usd_schemas.reading.file_names import capture_name
 from usd_schemas.reading.labels import Warn
 from usd_schemas.reading.traversal import EARLIEST, composed_prims, guarded
 
@@ -144,7 +145,7 @@ def _read_track(
     sensor = prim.GetAttribute("falsework:cal:sensorWidth")
     has_sensor = sensor and sensor.HasAuthoredValue()
     return CameraTrack(
-        name=survey.id or prim.GetName(),
+        name=capture_name(prim, survey.id, warn),
         path=str(prim.GetPath()),
         lens=lens,
         poses=np.array([_pose(prim, code, stage_to_world) for code in codes]),
@@ -300,7 +301,7 @@ def _add_product(
         warn(f"{prim.GetPath()}: a RenderProduct of {width} x {height} pixels")
         return
     _note_unread(prim, settings, cameras[row].lens, width / height, warn)
-    products.append(Product(_free_name(cameras[row].name, prim.GetName(), products), row, width, height))
+    products.append(Product(_free_name(cameras[row].name, prim, products, warn), row, width, height))
 
 
 def _note_unread(prim: Usd.Prim, settings: UsdRender.Settings, lens: UsdLens, aspect: float, warn: Warn) -> None:
@@ -328,10 +329,13 @@ def _note_unread(prim: Usd.Prim, settings: UsdRender.Settings, lens: UsdLens, as
         warn(f"{prim.GetPath()}: RenderVars {unknown} are not among {', '.join(tokens.RENDER_VAR_NAMES)}: not written")
 
 
-def _free_name(wanted: str, other: str, products: list[Product]) -> str:
+def _free_name(wanted: str, prim: Usd.Prim, products: list[Product], warn: Warn) -> str:
     taken = {product.name for product in products}
+    if wanted not in taken:
+        return wanted
+    other = capture_name(prim, "", warn)
     numbered = (f"{other}_{number}" for number in range(2, len(taken) + 3))
-    return next(name for name in (wanted, other, *numbered) if name not in taken)
+    return next(name for name in (other, *numbered) if name not in taken)
 
 
 def _default_product(cameras: tuple[CameraTrack, ...], row: int) -> Product:
