@@ -198,6 +198,28 @@ def test_a_survey_is_a_plain_file_name(told: str, tmp_path: Path) -> None:
     assert [line.partition(":")[0] for line in said] == (["/A"] if told != names[0] else []) + ["/_B"]
 
 
+@pytest.mark.parametrize(
+    ("told", "reason"),
+    [
+        (("../../evil", "b"), "'../../evil' is not a plain file name"),
+        (("a/b", "c"), "'a/b' is not a plain file name"),
+        (("", "c"), "'' is not a plain file name"),
+        (("a", "A"), "one occurs twice"),
+        (("gain", "recipe"), ""),
+        (("one",), ""),
+    ],
+)
+def test_images_have_plain_file_names(told: tuple[str, ...], reason: str, tmp_path: Path) -> None:
+    """Names of images that lead elsewhere or are equal give way to numbers, and are said; too few of them give way."""
+    names = ", ".join(f'"{name}"' for name in told)
+    content = KEYS.format(first=1, last=2) + f"uniform string[] falsework:survey:imageNames = [{names}]"
+    scene = read_body(tmp_path, GROUND + camera("A", content))
+    assert scene.cameras[0].image_names == (told if told[0] == "gain" else ("000000", "000001"))
+    said = [line for line in scene.warnings if "imageNames" in line]
+    wanted = f"/A: its falsework:survey:imageNames are not used, because {reason}: numbers are"
+    assert said == ([wanted] if reason else [])
+
+
 PRODUCTS = """
 def Scope "Render" {
     def RenderSettings "Settings" {

@@ -14,7 +14,7 @@ from usd_schemas.apis import read_survey
 from usd_schemas.flat_scene import CameraTrack, Product
 from usd_schemas.pinhole import TENTH, USD_FROM_CAMERA, UsdLens, look_at
 from usd_schemas.reading.choices import AS_AUTHORED, StageChoices
-from usd_schemas.reading.file_names import capture_name
+from usd_schemas.reading.file_names import capture_name, image_names
 from usd_schemas.reading.labels import Warn
 from usd_schemas.reading.traversal import EARLIEST, composed_prims, guarded
 
@@ -134,7 +134,6 @@ def _read_track(
     survey = read_survey(prim, 0)
     is_survey = bool(survey.kind or survey.image_names)
     codes = [Usd.TimeCode(frame) for frame in frames] or _codes(prim, is_survey)
-    names = survey.image_names
     facts: dict[str, object] = {}
     if is_survey:
         facts = {"kind": survey.kind, "seed": survey.seed, "spacing": survey.spacing}
@@ -149,7 +148,7 @@ def _read_track(
         path=str(prim.GetPath()),
         lens=lens,
         poses=np.array([_pose(prim, code, stage_to_world) for code in codes]),
-        image_names=names if len(names) == len(codes) else tuple(f"{row:06d}" for row in range(len(codes))),
+        image_names=image_names(prim, survey.image_names, len(codes), warn),
         calibration=survey.calibration,
         sensor_width=survey.sensor_width if has_sensor else lens.horizontal_aperture * TENTH * unit,
         near=_near(camera, unit, warn),
