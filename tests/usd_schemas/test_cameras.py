@@ -188,6 +188,18 @@ def test_orthographic_and_broken_cameras_are_left_out(tmp_path: Path) -> None:
     assert {line.split(":")[0] for line in scene.warnings} >= {"/Ortho", "/Blind", "/Nan"}
 
 
+def test_a_zoom_is_named(tmp_path: Path) -> None:
+    """A lens with samples of several times is that of the first, and says so; equal samples are no zoom."""
+    samples = "{ 1: 20, 5: 200 }"
+    body = f'def Camera "Zoom" {{\nfloat focalLength.timeSamples = {samples}\nfloat horizontalAperture = 36\n'
+    body += "float verticalAperture = 27\n" + KEYS.format(first=1, last=5) + "}\n"
+    scene = read_body(tmp_path, GROUND + body)
+    assert scene.cameras[0].lens.focal_length == 20.0
+    assert "/Zoom: focalLength changes with time: all images have one lens, the earliest" in scene.warnings
+    still = read_body(tmp_path, GROUND + body.replace("200", "20"))
+    assert not any("changes with time" in line for line in still.warnings)
+
+
 @pytest.mark.parametrize("told", ["/home/u/photos", "../../x", "a/b", "images..", ".hidden", "x" * 300])
 def test_a_survey_is_a_plain_file_name(told: str, tmp_path: Path) -> None:
     """A survey id that leads elsewhere or is too long is changed to a slug, and said; so is the name of its product."""

@@ -64,7 +64,7 @@ def _read_camera(
     if camera.GetProjectionAttr().Get(EARLIEST) != UsdGeom.Tokens.perspective:
         warn(f"{path}: only perspective cameras are rendered")
         return None
-    lens = _read_lens(camera)
+    lens = _read_lens(camera, warn)
     sizes = (lens.focal_length, lens.horizontal_aperture, lens.vertical_aperture)
     if not (min(sizes) > 0.0 and np.isfinite([*sizes, lens.horizontal_offset, lens.vertical_offset]).all()):
         warn(f"{path}: a lens without focal length or aperture")
@@ -115,7 +115,7 @@ def _lens_fault(prim: Usd.Prim, track: CameraTrack) -> str:
     return ""
 
 
-def _read_lens(camera: UsdGeom.Camera) -> UsdLens:
+def _read_lens(camera: UsdGeom.Camera, warn: Warn) -> UsdLens:
     values = (
         camera.GetFocalLengthAttr(),
         camera.GetHorizontalApertureAttr(),
@@ -123,6 +123,11 @@ def _read_lens(camera: UsdGeom.Camera) -> UsdLens:
         camera.GetHorizontalApertureOffsetAttr(),
         camera.GetVerticalApertureOffsetAttr(),
     )
+    varying = ", ".join(
+        value.GetName() for value in values if len({value.Get(at) for at in value.GetTimeSamples()}) > 1
+    )
+    if varying:
+        warn(f"{camera.GetPath()}: {varying} changes with time: all images have one lens, the earliest")
     return UsdLens(*(float(told) if (told := value.Get(EARLIEST)) is not None else 0.0 for value in values))
 
 
