@@ -185,13 +185,16 @@ def _cage(prim: Usd.Prim, faces: _Faces) -> Cage:
         return np.array(attribute.Get(EARLIEST) or [], np.float64).reshape(-1)
 
     lengths, along = whole(mesh.GetCreaseLengthsAttr()), whole(mesh.GetCreaseIndicesAttr())
-    sharp, pairs, strengths, place = decimal(mesh.GetCreaseSharpnessesAttr()), [], [], 0
-    for number, length in enumerate(lengths.tolist()):
+    sharp, edges = decimal(mesh.GetCreaseSharpnessesAttr()), np.maximum(lengths - 1, 0)
+    by_edge = len(sharp) == edges.sum() and len(sharp) != len(lengths)  # one value for each edge, not for each crease
+    pairs, strengths, place, edge = [], [], 0, 0
+    for number, (length, steps) in enumerate(zip(lengths.tolist(), edges.tolist(), strict=True)):
         chain = along[place : place + length]
-        place += length
-        if length > 1 and len(chain) == length and chain.min() >= 0 and chain.max() < count and number < len(sharp):
+        own = sharp[edge : edge + steps] if by_edge else sharp[number : number + 1]
+        place, edge = place + length, edge + steps
+        if steps and len(chain) == length and chain.min() >= 0 and chain.max() < count and len(own):
             pairs.append(np.sort(np.stack([chain[:-1], chain[1:]], axis=1), axis=1))
-            strengths.append(np.full(length - 1, sharp[number]))
+            strengths.append(np.broadcast_to(own, steps))
     corner, corner_sharp = whole(mesh.GetCornerIndicesAttr()), decimal(mesh.GetCornerSharpnessesAttr())
     fixed = np.zeros(count)
     if len(corner) == len(corner_sharp) and len(corner) and 0 <= corner.min() <= corner.max() < count:
