@@ -13,6 +13,7 @@ from usd_schemas.apis import SurveyFacts, apply_survey
 from usd_schemas.distortion import Distortion
 from usd_schemas.flat_scene import CameraTrack, FlatScene
 from usd_schemas.pinhole import Pinhole, lens_from_pinhole, look_at, pinhole_from_lens, project
+from usd_schemas.reading.choices import StageChoices
 from usd_schemas.reading.stage_reader import read_stage
 
 GROUND = f'def Mesh "Ground" {{\n{SQUARE}}}\n'
@@ -169,6 +170,22 @@ def test_an_animated_camera_has_every_frame(on_parent: bool, tmp_path: Path) -> 
     np.testing.assert_allclose(elsewhere.poses, longer.poses)
     unbounded = read_body(tmp_path, GROUND + body).cameras[0]
     np.testing.assert_allclose(unbounded.poses[:, 0, 3], [0.0, 2.0, 4.0, 6.0, 8.0])
+
+
+@pytest.mark.parametrize("last", ["300000.5", "1e300"])
+def test_keys_too_far_apart_leave_the_camera_out(last: str, tmp_path: Path) -> None:
+    """More frames than can be asked for are none, and how to choose some is said; the stage's time codes limit them."""
+    body = GROUND + camera("Far", KEYS.format(first=0, last=last)) + camera("B")
+    scene = read_body(tmp_path, body)
+    assert [track.name for track in scene.cameras] == ["B"]
+    said = next(line for line in scene.warnings if line.startswith("/Far"))
+    assert said.startswith("/Far: it moves for ")
+    assert "--frame FIRST:LAST" in said
+    assert said.endswith(": the camera is left out")
+    chosen = read_stage(write_stage(tmp_path, body), choices=StageChoices(frames=(1.0, 2.0)))
+    assert [len(track.poses) for track in chosen.cameras] == [2, 2]
+    limited = read_body(tmp_path, body, Z_UP + "\n startTimeCode = 2\n endTimeCode = 4")
+    assert [len(track.poses) for track in limited.cameras] == [3, 1]
 
 
 def test_reset_stack_stops_the_search_for_motion(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from usd_schemas import tokens
 from usd_schemas.apis import read_survey
 from usd_schemas.flat_scene import CameraTrack, Product
 from usd_schemas.pinhole import TENTH, USD_FROM_CAMERA, UsdLens, look_at
-from usd_schemas.reading.choices import AS_AUTHORED, StageChoices
+from usd_schemas.reading.choices import AS_AUTHORED, MOST_FRAMES, StageChoices
 from usd_schemas.reading.file_names import capture_name, image_names
 from usd_schemas.reading.labels import Warn
 from usd_schemas.reading.traversal import EARLIEST, composed_prims, guarded
@@ -69,7 +69,11 @@ def _read_camera(
     if not (min(sizes) > 0.0 and np.isfinite([*sizes, lens.horizontal_offset, lens.vertical_offset]).all()):
         warn(f"{path}: a lens without focal length or aperture")
         return None
-    track = _read_track(camera, lens, stage_to_world, warn, frames)
+    try:
+        track = _read_track(camera, lens, stage_to_world, warn, frames)
+    except InputError as error:
+        warn(f"{path}: {error}: the camera is left out")
+        return None
     if not np.isfinite(track.poses).all():
         warn(f"{path}: its poses are not finite")
         return None
@@ -210,7 +214,11 @@ def _codes(prim: Usd.Prim, is_survey: bool) -> list[Usd.TimeCode]:
     if stage.HasAuthoredTimeCodeRange():  # a camera does not move outside its keys
         start, end = max(first, stage.GetStartTimeCode()), min(last, stage.GetEndTimeCode())
         first, last = (start, end) if start <= end else (first, last)
-    return [Usd.TimeCode(value) for value in range(math.ceil(first), max(math.floor(last), math.ceil(first)) + 1)]
+    start, end = math.ceil(first), max(math.floor(last), math.ceil(first))
+    if end - start >= MOST_FRAMES:
+        hint = "Name those to render with --frame FIRST:LAST, or limit the stage's time codes"
+        raise InputError(f"it moves for {end - start + 1:.9g} frames", allowed=f"{MOST_FRAMES:,}", hint=hint)
+    return [Usd.TimeCode(value) for value in range(start, end + 1)]
 
 
 def _pose(prim: Usd.Prim, code: Usd.TimeCode, stage_to_world: F64) -> F64:
