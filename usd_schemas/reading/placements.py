@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdShade
 
 from usd_schemas.reading.choices import DRAWN_PURPOSES
-from usd_schemas.reading.labels import Label, Warn, inherit_label
+from usd_schemas.reading.labels import LARGEST_ID, Label, Warn, inherit_label
 from usd_schemas.reading.shapes import SHAPES
 from usd_schemas.reading.strands import STRANDS, has_width
 from usd_schemas.reading.traversal import COMPOSED, EARLIEST, guarded, numbers_of, table_of
@@ -153,7 +153,7 @@ class _Walker:
         purpose = above.purpose
         if imageable and imageable.GetPurposeAttr().HasAuthoredValue():
             purpose = str(imageable.GetPurposeAttr().Get())
-        label = inherit_label(prim, above.label, above.own_id)
+        label = inherit_label(prim, above.label, above.own_id, self._warn)
         # Prims inside an instance share the ids of its prototype: an id on the instance itself distinguishes instances.
         own_id = above.own_id or (prim.IsInstance() and label.carrier == prim.GetPath())
         if prim.IsA(UsdGeom.PointInstancer):
@@ -252,7 +252,7 @@ class _Walker:
         values = np.array((attribute.Get() if attribute else None) or [], np.int64)
         if not len(values):
             return None
-        if len(values) != count or values.min() <= 0:
+        if len(values) != count or not 0 < values.min() <= values.max() <= LARGEST_ID:
             self._warn(f"{prim.GetPath()}: instanceIds do not fit the instances: ignored")
             return None
         return values.astype(np.uint32)
