@@ -138,6 +138,20 @@ def test_labels_and_ids_of_subsets(tmp_path: Path) -> None:
     assert scene.geometry.part_count.tolist() == [2, 2]
 
 
+def test_a_broken_label_of_a_subset_costs_itself(tmp_path: Path) -> None:
+    """Parameters of a subset that are no JSON leave its label out by name; its faces have that of the mesh."""
+    subset = f"""def GeomSubset "Crack" ({LABELED}) {{
+        uniform token elementType = "face"
+        int[] indices = [0]
+        uniform string falsework:component:parameters = "{{"
+        {label("class", "parapet")}
+    }}"""
+    scene = read_body(tmp_path, mesh("M", label("class", "deck") + subset, LABELED))
+    assert classes(scene) == {"/M": "deck"}
+    (line,) = (line for line in scene.warnings if line.startswith("/M/Crack: "))
+    assert line.endswith(": its label is left out")
+
+
 TABLE = """
 def Scope "Render" {
     def Scope "Vars" {

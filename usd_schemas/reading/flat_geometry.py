@@ -178,8 +178,9 @@ def _split(placement: Placement, warn: Warn) -> _Split:
             faces = faces[(faces >= 0) & (faces < count)]
         if family == _BIND_FAMILY:
             bound[faces] = row
-        if inherit_label(subset, Label(), warn=warn) != Label():
-            labeled[faces] = row
+        with guarded(subset, warn, "its label is left out"):
+            if inherit_label(subset, Label(), warn=warn) != Label():
+                labeled[faces] = row
     pairs, face = np.unique(bound * len(names) + labeled, return_inverse=True)
     groups = tuple(_Group(names[pair // len(names)], names[pair % len(names)]) for pair in pairs.tolist())
     return _Split(groups, face) if count else whole

@@ -126,7 +126,7 @@ class _Walker:
     def walk(self, prim: Usd.Prim, above: _Above) -> Iterator[Placement]:
         here = None
         with guarded(prim, self._warn, "not drawn"):
-            here = self._look(prim, above)
+            here = above if prim.IsA(UsdGeom.Subset) else self._look(prim, above)  # its label is read with its mesh
         if here is None:
             return
         if prim.IsA(UsdGeom.PointInstancer):
