@@ -161,6 +161,8 @@ def _refined(
         level -= 1
     if not level:
         notes.append("a subdivision surface is drawn as its control mesh, which is fine enough")
+    if UsdGeom.Mesh(prim).GetInterpolateBoundaryAttr().Get(EARLIEST) == UsdGeom.Tokens.none and _is_open(faces):
+        notes.append("interpolateBoundary none is read as edgeAndCorner: the faces at its boundary are drawn")
     told = [None if one is None else one.data[one.index] for one in values]
     cage, refined = _cage(prim, faces), [one for one in told if one is not None]
     for _ in range(level):
@@ -172,6 +174,14 @@ def _refined(
     number = np.arange(len(cage.corners))
     spread = tuple(None if one is None else _Values(next(fresh), number) for one in told)
     return finer, cage.parent, spread, _Values(_unit(total), group)
+
+
+def _is_open(faces: _Faces) -> bool:
+    """Tell whether an edge has only one face."""
+    number, first = np.arange(len(faces.corners)), np.repeat(np.cumsum(faces.counts) - faces.counts, faces.counts)
+    ahead = first + (number - first + 1) % np.repeat(faces.counts, faces.counts)
+    ends = np.sort(np.stack([faces.corners, faces.corners[ahead]], axis=1), axis=1)
+    return bool((np.unique(ends, axis=0, return_counts=True)[1] == 1).any())
 
 
 def _cage(prim: Usd.Prim, faces: _Faces) -> Cage:
