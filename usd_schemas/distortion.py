@@ -87,7 +87,7 @@ class Distortion:
             xx, xy_, yy = self.slopes(found)
             # The Jacobian is symmetric; the polynomial is monotonic as long as both of its eigenvalues are positive.
             good = (xx + yy > 0.0) & (xx * yy - xy_ * xy_ > 0.0)
-            good &= np.all(np.abs(self.distort(found) - xy) <= 1e3 * CLOSE, axis=-1)
+            good &= np.all(np.abs(self.distort(found) - xy) <= 1e3 * CLOSE, axis=-1) & self._is_before_fold(found)
         if not good.all():
             farthest = float(np.sqrt((np.asarray(xy)[~good] ** 2).sum(axis=-1)).min())
             raise InputError(
@@ -96,6 +96,16 @@ class Distortion:
                 hint="Use smaller coefficients, or a longer focal length",
             )
         return found
+
+    def _is_before_fold(self, xy: F64) -> NDArray[np.bool_]:
+        """Tell which points are not beyond a fold, where the polynomial rises again; shape (...)."""
+        square = (xy * xy).sum(axis=-1)
+        if not self.k1 < 0.0 < self.k2:
+            return np.ones(square.shape, bool)
+        # The slope along a radius, 1 + 3 k1 r² + 5 k2 r⁴, is least here: it tells whether the way from the axis folds.
+        lowest = -0.3 * self.k1 / self.k2
+        xx, xy_, yy = self.slopes(xy * np.sqrt(lowest / np.maximum(square, lowest))[..., None])
+        return (square <= lowest) | ((xx + yy > 0.0) & (xx * yy - xy_ * xy_ > 0.0))
 
     def slopes(self, xy: F64) -> tuple[F64, F64, F64]:
         """Compute the derivatives of the distorted coordinates by the normalised ones.

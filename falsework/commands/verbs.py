@@ -14,6 +14,7 @@ from groundwork.output_folder import fresh_output
 from groundwork.output_reading import reading
 from groundwork.progress import DistinctNotes, Progress
 from groundwork.settings import Settings, read_toml
+from groundwork.slug import inside
 
 if TYPE_CHECKING:
     from falsework.scenario import Scenario
@@ -139,9 +140,10 @@ def render_file(
             if other.name not in chosen:  # an interrupted run was asked for other surveys
                 shutil.rmtree(other, ignore_errors=True)
         for name in chosen:
-            (folder / name).mkdir(exist_ok=True)
+            place = inside(folder, name, where=stage)
+            place.mkdir(exist_ok=True)
             request = {"seed": seed, "survey": name, "render": settings, "choices": choices}
-            STAGES["capture"].run(request, {"stage": stage}, folder / name, progress)
+            STAGES["capture"].run(request, {"stage": stage}, place, progress)
 
     with reading(stage):
         fresh_output(out, "captures", write, inputs=[named, stage], asked=_place(stage), resume=True)

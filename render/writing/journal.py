@@ -16,10 +16,12 @@ from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from groundwork.files import read_json, sweep, write_bytes, write_json
 from groundwork.locks import hold_lock
+from groundwork.slug import inside
 from render.light.light_volume import LightVolume
 
 RECORD = "truth/render.json"
 _NOTES = ".frames"
+_RECIPE, _GAIN = "_recipe.json", "_gain.json"  # beside the records of frames; no image's name begins with `_`
 _RESULTS = ("images", "truth")
 
 
@@ -38,7 +40,7 @@ class Journal:
             return
         self._notes.mkdir(exist_ok=True)
         with hold_lock(self._notes / "lock"):
-            if self._read("recipe.json") == recipe:
+            if self._read(_RECIPE) == recipe:
                 return
             for name in _RESULTS:
                 shutil.rmtree(folder / name, ignore_errors=True)
@@ -46,7 +48,7 @@ class Journal:
             for path in self._notes.iterdir():
                 if path.name != "lock":
                     path.unlink(missing_ok=True)  # without locks, another worker may remove it, too
-            write_json(self._notes / "recipe.json", recipe)
+            write_json(self._notes / _RECIPE, recipe)
 
     def is_complete(self) -> bool:
         """Tell whether the whole capture is there: its record is written last."""
@@ -75,18 +77,21 @@ class Journal:
             name: Name of the image.
             files: Path from the capture's folder to content.
             facts: JSON facts of this frame for the capture's record.
+
+        Raises:
+            InputError: A name leads out of the folder.
         """
         for file, data in files.items():
             # Not forced to the disk one by one: hashes detect files lost in a power cut, and the finished folder is.
-            write_bytes(self._folder / file, data, durable=False)
+            write_bytes(inside(self._folder, file), data, durable=False)
         digests = {file: file_digest(self._folder / file) for file in files}
-        write_json(self._notes / f"{name}.json", {"files": digests, "facts": facts})
+        write_json(inside(self._notes, f"{name}.json"), {"files": digests, "facts": facts})
 
     def gain(self) -> float | None:
         """Return the exposure that was metered for the survey [1], or None."""
         if self.is_complete():
             return read_json(self._folder / RECORD)["gain"]
-        return self._read("gain.json")
+        return self._read(_GAIN)
 
     def keep_gain(self, gain: float) -> None:
         """Store the exposure that was metered for the survey.
@@ -94,7 +99,7 @@ class Journal:
         Args:
             gain: Exposure gain [1].
         """
-        write_json(self._notes / "gain.json", gain)
+        write_json(self._notes / _GAIN, gain)
 
     def light_volume(self) -> LightVolume | None:
         """Return the light volume that was cast for the survey, or None."""

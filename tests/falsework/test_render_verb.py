@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from falsework.cli import main
 from falsework.commands.verbs import stage_file
+from falsework.stages import STAGES
+from groundwork.slug import slug
 from tests.conftest import RecordProof
 from tests.falsework.served_here import served_here
 from tests.render.prepared_here import rendered_here
@@ -102,3 +104,28 @@ def test_a_folder_stands_for_its_scene(verb: list[str], tmp_path: Path, capsys: 
     for named in (folder, tmp_path):
         assert stage_file(named) == folder / "scene.usda"
     assert not (tmp_path / "out").exists()
+
+
+def test_no_stage_writes_outside_the_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A survey named after a folder of the user leaves it alone; a name that the reader let through is refused."""
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    survey = f'def Camera "Above" {{\n uniform token falsework:survey:id = "{mine}"'
+    stage = write_stage(tmp_path, DARK.replace('def Camera "Above" {', survey))
+    folders: list[Path] = []
+
+    class Capture:
+        @staticmethod
+        def run(request: object, inputs: object, folder: Path, progress: object) -> None:
+            """Note the folder that a capture would be rendered into."""
+            folders.append(folder)
+
+    monkeypatch.setitem(STAGES, "capture", Capture)
+    with served_here():
+        assert run(["render", str(stage), "-o", str(tmp_path / "out")]) == 0
+    assert [folder.name for folder in folders] == ["Empty", slug(str(mine))]
+    assert folders[0].parent == folders[1].parent
+    for name in (str(mine), "../../../mine"):
+        monkeypatch.setattr("falsework.commands.verbs.surveys_of", lambda *words, name=name: [name])
+        assert run(["render", str(stage), "-o", str(tmp_path / "again")]) == 2
+    assert len(folders) == 2

@@ -13,12 +13,15 @@ import numpy as np
 import pytest
 
 from groundwork.canonical import folder_digest
+from groundwork.errors import InputError
 from groundwork.files import write_json
 from groundwork.locks import hold_lock
 from groundwork.progress import SILENT
 from render.frames import render_scene
 from render.settings import RenderSettings
 from render.workers import render_survey
+from render.writing.capture_writer import make_folders
+from render.writing.journal import Journal
 from tests.render.scenes import random_scene
 from tests.render.test_frames import STAGE
 
@@ -88,6 +91,23 @@ def test_killed_or_shared_the_bytes_are_the_same(tmp_path: Path, small: RenderSe
     assert not list(killed.rglob(".*"))
 
 
+def test_no_frame_is_written_outside_the_capture(tmp_path: Path) -> None:
+    """A name that leads out is refused; frames named like the journal's own records hide neither of them."""
+    folder = tmp_path / "capture"
+    folder.mkdir()
+    journal = Journal(folder, "a recipe")
+    make_folders(folder)
+    for files in ({"images/../../evil.png": b"x"}, {}):
+        with pytest.raises(InputError, match="a name that leads out of its folder"):
+            journal.write_frame("../evil", files, {})
+    assert list(tmp_path.iterdir()) == [folder]
+    journal.keep_gain(2.0)
+    for name in ("gain", "recipe"):
+        journal.write_frame(name, {f"images/{name}.png": b"x"}, {"name": name})
+    again = Journal(folder, "a recipe")
+    assert (again.gain(), again.facts("gain"), again.facts("recipe")) == (2.0, {"name": "gain"}, {"name": "recipe"})
+
+
 def test_workers_meter_once(tmp_path: Path, small: RenderSettings, monkeypatch: pytest.MonkeyPatch) -> None:
     """Who waited for another worker's metering takes its gain over, and meters nothing."""
 
@@ -95,7 +115,7 @@ def test_workers_meter_once(tmp_path: Path, small: RenderSettings, monkeypatch: 
     def wait_for_the_other(lock: Path) -> Iterator[None]:
         with hold_lock(lock):
             if lock.name == "gain.lock":
-                write_json(lock.with_name("gain.json"), 2.5)
+                write_json(lock.with_name("_gain.json"), 2.5)
             yield
 
     monkeypatch.setattr("render.frames.hold_lock", wait_for_the_other)

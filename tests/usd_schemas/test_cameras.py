@@ -7,11 +7,13 @@ import pytest
 from pxr import Gf, Usd, UsdGeom
 
 from groundwork.errors import InputError
+from groundwork.slug import slug
 from tests.usd_schemas.stages import SQUARE, Z_UP, bounds, read_body, write_stage
 from usd_schemas.apis import SurveyFacts, apply_survey
 from usd_schemas.distortion import Distortion
 from usd_schemas.flat_scene import CameraTrack, FlatScene
 from usd_schemas.pinhole import Pinhole, lens_from_pinhole, look_at, pinhole_from_lens, project
+from usd_schemas.reading.choices import StageChoices
 from usd_schemas.reading.stage_reader import read_stage
 
 GROUND = f'def Mesh "Ground" {{\n{SQUARE}}}\n'
@@ -170,6 +172,22 @@ def test_an_animated_camera_has_every_frame(on_parent: bool, tmp_path: Path) -> 
     np.testing.assert_allclose(unbounded.poses[:, 0, 3], [0.0, 2.0, 4.0, 6.0, 8.0])
 
 
+@pytest.mark.parametrize("last", ["300000.5", "1e300"])
+def test_keys_too_far_apart_leave_the_camera_out(last: str, tmp_path: Path) -> None:
+    """More frames than can be asked for are none, and how to choose some is said; the stage's time codes limit them."""
+    body = GROUND + camera("Far", KEYS.format(first=0, last=last)) + camera("B")
+    scene = read_body(tmp_path, body)
+    assert [track.name for track in scene.cameras] == ["B"]
+    said = next(line for line in scene.warnings if line.startswith("/Far"))
+    assert said.startswith("/Far: it moves for ")
+    assert "--frame FIRST:LAST" in said
+    assert said.endswith(": the camera is left out")
+    chosen = read_stage(write_stage(tmp_path, body), choices=StageChoices(frames=(1.0, 2.0)))
+    assert [len(track.poses) for track in chosen.cameras] == [2, 2]
+    limited = read_body(tmp_path, body, Z_UP + "\n startTimeCode = 2\n endTimeCode = 4")
+    assert [len(track.poses) for track in limited.cameras] == [3, 1]
+
+
 def test_reset_stack_stops_the_search_for_motion(tmp_path: Path) -> None:
     """What a camera has cut itself off from does not animate it."""
     still = 'uniform token[] xformOpOrder = ["!resetXformStack!", "xformOp:translate"]'
@@ -185,6 +203,50 @@ def test_orthographic_and_broken_cameras_are_left_out(tmp_path: Path) -> None:
     scene = read_body(tmp_path, GROUND + body)
     assert [camera.name for camera in scene.cameras] == ["framing"]
     assert {line.split(":")[0] for line in scene.warnings} >= {"/Ortho", "/Blind", "/Nan"}
+
+
+def test_a_zoom_is_named(tmp_path: Path) -> None:
+    """A lens with samples of several times is that of the first, and says so; equal samples are no zoom."""
+    samples = "{ 1: 20, 5: 200 }"
+    body = f'def Camera "Zoom" {{\nfloat focalLength.timeSamples = {samples}\nfloat horizontalAperture = 36\n'
+    body += "float verticalAperture = 27\n" + KEYS.format(first=1, last=5) + "}\n"
+    scene = read_body(tmp_path, GROUND + body)
+    assert scene.cameras[0].lens.focal_length == 20.0
+    assert "/Zoom: focalLength changes with time: all images have one lens, the earliest" in scene.warnings
+    still = read_body(tmp_path, GROUND + body.replace("200", "20"))
+    assert not any("changes with time" in line for line in still.warnings)
+
+
+@pytest.mark.parametrize("told", ["/mnt/photos", "../../x", "a/b", "images..", ".hidden", "x" * 300])
+def test_a_survey_is_a_plain_file_name(told: str, tmp_path: Path) -> None:
+    """A survey id that leads elsewhere or is too long is changed to a slug, and said; so is the name of its product."""
+    scene = read_body(tmp_path, GROUND + camera("A", f'uniform token falsework:survey:id = "{told}"') + camera("_B"))
+    names = [slug(told), slug("_B")]
+    assert [product.name for product in scene.products] == [track.name for track in scene.cameras] == names
+    said = [line for line in scene.warnings if "is not a plain file name" in line]
+    assert [line.partition(":")[0] for line in said] == (["/A"] if told != names[0] else []) + ["/_B"]
+
+
+@pytest.mark.parametrize(
+    ("told", "reason"),
+    [
+        (("../../evil", "b"), "'../../evil' is not a plain file name"),
+        (("a/b", "c"), "'a/b' is not a plain file name"),
+        (("", "c"), "'' is not a plain file name"),
+        (("a", "A"), "one occurs twice"),
+        (("gain", "recipe"), ""),
+        (("one",), ""),
+    ],
+)
+def test_images_have_plain_file_names(told: tuple[str, ...], reason: str, tmp_path: Path) -> None:
+    """Names of images that lead elsewhere or are equal give way to numbers, and are said; too few of them give way."""
+    names = ", ".join(f'"{name}"' for name in told)
+    content = KEYS.format(first=1, last=2) + f"uniform string[] falsework:survey:imageNames = [{names}]"
+    scene = read_body(tmp_path, GROUND + camera("A", content))
+    assert scene.cameras[0].image_names == (told if told[0] == "gain" else ("000000", "000001"))
+    said = [line for line in scene.warnings if "imageNames" in line]
+    wanted = f"/A: its falsework:survey:imageNames are not used, because {reason}: numbers are"
+    assert said == ([wanted] if reason else [])
 
 
 PRODUCTS = """

@@ -92,6 +92,17 @@ def test_a_lens_that_folds_is_refused() -> None:
         lens.undistort(np.array([[0.1, 0.0], [2.0 / 3.0 + 1e-4, 0.0]]))
 
 
+@pytest.mark.parametrize("tangential", [0.0, 1e-3])
+def test_a_lens_that_rises_again_beyond_its_fold_is_refused(tangential: float) -> None:
+    """A lens that folds at 0.651 has no inverse at 0.68, though the polynomial comes to 0.68 again farther out."""
+    lens = Distortion(-0.4, 0.05, tangential, -tangential)
+    aside = np.array([[1.0, 0.0], [0.6, 0.8], [0.0, -1.0]])
+    assert (np.linalg.norm(lens.undistort(0.64 * aside), axis=1) < 1.036).all()
+    for row in aside:
+        with pytest.raises(InputError, match=r"has no inverse 0.68 focal lengths from the axis"):
+            lens.undistort(0.68 * row[None])
+
+
 def test_the_default_is_no_distortion() -> None:
     """Identity both ways, to the bit."""
     xy = grid(0.7, 0.5)

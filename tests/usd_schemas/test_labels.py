@@ -97,6 +97,25 @@ def test_a_shared_id_is_named(tmp_path: Path) -> None:
     assert "/B: instance id 5 is already that of /A" in scene.warnings
 
 
+@pytest.mark.parametrize("number", [5_000_000_000, 4_294_967_296, -3])
+def test_ids_out_of_range_are_ignored_by_name(number: int, tmp_path: Path) -> None:
+    """An id below 0 or above 32 bits is said and gives way to another: of a prim, a subset, an instancer."""
+    subset = f"""def GeomSubset "Crack" ({LABELED}) {{
+        uniform token elementType = "face"
+        int[] indices = [0]
+        uniform int64 falsework:component:instanceId = {number}
+        {label("class", "parapet")}
+    }}"""
+    body = mesh("A", f"custom int64 userProperties:instanceId = {number}")
+    body += mesh("B", f"uniform int64 falsework:component:instanceId = {number}") + mesh("C", subset)
+    body += 'def PointInstancer "D" {\nrel prototypes = </D/P>\npoint3f[] positions = [(0, 0, 0), (9, 0, 0)]\n'
+    body += f"int[] protoIndices = [0, 0]\nint64[] falsework:component:instanceIds = [{number}, 7]\n{mesh('P')}}}\n"
+    scene = read_body(tmp_path, body + mesh("Last", f"custom int64 userProperties:instanceId = {2**32 - 1}"))
+    assert [row.id for row in scene.instances] == [1, 2, 3, 4, 2**32 - 1]
+    said = [line.partition(":")[0] for line in scene.warnings if line.endswith(": ignored")]
+    assert sorted(said) == ["/A", "/B", "/C/Crack", "/D"]
+
+
 def test_labels_and_ids_of_subsets(tmp_path: Path) -> None:
     """A face subset of any family may carry its own label and id."""
     subset = f"""def GeomSubset "Crack" ({LABELED}) {{
@@ -117,6 +136,20 @@ def test_labels_and_ids_of_subsets(tmp_path: Path) -> None:
     scene = read_body(tmp_path, body, subdivision=0)
     assert classes(scene) == {"/M": "deck", "/M/Crack": "parapet"}
     assert scene.geometry.part_count.tolist() == [2, 2]
+
+
+def test_a_broken_label_of_a_subset_costs_itself(tmp_path: Path) -> None:
+    """Parameters of a subset that are no JSON leave its label out by name; its faces have that of the mesh."""
+    subset = f"""def GeomSubset "Crack" ({LABELED}) {{
+        uniform token elementType = "face"
+        int[] indices = [0]
+        uniform string falsework:component:parameters = "{{"
+        {label("class", "parapet")}
+    }}"""
+    scene = read_body(tmp_path, mesh("M", label("class", "deck") + subset, LABELED))
+    assert classes(scene) == {"/M": "deck"}
+    (line,) = (line for line in scene.warnings if line.startswith("/M/Crack: "))
+    assert line.endswith(": its label is left out")
 
 
 TABLE = """

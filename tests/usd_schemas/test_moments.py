@@ -92,6 +92,20 @@ def test_each_image_shows_what_moves_at_its_own_time(tmp_path: Path) -> None:
     assert moving == {"/Sliding", "/Bending", "/Blinking/Lamp", "/Swarm"}
 
 
+def test_velocities_carry_the_instances_on(tmp_path: Path) -> None:
+    """One sample of positions and velocities: a still shows the positions, each image where USD says they have come."""
+    drift = SWARM.partition("point3f[]")[0] + "point3f[] positions.timeSamples = { 1: [(0, 0, 1), (0, 0, 2)] }\n"
+    drift += "vector3f[] velocities.timeSamples = { 1: [(24, 0, 0), (0, 48, 0)] }\n"
+    drift += f'def Mesh "Proto" {{\n{SQUARE}}}\n}}\n'
+    still = read_body(tmp_path, drift)
+    np.testing.assert_allclose(still.draws.transform[:, :3, 3], [(0, 0, 1), (0, 0, 2)])
+    scene = read_body(tmp_path, drift + EYE)
+    assert len(scene.moments) == 3
+    for number in range(3):
+        found = scene.at_moment(number).draws.transform[:, :3, 3]
+        np.testing.assert_allclose(found, [(number, 0, 1), (0, 2 * number, 2)], atol=1e-12)
+
+
 def test_a_skeleton_bends_its_mesh_at_each_time(tmp_path: Path) -> None:
     """A skinned mesh stands at every image where its joint carries it, and one without a camera in motion too."""
     scene = read_body(tmp_path, EYE + SKIN)

@@ -190,12 +190,14 @@ def test_what_is_not_drawn_is_named_once_a_type(tmp_path: Path) -> None:
 
 
 def test_transforms_that_are_not_finite(tmp_path: Path) -> None:
-    """A prim that stands nowhere is dropped by name; a flattened one silently."""
+    """A prim that stands nowhere is dropped by name, and a flat one; one without any size, as hidden, silently."""
     body = f'def Mesh "M" {{\n{SQUARE}}}\ndef Mesh "Nan" {{\n{SQUARE}{moved("nan, 0, 0")}}}\n'
     body += f'def Mesh "Gone" {{\n{SQUARE}{moved(scale="0, 0, 0")}}}\n'
+    body += f'def Plane "Flat" {{\n{moved(scale="5, 5, 0")}}}\n'
     scene = read_body(tmp_path, body)
     assert area(scene) == pytest.approx(4.0)
     assert any(line.startswith("/Nan: its transform is not finite") for line in scene.warnings)
+    assert "/Flat: a scale of 0 along an axis: not drawn" in scene.warnings
     assert not any("/Gone" in line for line in scene.warnings)
 
 

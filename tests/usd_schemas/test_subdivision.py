@@ -1,5 +1,6 @@
 """Subdivision surfaces: refined cages against the limit surface, against rules worked out by hand, and on stages."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +116,26 @@ def test_a_stage_is_refined_as_often_as_asked_for(level: int, widest: float, tmp
     assert np.abs(bounds(scene)).max() == pytest.approx(widest)
     outwards = np.einsum("vi,vi->v", scene.geometry.normals, scene.geometry.positions)
     assert (outwards > 0.5 * np.linalg.norm(scene.geometry.positions, axis=1)).all()
+
+
+def test_a_crease_has_one_sharpness_or_one_for_each_edge(tmp_path: Path) -> None:
+    """Two rims of four edges with eight sharpnesses are as eight creases with one each; two mean one for each rim."""
+    rims, sharp = [[0, 1, 3, 2, 0], [4, 5, 7, 6, 4]], [10.0, 0.0, 2.0, 10.0, 0.0, 10.0, 0.5, 10.0]
+
+    along = [*rims[0], *rims[1]]
+
+    def positions(lengths: list[int], along: list[int], sharpness: list[float]) -> np.ndarray:
+        words = f"int[] creaseLengths = {lengths}\nint[] creaseIndices = {along}\n"
+        words += f"float[] creaseSharpnesses = {sharpness}"
+        return read_body(tmp_path, CAGE.format(POINTS, INDICES, words), subdivision=2).geometry.positions
+
+    def apart(values: list[float]) -> np.ndarray:
+        pairs = [pair for rim in rims for pair in pairwise(rim)]
+        return positions([2] * 8, np.array(pairs).reshape(-1).tolist(), values)
+
+    np.testing.assert_array_equal(positions([5, 5], along, sharp), apart(sharp))
+    np.testing.assert_array_equal(positions([5, 5], along, [10.0, 0.5]), apart([10.0] * 4 + [0.5] * 4))
+    assert not np.array_equal(apart(sharp), apart([10.0] * 4 + [0.0] * 4))
 
 
 def test_polygons_are_not_refined(tmp_path: Path) -> None:

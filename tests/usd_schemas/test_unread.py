@@ -17,6 +17,12 @@ FAMILY = f"""def Xform "{{}}" (
 {SQUARE}}}}}
 }}}}
 """
+FAR = """def Camera "{}" {{
+    float2 clippingRange = (0.1, {})
+    double3 xformOp:translate = (0, 0, 9)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}}
+"""
 SAID = {
     "drawMode": (
         FAMILY.format("A") + FAMILY.format("B"),
@@ -49,6 +55,14 @@ SAID = {
         "/Sun: inputs:specular is left out",
     ),
     "focus": (MESH + 'def Camera "C" {\n float fStop = 2.8\n}\n', "/C: fStop is left out: everything is sharp"),
+    "far plane": (
+        MESH + FAR.format("C", 8.0) + FAR.format("D", 10.0) + FAR.format("E", 8.5),
+        "/C: its far clipping plane is left out: what lies beyond is drawn (and 1 more)",
+    ),
+    "boundary": (
+        MESH.replace('"none"', '"catmullClark"\n token interpolateBoundary = "none"'),
+        "/M: interpolateBoundary none is read as edgeAndCorner: the faces at its boundary are drawn",
+    ),
     "shutter": (
         MESH + 'def Camera "C" {\n double shutter:open = -0.25\n double shutter:close = 0.25\n}\n',
         "/C: the shutter's interval is left out: there is no motion blur",

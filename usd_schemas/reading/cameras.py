@@ -13,7 +13,8 @@ from usd_schemas import tokens
 from usd_schemas.apis import read_survey
 from usd_schemas.flat_scene import CameraTrack, Product
 from usd_schemas.pinhole import TENTH, USD_FROM_CAMERA, UsdLens, look_at
-from usd_schemas.reading.choices import AS_AUTHORED, StageChoices
+from usd_schemas.reading.choices import AS_AUTHORED, MOST_FRAMES, StageChoices
+from usd_schemas.reading.file_names import capture_name, image_names
 from usd_schemas.reading.labels import Warn
 from usd_schemas.reading.traversal import EARLIEST, composed_prims, guarded
 
@@ -63,12 +64,16 @@ def _read_camera(
     if camera.GetProjectionAttr().Get(EARLIEST) != UsdGeom.Tokens.perspective:
         warn(f"{path}: only perspective cameras are rendered")
         return None
-    lens = _read_lens(camera)
+    lens = _read_lens(camera, warn)
     sizes = (lens.focal_length, lens.horizontal_aperture, lens.vertical_aperture)
     if not (min(sizes) > 0.0 and np.isfinite([*sizes, lens.horizontal_offset, lens.vertical_offset]).all()):
         warn(f"{path}: a lens without focal length or aperture")
         return None
-    track = _read_track(camera, lens, stage_to_world, warn, frames)
+    try:
+        track = _read_track(camera, lens, stage_to_world, warn, frames)
+    except InputError as error:
+        warn(f"{path}: {error}: the camera is left out")
+        return None
     if not np.isfinite(track.poses).all():
         warn(f"{path}: its poses are not finite")
         return None
@@ -114,7 +119,7 @@ def _lens_fault(prim: Usd.Prim, track: CameraTrack) -> str:
     return ""
 
 
-def _read_lens(camera: UsdGeom.Camera) -> UsdLens:
+def _read_lens(camera: UsdGeom.Camera, warn: Warn) -> UsdLens:
     values = (
         camera.GetFocalLengthAttr(),
         camera.GetHorizontalApertureAttr(),
@@ -122,6 +127,11 @@ def _read_lens(camera: UsdGeom.Camera) -> UsdLens:
         camera.GetHorizontalApertureOffsetAttr(),
         camera.GetVerticalApertureOffsetAttr(),
     )
+    varying = ", ".join(
+        value.GetName() for value in values if len({value.Get(at) for at in value.GetTimeSamples()}) > 1
+    )
+    if varying:
+        warn(f"{camera.GetPath()}: {varying} changes with time: all images have one lens, the earliest")
     return UsdLens(*(float(told) if (told := value.Get(EARLIEST)) is not None else 0.0 for value in values))
 
 
@@ -133,7 +143,6 @@ def _read_track(
     survey = read_survey(prim, 0)
     is_survey = bool(survey.kind or survey.image_names)
     codes = [Usd.TimeCode(frame) for frame in frames] or _codes(prim, is_survey)
-    names = survey.image_names
     facts: dict[str, object] = {}
     if is_survey:
         facts = {"kind": survey.kind, "seed": survey.seed, "spacing": survey.spacing}
@@ -144,11 +153,11 @@ def _read_track(
     sensor = prim.GetAttribute("falsework:cal:sensorWidth")
     has_sensor = sensor and sensor.HasAuthoredValue()
     return CameraTrack(
-        name=survey.id or prim.GetName(),
+        name=capture_name(prim, survey.id, warn),
         path=str(prim.GetPath()),
         lens=lens,
         poses=np.array([_pose(prim, code, stage_to_world) for code in codes]),
-        image_names=names if len(names) == len(codes) else tuple(f"{row:06d}" for row in range(len(codes))),
+        image_names=image_names(prim, survey.image_names, len(codes), warn),
         calibration=survey.calibration,
         sensor_width=survey.sensor_width if has_sensor else lens.horizontal_aperture * TENTH * unit,
         near=_near(camera, unit, warn),
@@ -205,7 +214,11 @@ def _codes(prim: Usd.Prim, is_survey: bool) -> list[Usd.TimeCode]:
     if stage.HasAuthoredTimeCodeRange():  # a camera does not move outside its keys
         start, end = max(first, stage.GetStartTimeCode()), min(last, stage.GetEndTimeCode())
         first, last = (start, end) if start <= end else (first, last)
-    return [Usd.TimeCode(value) for value in range(math.ceil(first), max(math.floor(last), math.ceil(first)) + 1)]
+    start, end = math.ceil(first), max(math.floor(last), math.ceil(first))
+    if end - start >= MOST_FRAMES:
+        hint = "Name those to render with --frame FIRST:LAST, or limit the stage's time codes"
+        raise InputError(f"it moves for {end - start + 1:.9g} frames", allowed=f"{MOST_FRAMES:,}", hint=hint)
+    return [Usd.TimeCode(value) for value in range(start, end + 1)]
 
 
 def _pose(prim: Usd.Prim, code: Usd.TimeCode, stage_to_world: F64) -> F64:
@@ -300,7 +313,7 @@ def _add_product(
         warn(f"{prim.GetPath()}: a RenderProduct of {width} x {height} pixels")
         return
     _note_unread(prim, settings, cameras[row].lens, width / height, warn)
-    products.append(Product(_free_name(cameras[row].name, prim.GetName(), products), row, width, height))
+    products.append(Product(_free_name(cameras[row].name, prim, products, warn), row, width, height))
 
 
 def _note_unread(prim: Usd.Prim, settings: UsdRender.Settings, lens: UsdLens, aspect: float, warn: Warn) -> None:
@@ -328,10 +341,13 @@ def _note_unread(prim: Usd.Prim, settings: UsdRender.Settings, lens: UsdLens, as
         warn(f"{prim.GetPath()}: RenderVars {unknown} are not among {', '.join(tokens.RENDER_VAR_NAMES)}: not written")
 
 
-def _free_name(wanted: str, other: str, products: list[Product]) -> str:
+def _free_name(wanted: str, prim: Usd.Prim, products: list[Product], warn: Warn) -> str:
     taken = {product.name for product in products}
+    if wanted not in taken:
+        return wanted
+    other = capture_name(prim, "", warn)
     numbered = (f"{other}_{number}" for number in range(2, len(taken) + 3))
-    return next(name for name in (wanted, other, *numbered) if name not in taken)
+    return next(name for name in (other, *numbered) if name not in taken)
 
 
 def _default_product(cameras: tuple[CameraTrack, ...], row: int) -> Product:

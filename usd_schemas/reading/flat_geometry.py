@@ -183,8 +183,9 @@ def _split(placement: Placement, warn: Warn) -> _Split:
             faces = faces[(faces >= 0) & (faces < count)]
         if family == _BIND_FAMILY:
             bound[faces] = row
-        if inherit_label(subset, Label()) != Label():
-            labeled[faces] = row
+        with guarded(subset, warn, "its label is left out"):
+            if inherit_label(subset, Label(), warn=warn) != Label():
+                labeled[faces] = row
     pairs, face = np.unique(bound * len(names) + labeled, return_inverse=True)
     groups = tuple(_Group(names[pair // len(names)], names[pair % len(names)]) for pair in pairs.tolist())
     return _Split(groups, face) if count else whole
@@ -211,8 +212,11 @@ def _usable(placement: Placement, transforms: F64, warn: Warn) -> tuple[F64, I64
     finite = np.isfinite(transforms).all(axis=(1, 2))
     if not finite.all():
         warn(f"{placement.prim.GetPath()}: its transform is not finite: not drawn")
-    size = np.linalg.norm(transforms[:, :3, :3], axis=1).min(axis=1)
-    rows = np.flatnonzero(finite & (size > _LEAST_SCALE))
+    sizes = np.linalg.norm(transforms[:, :3, :3], axis=1)
+    full = sizes.min(axis=1) > _LEAST_SCALE
+    if (finite & ~full & (sizes.max(axis=1) > _LEAST_SCALE)).any():  # without any size they are hidden on purpose
+        warn(f"{placement.prim.GetPath()}: a scale of 0 along an axis: not drawn")
+    rows = np.flatnonzero(finite & full)
     return transforms[rows], rows
 
 

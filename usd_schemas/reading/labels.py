@@ -17,6 +17,8 @@ from usd_schemas.taxonomies import RESERVED, Taxonomy
 U32 = NDArray[np.uint32]
 Warn = Callable[[str], None]
 
+LARGEST_ID = 2**32 - 1  # instance ids are stored as uint32
+
 
 @dataclass(frozen=True)
 class Label:
@@ -37,7 +39,7 @@ class Label:
     parameters: dict[str, object] = field(default_factory=dict)
 
 
-def inherit_label(prim: Usd.Prim, above: Label, keep_id: bool = False) -> Label:
+def inherit_label(prim: Usd.Prim, above: Label, keep_id: bool = False, warn: Warn | None = None) -> Label:
     """Find the label of a prim, given that of its parent.
 
     A label in the taxonomy `class` has priority over the class of a `component` label; each may be a LabelsAPI label or
@@ -47,6 +49,7 @@ def inherit_label(prim: Usd.Prim, above: Label, keep_id: bool = False) -> Label:
         prim: Any prim.
         above: Label of its parent.
         keep_id: Keep the inherited id even if the prim has one (inside an instance with its own id).
+        warn: Called with one line if its id is not used because it is out of range.
     """
     facts = read_component(prim)
     component = direct_label(prim, tokens.COMPONENT_TAXONOMY) or facts.kind
@@ -56,6 +59,10 @@ def inherit_label(prim: Usd.Prim, above: Label, keep_id: bool = False) -> Label:
         label = replace(label, class_name=name, component=component)
     mirror = prim.GetAttribute(tokens.USER_INSTANCE_ID)
     number = facts.instance_id or (int(mirror.Get() or 0) if mirror and isinstance(mirror.Get(), int) else 0)
+    if not 0 <= number <= LARGEST_ID:
+        if warn is not None:
+            warn(f"{prim.GetPath()}: its instance id {number} is not between 1 and {LARGEST_ID:,}: ignored")
+        number = 0
     if number > 0 and not keep_id:
         label = replace(label, instance_id=number, carrier=prim.GetPath(), parameters=facts.parameters)
     elif facts.parameters and not label.instance_id:

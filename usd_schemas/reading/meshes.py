@@ -161,6 +161,8 @@ def _refined(
         level -= 1
     if not level:
         notes.append("a subdivision surface is drawn as its control mesh, which is fine enough")
+    if UsdGeom.Mesh(prim).GetInterpolateBoundaryAttr().Get(EARLIEST) == UsdGeom.Tokens.none and _is_open(faces):
+        notes.append("interpolateBoundary none is read as edgeAndCorner: the faces at its boundary are drawn")
     told = [None if one is None else one.data[one.index] for one in values]
     cage, refined = _cage(prim, faces), [one for one in told if one is not None]
     for _ in range(level):
@@ -174,6 +176,14 @@ def _refined(
     return finer, cage.parent, spread, _Values(_unit(total), group)
 
 
+def _is_open(faces: _Faces) -> bool:
+    """Tell whether an edge has only one face."""
+    number, first = np.arange(len(faces.corners)), np.repeat(np.cumsum(faces.counts) - faces.counts, faces.counts)
+    ahead = first + (number - first + 1) % np.repeat(faces.counts, faces.counts)
+    ends = np.sort(np.stack([faces.corners, faces.corners[ahead]], axis=1), axis=1)
+    return bool((np.unique(ends, axis=0, return_counts=True)[1] == 1).any())
+
+
 def _cage(prim: Usd.Prim, faces: _Faces) -> Cage:
     mesh, count = UsdGeom.Mesh(prim), len(faces.points)
 
@@ -185,13 +195,16 @@ def _cage(prim: Usd.Prim, faces: _Faces) -> Cage:
         return np.array(attribute.Get(EARLIEST) or [], np.float64).reshape(-1)
 
     lengths, along = whole(mesh.GetCreaseLengthsAttr()), whole(mesh.GetCreaseIndicesAttr())
-    sharp, pairs, strengths, place = decimal(mesh.GetCreaseSharpnessesAttr()), [], [], 0
-    for number, length in enumerate(lengths.tolist()):
+    sharp, edges = decimal(mesh.GetCreaseSharpnessesAttr()), np.maximum(lengths - 1, 0)
+    by_edge = len(sharp) == edges.sum() and len(sharp) != len(lengths)  # one value for each edge, not for each crease
+    pairs, strengths, place, edge = [], [], 0, 0
+    for number, (length, steps) in enumerate(zip(lengths.tolist(), edges.tolist(), strict=True)):
         chain = along[place : place + length]
-        place += length
-        if length > 1 and len(chain) == length and chain.min() >= 0 and chain.max() < count and number < len(sharp):
+        own = sharp[edge : edge + steps] if by_edge else sharp[number : number + 1]
+        place, edge = place + length, edge + steps
+        if steps and len(chain) == length and chain.min() >= 0 and chain.max() < count and len(own):
             pairs.append(np.sort(np.stack([chain[:-1], chain[1:]], axis=1), axis=1))
-            strengths.append(np.full(length - 1, sharp[number]))
+            strengths.append(np.broadcast_to(own, steps))
     corner, corner_sharp = whole(mesh.GetCornerIndicesAttr()), decimal(mesh.GetCornerSharpnessesAttr())
     fixed = np.zeros(count)
     if len(corner) == len(corner_sharp) and len(corner) and 0 <= corner.min() <= corner.max() < count:

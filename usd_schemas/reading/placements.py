@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdShade
 
 from usd_schemas.reading.choices import DRAWN_PURPOSES
-from usd_schemas.reading.labels import Label, Warn, inherit_label
+from usd_schemas.reading.labels import LARGEST_ID, Label, Warn, inherit_label
 from usd_schemas.reading.shapes import SHAPES
 from usd_schemas.reading.strands import STRANDS, has_width
 from usd_schemas.reading.traversal import COMPOSED, EARLIEST, guarded, numbers_of, table_of
@@ -20,6 +20,7 @@ U32 = NDArray[np.uint32]
 _PROTOTYPE = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
 _DEEPEST = 8  # nested instancers
 _INSTANCED = ("protoIndices", "positions", "orientations", "orientationsf", "scales", "invisibleIds")
+_DRIFTS = (("positions", "velocities"), ("orientations", "angularVelocities"), ("orientationsf", "angularVelocities"))
 _SHAPED = (
     "points",
     "normals",
@@ -126,7 +127,7 @@ class _Walker:
     def walk(self, prim: Usd.Prim, above: _Above) -> Iterator[Placement]:
         here = None
         with guarded(prim, self._warn, "not drawn"):
-            here = self._look(prim, above)
+            here = above if prim.IsA(UsdGeom.Subset) else self._look(prim, above)  # its label is read with its mesh
         if here is None:
             return
         if prim.IsA(UsdGeom.PointInstancer):
@@ -153,13 +154,17 @@ class _Walker:
         purpose = above.purpose
         if imageable and imageable.GetPurposeAttr().HasAuthoredValue():
             purpose = str(imageable.GetPurposeAttr().Get())
-        label = inherit_label(prim, above.label, above.own_id)
+        label = inherit_label(prim, above.label, above.own_id, self._warn)
         # Prims inside an instance share the ids of its prototype: an id on the instance itself distinguishes instances.
         own_id = above.own_id or (prim.IsInstance() and label.carrier == prim.GetPath())
         if prim.IsA(UsdGeom.PointInstancer):
-            moves = moves or any(
-                UsdGeom.PointInstancer(prim).GetPrim().GetAttribute(name).ValueMightBeTimeVarying()
-                for name in _INSTANCED
+            moves = (
+                moves
+                or _first_drift(prim) is not None
+                or any(
+                    UsdGeom.PointInstancer(prim).GetPrim().GetAttribute(name).ValueMightBeTimeVarying()
+                    for name in _INSTANCED
+                )
             )
         return replace(above, purpose=purpose, label=label, own_id=own_id, moves=moves)
 
@@ -201,8 +206,11 @@ class _Walker:
         chosen = numbers_of(instancer.GetProtoIndicesAttr().Get(self._time))
         if chosen is None:
             raise ValueError("protoIndices")
+        time = self._time
+        if time == EARLIEST:  # velocities would carry the instances back to the beginning of time
+            time = _first_drift(prim) or time
         matrices = instancer.ComputeInstanceTransformsAtTime(
-            self._time, self._time, UsdGeom.PointInstancer.IncludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
+            time, time, UsdGeom.PointInstancer.IncludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
         )
         matrices = np.array(matrices, np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
         if len(matrices) != len(chosen) or here.depth >= _DEEPEST or not all(targets):
@@ -252,7 +260,7 @@ class _Walker:
         values = np.array((attribute.Get() if attribute else None) or [], np.int64)
         if not len(values):
             return None
-        if len(values) != count or values.min() <= 0:
+        if len(values) != count or not 0 < values.min() <= values.max() <= LARGEST_ID:
             self._warn(f"{prim.GetPath()}: instanceIds do not fit the instances: ignored")
             return None
         return values.astype(np.uint32)
@@ -266,3 +274,12 @@ class _Walker:
             self._warn(f"{prim.GetPath()}: primvars:displayColor does not fit the instances: ignored")
             return None
         return np.broadcast_to(values, (count, 3))
+
+
+def _first_drift(prim: Usd.Prim) -> Usd.TimeCode | None:
+    """Find the first sample that an instancer's velocities start from; None if they move nothing."""
+    for place, speed in _DRIFTS:
+        samples = prim.GetAttribute(place).GetTimeSamples()
+        if samples and prim.GetAttribute(speed).GetNumTimeSamples():
+            return Usd.TimeCode(samples[0])
+    return None

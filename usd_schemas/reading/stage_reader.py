@@ -21,7 +21,7 @@ from usd_schemas.reading.moments import Moving, flatten_moments
 from usd_schemas.reading.mtlx import Adopted
 from usd_schemas.reading.parse_errors import reason_of
 from usd_schemas.reading.skinning import bake_skins
-from usd_schemas.reading.unread import note_unread
+from usd_schemas.reading.unread import note_far, note_unread
 from usd_schemas.registration import register_schemas
 
 F64 = NDArray[np.float64]
@@ -245,6 +245,7 @@ def _flatten_stage(stage: Usd.Stage, transform: F64, choices: StageChoices, warn
     products = read_products(stage, cameras, warn, choices)
     if cameras:
         cameras = moving.cameras
+        note_far(stage, cameras, flat, float(np.linalg.norm(transform[:3, 0])), warn)
     else:
         low, high = zip(*(world_bounds(_at(moving, number)) for number in range(len(moving.moments) or 1)), strict=True)
         track, product = framing_camera(np.min(low, axis=0), np.max(high, axis=0), max(len(choices.frames), 1))

@@ -1,9 +1,13 @@
 """Warnings about features of a stage that are not supported: one line for each kind."""
 
 from collections.abc import Iterator
+from typing import Any
 
+import numpy as np
 from pxr import Usd, UsdGeom, UsdLux, UsdShade
 
+from usd_schemas.flat_scene import CameraTrack
+from usd_schemas.reading.flat_geometry import Flattened, world_bounds
 from usd_schemas.reading.labels import Warn
 from usd_schemas.reading.lights import shines_on_nothing
 from usd_schemas.reading.shader_inputs import find_source, number_of
@@ -13,6 +17,7 @@ _DRAW_MODES = ("cards", "bounds", "origin")
 _LINKS = ("lightLink", "shadowLink")
 _GLASS = 1.5  # default of `ior` [1]: the 4 % that all surfaces that are no metals mirror
 _NEAR = 1e-6
+_FARTHEST = 4999.0  # [m] that of our own surveys is at 5000 m, and needs no line
 
 
 def note_unread(stage: Usd.Stage, warn: Warn) -> None:
@@ -29,6 +34,32 @@ def note_unread(stage: Usd.Stage, warn: Warn) -> None:
                 found.setdefault(kind, []).append(str(prim.GetPath()))
     for kind, paths in sorted(found.items()):
         warn(f"{paths[0]}: {kind}" + (f" (and {len(paths) - 1} more)" if len(paths) > 1 else ""))
+
+
+def note_far(stage: Usd.Stage, cameras: tuple[CameraTrack, ...], flat: Flattened, unit: float, warn: Warn) -> None:
+    """Report cameras that would not show all that is drawn, because of their far clipping plane, in one line.
+
+    Args:
+        stage: Composed stage.
+        cameras: Its cameras.
+        flat: What is drawn, at the first moment.
+        unit: Length of the stage's unit [m].
+        warn: Called with the line.
+    """
+    ranges = [(camera, _value(stage.GetPrimAtPath(camera.path), "clippingRange")) for camera in cameras]
+    told = [(camera, float(both[1]) * unit) for camera, both in ranges if both is not None]
+    told = [(camera, far) for camera, far in told if camera.near < far < _FARTHEST]
+    if not told:
+        return
+    ends = np.array(world_bounds(flat))
+    corners = np.array([[ends[bit, axis] for axis, bit in enumerate(bits)] for bits in np.ndindex(2, 2, 2)])
+    short = []
+    for camera, far in told:
+        depths = np.einsum("nci,ni->nc", corners - camera.poses[:, None, :3, 3], camera.poses[:, :3, 2])
+        short += [camera.path] if depths.max() > far else []
+    if short:
+        more = f" (and {len(short) - 1} more)" if len(short) > 1 else ""
+        warn(f"{short[0]}: its far clipping plane is left out: what lies beyond is drawn{more}")
 
 
 def _unread(prim: Usd.Prim) -> Iterator[str]:
@@ -90,6 +121,6 @@ def _of_light(prim: Usd.Prim) -> Iterator[str]:
         yield "inputs:shadow:enable is left out"
 
 
-def _value(prim: Usd.Prim, name: str) -> object:
+def _value(prim: Usd.Prim, name: str) -> Any:
     attribute = prim.GetAttribute(name)
     return attribute.Get(EARLIEST) if attribute and attribute.HasAuthoredValue() else None

@@ -1,0 +1,47 @@
+"""Names from a stage that become names of files and folders."""
+
+from pxr import Usd
+
+from groundwork.slug import slug
+from usd_schemas.reading.labels import Warn
+
+_SHOWN = 80  # characters of a name in a warning
+
+
+def capture_name(prim: Usd.Prim, told: str, warn: Warn) -> str:
+    """Return the name of a camera or product, which is the name of its capture's folder.
+
+    Args:
+        prim: The camera or product.
+        told: Its survey id; if it is empty, the name of the prim is used.
+        warn: Called with one line if the name had to be changed.
+
+    Returns:
+        A name that `groundwork.slug.slug` leaves unchanged.
+    """
+    wanted = told or prim.GetName()
+    name = slug(wanted)
+    if name != wanted:
+        warn(f"{prim.GetPath()}: {wanted[:_SHOWN]!r} is not a plain file name: its capture is named {name}")
+    return name
+
+
+def image_names(prim: Usd.Prim, told: tuple[str, ...], count: int, warn: Warn) -> tuple[str, ...]:
+    """Return the names of a camera's images, which are the stems of their files.
+
+    Args:
+        prim: The camera.
+        told: Names that the stage states; they are not used if there are more or fewer than images.
+        count: Number of images.
+        warn: Called with one line if they are no names of files.
+
+    Returns:
+        `count` different names that `groundwork.slug.slug` leaves unchanged; `000000` … where the stage states none.
+    """
+    if len(told) == count:
+        wrong = next((name for name in told if slug(name) != name), None)
+        if wrong is None and len({name.casefold() for name in told}) == count:  # some file systems ignore the case
+            return told
+        reason = "one occurs twice" if wrong is None else f"{wrong[:_SHOWN]!r} is not a plain file name"
+        warn(f"{prim.GetPath()}: its falsework:survey:imageNames are not used, because {reason}: numbers are")
+    return tuple(f"{row:06d}" for row in range(count))
