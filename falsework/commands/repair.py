@@ -6,7 +6,8 @@ from pathlib import Path
 from falsework.execution.chain import read_sources, scene_chain
 from falsework.pipeline import run_scenario
 from falsework.scenario import Scenario, load_scenario
-from falsework.store.foreign import move_foreign
+from falsework.store.foreign import move_away, move_foreign
+from falsework.store.leftovers import KEY
 from falsework.store.verification import Findings, inspect
 from falsework.store.workroom import remove, set_aside, work_folder
 from groundwork.canonical import canonical_json
@@ -38,6 +39,8 @@ def repair(root: Path, progress: Progress) -> list[str]:
             _move_home(root, place, true)
         for path in findings.broken:
             remove(path)
+        for path in findings.foreign:
+            move_away(root, path)
         findings = inspect(root)
         ours = _made_here(scenario, scenes, progress)
         gone = {place for place in _with_descendants(findings) if place in ours or place.startswith("report/")}
@@ -87,8 +90,11 @@ def _move_home(root: Path, place: str, true: str) -> None:
     folder, home = root / "store" / place, root / "store" / true
     if not os.path.lexists(home) and (root / "store" / true.partition("/")[0]).is_dir():
         folder.rename(home)
-    else:
+    elif KEY.fullmatch(folder.name):
+        move_foreign(root, place)
         _remove_result(root, place)
+    else:
+        move_away(root, folder)  # a copy that the user named
 
 
 def _clear(root: Path, place: str, findings: Findings) -> None:

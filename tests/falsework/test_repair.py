@@ -165,3 +165,39 @@ def test_verify_answers_a_script(run: Run, tmp_path: Path, capsys: pytest.Captur
         found = json.loads(capsys.readouterr().out)
         assert found == {"version": 1, "whole": not flipped, "wrong": Store(out).verify()}
         assert left.value.code == int(flipped) == int(bool(found["wrong"]))
+
+
+def test_repair_moves_files_of_the_user(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    """Notes, links and copies of results among ours: each is in `OUT/foreign`, and a link leads where it led before."""
+    run(1)
+    out, photos = tmp_path / "out", tmp_path / "photos"
+    photos.mkdir()
+    (photos / "mine.txt").write_text("mine")
+    (photos / "link").symlink_to("mine.txt")
+    (cloud,) = (out / "store/cloud").iterdir()
+    whole = contents(out)
+    for name in ("failed/notes/mine.txt", "failed/todo.txt", "evicted/cloud/mine.json"):
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / name).write_text("mine")
+    for name in ("backup", "0" * 64):
+        shutil.copytree(cloud, cloud.with_name(name))
+        (cloud.with_name(name) / "mine.txt").write_text("mine")
+    (out / "failed" / f"{'0' * 64}.json").write_text("damaged")
+    (out / "scenes/0000/my_link").symlink_to("../../../photos/mine.txt")
+    for name in ("scenes/my_link", "evicted/my_link"):
+        (out / name).symlink_to(photos)
+    assert repair(out, SILENT) == ["scenes/my_link: foreign", "evicted/my_link: foreign"]
+    assert {path.relative_to(out / "foreign").as_posix() for path in (out / "foreign").rglob("m*")} == {
+        "failed/notes/mine.txt",
+        "evicted/cloud/mine.json",
+        "scenes/0000/my_link",
+        "store/cloud/backup/mine.txt",
+        f"cloud/{'0' * 64}/mine.txt",
+    }
+    assert (out / "foreign/failed/todo.txt").read_text() == "mine"
+    assert (out / "foreign/scenes/0000/my_link").read_text() == "mine"
+    assert sorted(path.name for path in photos.iterdir()) == ["link", "mine.txt"]
+    for name in ("foreign", "evicted", "failed"):
+        shutil.rmtree(out / name)
+    (out / "scenes/my_link").unlink()
+    assert contents(out) == whole
