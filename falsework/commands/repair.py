@@ -4,10 +4,12 @@ import os
 from pathlib import Path
 
 from falsework.execution.chain import read_sources, scene_chain
+from falsework.execution.needs import rejected_steps
 from falsework.pipeline import run_scenario
 from falsework.scenario import Scenario, load_scenario
 from falsework.store.foreign import move_away, move_foreign
 from falsework.store.leftovers import KEY
+from falsework.store.store import Store
 from falsework.store.verification import Findings, inspect
 from falsework.store.workroom import remove, set_aside, work_folder
 from groundwork.canonical import canonical_json
@@ -42,8 +44,8 @@ def repair(root: Path, progress: Progress) -> list[str]:
         for path in findings.foreign:
             move_away(root, path)
         findings = inspect(root)
-        ours = _made_here(scenario, scenes, progress)
-        gone = {place for place in _with_descendants(findings) if place in ours or place.startswith("report/")}
+        ours = _made_here(scenario, scenes, Store(root), progress)
+        gone = {place for place in _with_descendants(findings) if place in ours}
         former = {place: findings.manifests[place]["files"] for place in gone if place in findings.manifests}
         for place in sorted(gone):
             _clear(root, place, findings)
@@ -59,19 +61,21 @@ def repair(root: Path, progress: Progress) -> list[str]:
     lines = list(after.lines)
     for place, files in sorted(former.items()):
         now = after.manifests.get(place, {}).get("files")
-        if now is None and not (root / "evicted" / f"{place}.json").is_file() and not place.startswith("report/"):
+        if now is None and not (root / "evicted" / f"{place}.json").is_file():
             lines.append(f"store/{place}: not made again")
         elif now is not None and canonical_json(now) != canonical_json(files):
             lines.append(f"store/{place}: made again, but its bytes differ from the former ones")
     return lines
 
 
-def _made_here(scenario: Scenario, scenes: list[int], progress: Progress) -> set[str]:
+def _made_here(scenario: Scenario, scenes: list[int], store: Store, progress: Progress) -> set[str]:
     """List the results of this scenario on this machine; others cannot be remade."""
     sources = read_sources(scenario, progress)
     found = set()
     for index in scenes:
-        found |= {f"{step.task.stage}/{step.task.key}" for step in scene_chain(scenario, index, sources).steps}
+        chain = scene_chain(scenario, index, sources)
+        report = (chain.report(rejected_steps(chain, store)),) if "report" in scenario.keep else ()
+        found |= {f"{step.task.stage}/{step.task.key}" for step in (*chain.steps, *report)}
     return found
 
 

@@ -141,16 +141,27 @@ def test_repair_says_when_the_bytes_differ(run: Run, tmp_path: Path, monkeypatch
     assert any(folder.name in line and "differ from the former ones" in line for line in lines)
 
 
-def test_damage_that_the_scenario_no_longer_leads_to_is_left(run: Run, tmp_path: Path) -> None:  # noqa: F811
+@pytest.mark.parametrize("stage", ["cloud", "report"])
+def test_damage_that_the_scenario_no_longer_leads_to_is_left(stage: str, run: Run, tmp_path: Path) -> None:  # noqa: F811
     """A result of a former scenario cannot be made again: it stays, and stays reported."""
     run(1)
     out = tmp_path / "out"
-    (folder,) = (out / "store/cloud").iterdir()
+    (folder,) = (out / "store" / stage).iterdir()
     run(1, recon={"min_views": 4})
-    _flip(folder / "coord.npy", 3)
+    _flip(folder / FILES[stage], 3)
     lines = repair(out, SILENT)
-    assert lines == [f"store/cloud/{folder.name}/coord.npy: changed"]
+    assert lines == [f"store/{stage}/{folder.name}/{FILES[stage]}: changed"]
     assert json.loads((folder / MANIFEST).read_text())["key"] == folder.name
+
+
+def test_report_without_a_rejected_variant_is_remade(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    """Its key differs from that of a scene whose clouds all exist."""
+    out = tmp_path / "out"
+    run(1, faults={"cloud:0": "reject"}, variants={"look": ["clean", "weathered"]})
+    (folder,) = (out / "store/report").iterdir()
+    _flip(folder / FILES["report"], 3)
+    assert repair(out, SILENT) == []
+    assert (out / "scenes/0000/report.html").is_file()
 
 
 def test_verify_answers_a_script(run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:  # noqa: F811
