@@ -43,13 +43,16 @@ def repair(root: Path, progress: Progress) -> list[str]:
             remove(path)
         for path in findings.foreign:
             move_away(root, path)
+        unlinked = {path.relative_to(root).as_posix() for path in findings.foreign}
         findings = inspect(root)
         ours = _made_here(scenario, scenes, Store(root), progress)
-        gone = {place for place in _with_descendants(findings) if place in ours}
+        gone = _with_descendants(findings) & {place for made in ours.values() for place in made}
         former = {place: findings.manifests[place]["files"] for place in gone if place in findings.manifests}
         for place in sorted(gone):
             _clear(root, place, findings)
-    run_scenario(scenario, root, progress, scenes)
+    incomplete = [index for index, made in ours.items() if gone & made.keys() or unlinked & set(made.values())]
+    if incomplete:  # others may be of an earlier version, and a run would remake them all
+        run_scenario(scenario, root, progress, incomplete)
     after = inspect(root)
     for place in after.manifests:  # results in the store were not evicted
         kind = place.partition("/")[0].replace("sample", "cloud")  # samples are kept if clouds are
@@ -68,14 +71,14 @@ def repair(root: Path, progress: Progress) -> list[str]:
     return lines
 
 
-def _made_here(scenario: Scenario, scenes: list[int], store: Store, progress: Progress) -> set[str]:
-    """List the results of this scenario on this machine; others cannot be remade."""
-    sources = read_sources(scenario, progress)
-    found = set()
+def _made_here(scenario: Scenario, scenes: list[int], store: Store, progress: Progress) -> dict[int, dict[str, str]]:
+    """List the results of each scene on this machine, with their links; others cannot be remade."""
+    sources, found = read_sources(scenario, progress), {}
     for index in scenes:
         chain = scene_chain(scenario, index, sources)
         report = (chain.report(rejected_steps(chain, store)),) if "report" in scenario.keep else ()
-        found |= {f"{step.task.stage}/{step.task.key}" for step in (*chain.steps, *report)}
+        steps = (*chain.steps, *report)
+        found[index] = {f"{step.task.stage}/{step.task.key}": f"scenes/{chain.name}/{step.link}" for step in steps}
     return found
 
 

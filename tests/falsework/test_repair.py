@@ -2,10 +2,12 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from falsework import stages
 from falsework.cli import main
 from falsework.commands.repair import repair
 from falsework.store.store import Store
@@ -152,6 +154,31 @@ def test_damage_that_the_scenario_no_longer_leads_to_is_left(stage: str, run: Ru
     lines = repair(out, SILENT)
     assert lines == [f"store/{stage}/{folder.name}/{FILES[stage]}: changed"]
     assert json.loads((folder / MANIFEST).read_text())["key"] == folder.name
+
+
+def test_repair_remakes_only_what_is_damaged(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    """The scenes of a flipped bit and of a link elsewhere, not one that is not made yet; after an upgrade nothing."""
+    out = tmp_path / "out"
+    run(3, keep=("cloud",))
+    links = [out / f"scenes/{index:04d}/cloud/global" for index in range(3)]
+    shutil.rmtree(links[2].resolve())
+    links[2].unlink()
+    whole = contents(out)
+    damaged = links[0].resolve() / "coord.npy"
+    former = damaged.read_bytes()
+    _flip(damaged, 3)
+    links[1].unlink()
+    links[1].symlink_to(tmp_path)
+    assert repair(out, SILENT) == []
+    (out / "foreign/scenes/0001/cloud/global").unlink()
+    shutil.rmtree(out / "foreign")
+    assert contents(out) == whole
+    assert damaged.read_bytes() == former
+    _flip(damaged, 3)
+    whole = contents(out)
+    monkeypatch.setitem(stages.STAGES, "cloud", replace(stages.STAGES["cloud"], version=99))
+    assert repair(out, SILENT) == [f"{damaged.relative_to(out)}: changed"]
+    assert contents(out) == whole
 
 
 def test_report_without_a_rejected_variant_is_remade(run: Run, tmp_path: Path) -> None:  # noqa: F811
