@@ -17,7 +17,7 @@ from falsework.store.leftovers import (
     Leftover,
     abandoned,
     bytes_freed,
-    is_in_use,
+    refuse_in_use,
     remove_leftover,
     unshared_textures,
 )
@@ -82,8 +82,7 @@ def clean(root: Path, progress: Progress, *, unused: bool = False, dry_run: bool
     if unused:
         found += _unused(root, progress, done)
         found += unshared_textures(root, found)
-        if is_in_use(root):
-            raise InputError("a run is in progress in this folder", where=root, hint="Wait until it ends, or stop it")
+        refuse_in_use(root)
     done.freed = bytes_freed(found)
     with space_errors(root):
         for leftover in found:

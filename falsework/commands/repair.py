@@ -8,7 +8,7 @@ from falsework.execution.needs import rejected_steps
 from falsework.pipeline import run_scenario
 from falsework.scenario import Scenario, load_scenario
 from falsework.store.foreign import move_away, move_foreign
-from falsework.store.leftovers import KEY
+from falsework.store.leftovers import KEY, refuse_in_use
 from falsework.store.store import Store
 from falsework.store.verification import Findings, inspect
 from falsework.store.workroom import remove, set_aside, work_folder
@@ -28,11 +28,13 @@ def repair(root: Path, progress: Progress) -> list[str]:
         Remaining faults, one line each; empty if everything is intact.
 
     Raises:
-        InputError: Its scenario is not readable.
+        InputError: A run is working in the folder, or its scenario is not readable.
     """
+    refuse_in_use(root, unknown=False)
     findings = inspect(root)
     if not findings.lines:
         return []
+    refuse_in_use(root, unknown=False)
     scenario = load_scenario(root / "scenario.toml")
     scenes = sorted(int(path.name) for path in (root / "scenes").glob("*") if path.name.isdigit())
     scenes = [index for index in scenes if index < scenario.scenes]

@@ -76,7 +76,7 @@ def verify(root: Path) -> list[str]:
 
 
 def inspect(root: Path) -> Findings:
-    """Inspect a whole store, and all references to it.
+    """Inspect a whole store, and all references to it; what a run removes meanwhile is no fault.
 
     Args:
         root: Output folder of a run.
@@ -90,7 +90,7 @@ def inspect(root: Path) -> Findings:
     _inspect_inputs(root, findings)
     _inspect_links(root, findings)
     for path in _children(root / "failed"):
-        if path.suffix != ".json" or read_failure(path) is None:
+        if (path.suffix != ".json" or read_failure(path) is None) and os.path.lexists(path):
             findings.add_record(path, f"{path.relative_to(root)}: not a record of a failure")
     for path in (path for stage in _folders(root, "evicted", findings) for path in _children(stage)):
         try:
@@ -111,10 +111,10 @@ def _results(root: Path, findings: Findings) -> Iterator[Path]:
             findings.add(f"{stage.relative_to(root)}: foreign")
             continue
         for folder in _children(stage):
-            if folder.is_symlink() or not folder.is_dir():
-                findings.add(f"{folder.relative_to(root)}: foreign")
-            else:
+            if folder.is_dir() and not folder.is_symlink():
                 yield folder
+            elif os.path.lexists(folder):
+                findings.add(f"{folder.relative_to(root)}: foreign")
 
 
 def _inspect_result(root: Path, folder: Path, findings: Findings, hashes: Hashes) -> None:
@@ -122,6 +122,8 @@ def _inspect_result(root: Path, folder: Path, findings: Findings, hashes: Hashes
     try:
         manifest = read_manifest(folder / MANIFEST)
     except InputError as error:
+        if not folder.is_dir():  # removed meanwhile
+            return
         findings.add(f"{name}/{MANIFEST}: {str(error).removeprefix(f'{folder / MANIFEST}: ')}", place)
         return
     true = f"{manifest['stage']}/{manifest['key']}"
@@ -129,8 +131,11 @@ def _inspect_result(root: Path, folder: Path, findings: Findings, hashes: Hashes
         findings.add(f"{name}: misplaced: it belongs to store/{true}", place)
         findings.misplaced[place] = true
         return
+    lines = file_faults(folder, manifest["files"], hashes)
+    if not folder.is_dir():  # removed meanwhile
+        return
     findings.manifests[place] = manifest
-    for line in file_faults(folder, manifest["files"], hashes):
+    for line in lines:
         findings.add(f"{name}/{line}", place)
 
 
@@ -152,16 +157,17 @@ def _inspect_links(root: Path, findings: Findings) -> None:
         for folder, folders, files in os.walk(scene):
             for path in sorted(Path(folder, name) for name in (*folders, *files)):
                 name = path.relative_to(root)
-                if not path.is_symlink():
+                try:
+                    target = Path(os.path.normpath(path.parent / path.readlink()))
+                except OSError:  # not a link, or removed meanwhile
                     if path.is_file():
                         findings.add(f"{name}: foreign")
                     continue
-                target = Path(os.path.normpath(path.parent / path.readlink()))
                 inside = Path(os.path.relpath(target, root / "store")).parts
                 if len(inside) < 2 or not KEY.fullmatch(inside[1]) or ".." in inside:
                     findings.add(f"{name}: leads out of the store")
                     findings.foreign.append(path)
-                elif not path.exists():
+                elif not path.exists() and path.is_symlink():
                     place = f"{inside[0]}/{inside[1]}"
                     findings.add(f"{name}: leads to store/{place}, which is missing", place)
 

@@ -11,7 +11,9 @@ from falsework import stages
 from falsework.cli import main
 from falsework.commands.repair import repair
 from falsework.store.store import Store
+from groundwork.errors import InputError
 from groundwork.files import MANIFEST
+from groundwork.locks import hold_lock
 from groundwork.progress import SILENT
 from tests.falsework import tiny_chain
 from tests.falsework.test_run import Run, _flip, contents, run  # noqa: F401 (a fixture)
@@ -178,6 +180,19 @@ def test_repair_remakes_only_what_is_damaged(run: Run, tmp_path: Path, monkeypat
     whole = contents(out)
     monkeypatch.setitem(stages.STAGES, "cloud", replace(stages.STAGES["cloud"], version=99))
     assert repair(out, SILENT) == [f"{damaged.relative_to(out)}: changed"]
+    assert contents(out) == whole
+
+
+def test_no_repair_beside_a_run(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    """What a run is making looks damaged: nothing is repaired until it ends."""
+    run(1)
+    out = tmp_path / "out"
+    (out / "failed").mkdir()
+    (out / "failed/todo.txt").write_text("mine")
+    whole = contents(out)
+    with hold_lock(out / "work" / f"{'ab' * 32}.lock"), pytest.raises(InputError, match="a run is in progress"):
+        repair(out, SILENT)
+    (out / "work" / f"{'ab' * 32}.lock").unlink()
     assert contents(out) == whole
 
 
