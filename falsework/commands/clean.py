@@ -68,7 +68,8 @@ def clean(root: Path, progress: Progress, *, unused: bool = False, dry_run: bool
     Args:
         root: Output folder of a run.
         progress: Listener.
-        unused: Also remove results that no scene of its `scenario.toml` uses, on this machine or another one.
+        unused: Also remove results that no scene of its `scenario.toml` uses, on this machine or another one with this
+            version of Falsework.
         dry_run: Only report what would be removed.
 
     Returns:
@@ -148,7 +149,8 @@ def _traces(root: Path) -> Traces:
                 continue
             faults = file_faults(folder, task["files"], None)
             strange = tuple(line for line in faults if line.endswith("not in the manifest"))
-            goes = Leftover(f"{stage} that no scene uses", (folder, *links[folder]), folder.name, True)
+            about = "of an earlier version" if task["version"] < STAGES[stage].version else "that no scene uses"
+            goes = Leftover(f"{stage} {about}", (folder, *links[folder]), folder.name, True)
             found[_likeness(task)].append(TaskRecord(folder.name, task["inputs"], goes, strange))
         for path in sorted((root / "evicted" / stage).glob("*.json")):
             task = _task_of(path)
