@@ -4,7 +4,6 @@ import errno
 import fcntl
 import os
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -16,7 +15,6 @@ from groundwork.files import MANIFEST
 from groundwork.marks import MARK, NEXT, content_files, read_listing
 from groundwork.output_folder import claim_run, fresh_output
 from groundwork.output_reading import reading
-from groundwork.output_swap import FILES, READY
 
 
 def writes(*texts: str) -> Callable[[Path], None]:
@@ -367,32 +365,6 @@ def test_what_is_handed_over_is_the_users(tmp_path: Path) -> None:
     fresh_output(tmp_path / "ours", "copy", writes("a"))
     with pytest.raises(InputError, match="is not empty"):
         fresh_output(tmp_path / "ours", "copy", writes("c"), is_marked=False)
-
-
-@pytest.mark.parametrize("last", [MARK, READY])
-@pytest.mark.parametrize("read", [True, False])
-def test_a_kill_at_the_end_of_a_copy(last: str, read: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Killed before the last files of the work are removed: the copy is read, and the same command ends in one line."""
-    out, unlink = tmp_path / "out", Path.unlink
-
-    def killed(path: Path, missing_ok: bool = False) -> None:
-        if path == out / NEXT / last:
-            raise SystemExit
-        unlink(path, missing_ok)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, "unlink", killed)
-        with pytest.raises(SystemExit):
-            fresh_output(out, "copy", writes("a", "deep/b"), is_marked=False)
-    assert not (out / NEXT / FILES).exists()
-    if read:
-        with reading(out):
-            assert (out / "deep/b").read_text() == "deep/b"
-    else:
-        with suppress(InputError):  # it is the user's now
-            fresh_output(out, "copy", writes("a", "deep/b"), is_marked=False)
-    assert [name for name in tree(out) if not name.startswith(NEXT)] == ["a", "deep/b"]
-    assert (out / NEXT).exists() == (read and last == READY)  # no reader takes it for an output
 
 
 def test_a_reader_is_told_when_its_input_was_replaced(tmp_path: Path) -> None:
