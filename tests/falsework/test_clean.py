@@ -110,7 +110,7 @@ def test_lock_taken_after_the_look_is_respected(run: Run, tmp_path: Path, monkey
     out = tmp_path / "out"
     run()
     _leave(out)
-    monkeypatch.setattr(leftovers, "is_held", lambda lock: False)
+    monkeypatch.setattr(leftovers, "is_held", lambda lock, **more: False)
     with hold_lock(out / "work" / f"{KEY}.lock"):
         done = clean(out, SILENT)
     assert (out / "work" / KEY / "inner/000000.jpg").is_file()
