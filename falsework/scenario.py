@@ -24,7 +24,9 @@ class StageSource(Settings):
     """An existing stage to start from instead of authoring one."""
 
     path: str = Field(description="USD file, relative to the scenario")
-    allow_root: tuple[str, ...] = Field((), description="Other folders from which the stage may load files")
+    allow_root: tuple[str, ...] = Field(
+        (), description="Other folders from which the stage may load files; results depend on all files in them"
+    )
 
 
 class Scenario(AuthoringSettings):

@@ -3,12 +3,13 @@
 import ast
 import hashlib
 import json
+import os
 from pathlib import Path
 
 from pydantic import BaseModel
 
 from groundwork.foreign_file import open_regular
-from groundwork.marks import content_files, outputs_below
+from groundwork.marks import content_files, linked_folders, outputs_below
 
 
 def canonical_json(value: object) -> str:
@@ -56,16 +57,38 @@ def folder_digest(folder: Path, without: str = "") -> str:
     """Hash every file below a folder, including names, in sorted order; marks of outputs are ignored.
 
     Args:
-        folder: Folder to read; links are followed.
+        folder: Folder to read; links are followed. A linked folder that is hashed already, or in which the link is,
+            counts by its name.
         without: Kind of the outputs below it that are ignored, such as `run`; empty for none.
 
     Returns:
         SHA-256 in 64 hexadecimal digits.
     """
-    apart = outputs_below(folder, without) if without else set()
-    counted = (path for path in content_files(folder) if apart.isdisjoint(path.parents))
-    files = {path.relative_to(folder).as_posix(): file_digest(path) for path in counted}
-    return digest(files)
+    found: dict[str, str] = {}
+    entered = {Path(os.path.realpath(folder)): Path()}
+    places = [(Path(), folder)]
+    for name, place in places:  # linked folders are appended
+        apart = outputs_below(place, without) if without else set()
+        counted = (path for path in content_files(place) if apart.isdisjoint(path.parents))
+        found |= {(name / path.relative_to(place)).as_posix(): file_digest(path) for path in counted}
+        for link in linked_folders(place):
+            if not apart.isdisjoint((link, *link.parents)):
+                continue
+            inner, real = name / link.relative_to(place), Path(os.path.realpath(link))
+            if known := _known_name(real, Path(os.path.realpath(link.parent)), entered):
+                found[inner.as_posix()] = f"-> {known}"
+            else:
+                entered[real] = inner
+                places.append((inner, link))
+    return digest(found)
+
+
+def _known_name(real: Path, home: Path, entered: dict[Path, Path]) -> str:
+    """Name a linked folder that is inside an entered one or contains the link; empty for any other."""
+    for top, name in entered.items():
+        if real.is_relative_to(top):
+            return (name / real.relative_to(top)).as_posix()
+    return os.path.relpath(real, home) if home.is_relative_to(real) else ""
 
 
 def source_digest(files: list[Path]) -> str:

@@ -31,15 +31,26 @@ def content_files(folder: Path) -> list[Path]:
     return sorted(path for path in files if not is_mark(path.name) and works.isdisjoint(path.parents))
 
 
+def linked_folders(folder: Path) -> list[Path]:
+    """List the links to folders below a folder, in sorted order, without those of unfinished outputs; none is followed.
+
+    Args:
+        folder: Folder to read.
+    """
+    links = (path for path in folder.rglob("*") if path.is_symlink() and path.is_dir())
+    return sorted(path for path in links if not any(is_work(up) for up in path.parents if up.is_relative_to(folder)))
+
+
 def outputs_below(folder: Path, kind: str) -> set[Path]:
     """Find the outputs of one kind that lie below a folder.
 
     Args:
-        folder: Folder to search; it is not included itself.
+        folder: Folder to search; it is not included itself. Links are not followed, but may be outputs themselves.
         kind: Kind in the mark of such an output, e.g. `run`.
     """
-    marks = (path for path in folder.rglob(MARK) if path.is_file() and path.parent not in (folder, folder / NEXT))
-    return {path.parent for path in marks if read_listing(path).kind == kind}
+    marks = [path for path in folder.rglob(MARK) if path.parent not in (folder, folder / NEXT)]
+    marks += [path / MARK for path in linked_folders(folder)]
+    return {path.parent for path in marks if path.is_file() and read_listing(path).kind == kind}
 
 
 def is_mark(name: str) -> bool:

@@ -66,7 +66,8 @@ def roll_forward(place: Path) -> None:
         (work / READY).replace(place / MARK)
         sync(place)
     else:
-        shutil.rmtree(work / FILES)
+        if (work / FILES).is_dir():  # else a process was killed after its removal
+            shutil.rmtree(work / FILES)
         (work / MARK).unlink(missing_ok=True)  # before `ready`: the output now belongs to the user
         (work / READY).unlink()
     sync(work)

@@ -17,7 +17,7 @@ from falsework.store.leftovers import (
     Leftover,
     abandoned,
     bytes_freed,
-    is_in_use,
+    refuse_in_use,
     remove_leftover,
     unshared_textures,
 )
@@ -68,7 +68,8 @@ def clean(root: Path, progress: Progress, *, unused: bool = False, dry_run: bool
     Args:
         root: Output folder of a run.
         progress: Listener.
-        unused: Also remove results that no scene of its `scenario.toml` uses, on this machine or another one.
+        unused: Also remove results that no scene of its `scenario.toml` uses, on this machine or another one with this
+            version of Falsework.
         dry_run: Only report what would be removed.
 
     Returns:
@@ -82,8 +83,7 @@ def clean(root: Path, progress: Progress, *, unused: bool = False, dry_run: bool
     if unused:
         found += _unused(root, progress, done)
         found += unshared_textures(root, found)
-        if is_in_use(root):
-            raise InputError("a run is in progress in this folder", where=root, hint="Wait until it ends, or stop it")
+        refuse_in_use(root)
     done.freed = bytes_freed(found)
     with space_errors(root):
         for leftover in found:
@@ -149,7 +149,8 @@ def _traces(root: Path) -> Traces:
                 continue
             faults = file_faults(folder, task["files"], None)
             strange = tuple(line for line in faults if line.endswith("not in the manifest"))
-            goes = Leftover(f"{stage} that no scene uses", (folder, *links[folder]), folder.name, True)
+            about = "of an earlier version" if task["version"] < STAGES[stage].version else "that no scene uses"
+            goes = Leftover(f"{stage} {about}", (folder, *links[folder]), folder.name, True)
             found[_likeness(task)].append(TaskRecord(folder.name, task["inputs"], goes, strange))
         for path in sorted((root / "evicted" / stage).glob("*.json")):
             task = _task_of(path)

@@ -4,9 +4,12 @@ import os
 from pathlib import Path
 
 from falsework.execution.chain import read_sources, scene_chain
+from falsework.execution.needs import rejected_steps
 from falsework.pipeline import run_scenario
 from falsework.scenario import Scenario, load_scenario
-from falsework.store.foreign import move_foreign
+from falsework.store.foreign import move_away, move_foreign
+from falsework.store.leftovers import KEY, refuse_in_use
+from falsework.store.store import Store
 from falsework.store.verification import Findings, inspect
 from falsework.store.workroom import remove, set_aside, work_folder
 from groundwork.canonical import canonical_json
@@ -25,11 +28,13 @@ def repair(root: Path, progress: Progress) -> list[str]:
         Remaining faults, one line each; empty if everything is intact.
 
     Raises:
-        InputError: Its scenario is not readable.
+        InputError: A run is working in the folder, or its scenario is not readable.
     """
+    refuse_in_use(root, unknown=False)
     findings = inspect(root)
     if not findings.lines:
         return []
+    refuse_in_use(root, unknown=False)
     scenario = load_scenario(root / "scenario.toml")
     scenes = sorted(int(path.name) for path in (root / "scenes").glob("*") if path.name.isdigit())
     scenes = [index for index in scenes if index < scenario.scenes]
@@ -38,13 +43,18 @@ def repair(root: Path, progress: Progress) -> list[str]:
             _move_home(root, place, true)
         for path in findings.broken:
             remove(path)
+        for path in findings.foreign:
+            move_away(root, path)
+        unlinked = {path.relative_to(root).as_posix() for path in findings.foreign}
         findings = inspect(root)
-        ours = _made_here(scenario, scenes, progress)
-        gone = {place for place in _with_descendants(findings) if place in ours or place.startswith("report/")}
+        ours = _made_here(scenario, scenes, Store(root), progress)
+        gone = _with_descendants(findings) & {place for made in ours.values() for place in made}
         former = {place: findings.manifests[place]["files"] for place in gone if place in findings.manifests}
         for place in sorted(gone):
             _clear(root, place, findings)
-    run_scenario(scenario, root, progress, scenes)
+    incomplete = [index for index, made in ours.items() if gone & made.keys() or unlinked & set(made.values())]
+    if incomplete:  # others may be of an earlier version, and a run would remake them all
+        run_scenario(scenario, root, progress, incomplete)
     after = inspect(root)
     for place in after.manifests:  # results in the store were not evicted
         kind = place.partition("/")[0].replace("sample", "cloud")  # samples are kept if clouds are
@@ -56,19 +66,21 @@ def repair(root: Path, progress: Progress) -> list[str]:
     lines = list(after.lines)
     for place, files in sorted(former.items()):
         now = after.manifests.get(place, {}).get("files")
-        if now is None and not (root / "evicted" / f"{place}.json").is_file() and not place.startswith("report/"):
+        if now is None and not (root / "evicted" / f"{place}.json").is_file():
             lines.append(f"store/{place}: not made again")
         elif now is not None and canonical_json(now) != canonical_json(files):
             lines.append(f"store/{place}: made again, but its bytes differ from the former ones")
     return lines
 
 
-def _made_here(scenario: Scenario, scenes: list[int], progress: Progress) -> set[str]:
-    """List the results of this scenario on this machine; others cannot be remade."""
-    sources = read_sources(scenario, progress)
-    found = set()
+def _made_here(scenario: Scenario, scenes: list[int], store: Store, progress: Progress) -> dict[int, dict[str, str]]:
+    """List the results of each scene on this machine, with their links; others cannot be remade."""
+    sources, found = read_sources(scenario, progress), {}
     for index in scenes:
-        found |= {f"{step.task.stage}/{step.task.key}" for step in scene_chain(scenario, index, sources).steps}
+        chain = scene_chain(scenario, index, sources)
+        report = (chain.report(rejected_steps(chain, store)),) if "report" in scenario.keep else ()
+        steps = (*chain.steps, *report)
+        found[index] = {f"{step.task.stage}/{step.task.key}": f"scenes/{chain.name}/{step.link}" for step in steps}
     return found
 
 
@@ -87,8 +99,11 @@ def _move_home(root: Path, place: str, true: str) -> None:
     folder, home = root / "store" / place, root / "store" / true
     if not os.path.lexists(home) and (root / "store" / true.partition("/")[0]).is_dir():
         folder.rename(home)
-    else:
+    elif KEY.fullmatch(folder.name):
+        move_foreign(root, place)
         _remove_result(root, place)
+    else:
+        move_away(root, folder)  # a copy that the user named
 
 
 def _clear(root: Path, place: str, findings: Findings) -> None:

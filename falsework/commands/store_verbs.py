@@ -57,7 +57,8 @@ def clean(
 
     Args:
         output: Output folder of a run.
-        unused: Also remove results that no scene of its scenario.toml uses.
+        unused: Also remove results that no scene of its scenario.toml uses, or that an earlier version made in
+            another way.
         dry_run: Only show what would be removed.
         as_json: Print one JSON object instead of lines.
     """

@@ -227,6 +227,7 @@ def _title(scene: Path) -> str:
 
 
 CAPTURE_FORMATS = ("colmap", "nerfstudio", "video")
+CAMERA_FORMATS = ("colmap", "nerfstudio")  # of clouds, that take photographs
 
 
 def export_folder(source: Path, to: str, out: Path, progress: Progress, photographs: Path | None = None) -> list[Path]:
@@ -243,8 +244,12 @@ def export_folder(source: Path, to: str, out: Path, progress: Progress, photogra
         Files for people to open.
 
     Raises:
-        InputError: Neither of them, or a format for which it lacks something.
+        InputError: Neither of them, a format for which it lacks something, or photographs for a format without them.
     """
+    if photographs is not None and to not in CAMERA_FORMATS:
+        raise InputError(
+            f"not with --to {to}", field="--photographs", allowed=f"only with {' or '.join(CAMERA_FORMATS)}"
+        )
 
     def write(folder: Path) -> None:
         is_cloud = (source / "cloud.json").is_file()
@@ -272,5 +277,7 @@ def export_folder(source: Path, to: str, out: Path, progress: Progress, photogra
         need_folder(source, "a cloud or a capture")
         if photographs is not None:
             need_folder(photographs, "the capture of this cloud", "--photographs")
+            if not (source / "cloud.json").is_file():
+                raise InputError("only for clouds: a capture is exported with its own", field="--photographs")
         fresh_output(out, f"export to {to}", write, inputs=inputs)
     return [out / file for file in files]

@@ -12,7 +12,7 @@ from falsework.platform import recon_platform, render_platform, sample_platform
 from falsework.scenario import Scenario, given_files, scene_seed, scene_title
 from falsework.stages import SEVERAL, STAGES
 from falsework.store.store import Task
-from groundwork.canonical import file_digest, folder_digest
+from groundwork.canonical import digest, file_digest, folder_digest
 from groundwork.errors import InputError
 from groundwork.output_place import RUN
 from groundwork.output_reading import reading
@@ -161,9 +161,12 @@ def read_sources(scenario: Scenario, progress: Progress) -> Sources:
             value=min(both),
             hint="Give it another id",
         )
-    with reading(path):  # identified by content, with all files beside it, except runs made from it
-        digest = folder_digest(path.parent, without=RUN)
-        return Sources(tuple(surveys), {FOREIGN_STAGE: path}, {FOREIGN_STAGE: digest})
+    with reading(path, *roots):  # identified by content, with all files beside it and in the roots, except runs
+        found, home = folder_digest(path.parent, without=RUN), os.path.realpath(path.parent)
+        apart = [root for root in roots if not Path(os.path.realpath(root)).is_relative_to(home)]
+        if apart:
+            found = digest([found, *(folder_digest(root, without=RUN) for root in apart)])
+    return Sources(tuple(surveys), {FOREIGN_STAGE: path}, {FOREIGN_STAGE: found})
 
 
 def scene_chain(scenario: Scenario, index: int, sources: Sources) -> Chain:

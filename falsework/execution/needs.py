@@ -34,10 +34,7 @@ def needed_steps(chain: Chain, store: Store, keep: tuple[str, ...]) -> set[str]:
     Returns:
         Links of the steps to make.
     """
-    without: frozenset[str] = frozenset()  # rejected, or made from a rejected one
-    for step in chain.steps:
-        if _rejected(store, step) or any(parent.link in without for parent in step.parents.values()):
-            without |= {step.link}
+    without = rejected_steps(chain, store)
     done = {step.link for step in chain.steps if step.link in without or store.has(step.task)}
     needed: set[str] = set()
     clouds = [step for step in chain.steps if step.kind == "cloud"]
@@ -49,6 +46,23 @@ def needed_steps(chain: Chain, store: Store, keep: tuple[str, ...]) -> set[str]:
         if step.link not in done and (waited_for or step.kind in keep):
             needed.add(step.link)
     return needed
+
+
+def rejected_steps(chain: Chain, store: Store) -> frozenset[str]:
+    """List the steps that were rejected in an earlier run, and those made from them.
+
+    Args:
+        chain: The steps of a scene.
+        store: Store of the results.
+
+    Returns:
+        Their links.
+    """
+    without: frozenset[str] = frozenset()
+    for step in chain.steps:
+        if _rejected(store, step) or any(parent.link in without for parent in step.parents.values()):
+            without |= {step.link}
+    return without
 
 
 def consumers(chain: Chain, step: Step) -> list[str]:

@@ -4,6 +4,7 @@ import json
 import os
 import stat
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -120,6 +121,8 @@ def read_manifest(path: Path) -> dict[str, Any]:
 def file_faults(folder: Path, files: dict[str, dict[str, Any]], hashes: Hashes | None) -> list[str]:
     """Compare the files of a stored result with its manifest; links out of the folder are not followed.
 
+    Files that another process removes meanwhile are missing.
+
     Args:
         folder: Folder of the result.
         files: Size and SHA-256 of each, from the manifest.
@@ -138,8 +141,11 @@ def file_faults(folder: Path, files: dict[str, dict[str, Any]], hashes: Hashes |
             wrong.append(f"{name}: not in the manifest")
         elif not stat.S_ISREG(mode):
             wrong.append(f"{name}: not a regular file")
-        elif not _is_as_written(path, files[name], hashes):
-            wrong.append(f"{name}: changed")
+        else:
+            try:
+                wrong += [] if _is_as_written(path, files[name], hashes) else [f"{name}: changed"]
+            except FileNotFoundError:
+                present.discard(name)
     return sorted(wrong + [f"{name}: missing" for name in files.keys() - present])
 
 
@@ -149,7 +155,7 @@ def _is_as_written(path: Path, row: dict[str, Any], hashes: Hashes | None) -> bo
 
 def _entries(folder: Path) -> Iterator[tuple[Path, int]]:
     """List the type of everything below a folder except folders; a link to a folder is one entry."""
-    with os.scandir(folder) as found:
+    with suppress(FileNotFoundError), os.scandir(folder) as found:  # another process may remove the folder meanwhile
         for entry in sorted(found, key=lambda entry: entry.name):
             if entry.is_dir(follow_symlinks=False):
                 yield from _entries(Path(entry.path))

@@ -1,4 +1,4 @@
-"""`OUT/foreign`: files of the user that lay in a stored result when it was removed."""
+"""`OUT/foreign`: files of the user that lay in a stored result when it was removed, or where only our files may be."""
 
 import json
 import os
@@ -30,10 +30,31 @@ def move_foreign(root: Path, place: str) -> None:
         if name == MANIFEST or (path.is_dir() and not path.is_symlink()):
             continue
         if name not in known if known is not None else not is_sealed(path):
-            home = root / FOREIGN / place / name
-            with space_errors(home):
-                home.parent.mkdir(parents=True, exist_ok=True)
-                path.rename(_free_name(home))
+            _move(path, root / FOREIGN / place / name)
+
+
+def move_away(root: Path, path: Path) -> None:
+    """Move a file, link or folder of the user to `OUT/foreign`; a relative link still leads to the same place.
+
+    Args:
+        root: Output folder of the run.
+        path: What to move, below `root`.
+    """
+    home = root / FOREIGN / path.relative_to(root)
+    if not path.is_symlink() or path.readlink().is_absolute():
+        _move(path, home)
+        return
+    target = os.path.relpath(path.parent / path.readlink(), home.parent)
+    with space_errors(home):
+        home.parent.mkdir(parents=True, exist_ok=True)
+        _free_name(home).symlink_to(target)
+        path.unlink()
+
+
+def _move(path: Path, home: Path) -> None:
+    with space_errors(home):
+        home.parent.mkdir(parents=True, exist_ok=True)
+        path.rename(_free_name(home))
 
 
 def _listed(manifest: Path) -> set[str] | None:

@@ -58,27 +58,43 @@ def abandoned(root: Path) -> list[Leftover]:
     return found
 
 
-def is_in_use(root: Path) -> bool:
+def is_in_use(root: Path, *, unknown: bool = True) -> bool:
     """Tell whether a process is working in a run's folder.
 
     Args:
         root: Output folder of a run.
+        unknown: The answer for a file that may be locked on a file system without locks.
     """
     locks = sorted((root / "work").glob("*.lock"))
-    return any(is_held(path) for path in (*locks, root / "run" / "scenario.lock"))
+    return any(is_held(path, unknown=unknown) for path in (*locks, root / "run" / "scenario.lock"))
 
 
-def is_held(lock: Path) -> bool:
-    """Tell whether another process holds a lock, or could on a file system without locks.
+def refuse_in_use(root: Path, *, unknown: bool = True) -> None:
+    """Refuse a run's folder in which a process is working.
+
+    Args:
+        root: Output folder of a run.
+        unknown: Whether to refuse one that may be in use, on a file system without locks.
+
+    Raises:
+        InputError: A process is working in it.
+    """
+    if is_in_use(root, unknown=unknown):
+        raise InputError("a run is in progress in this folder", where=root, hint="Wait until it ends, or stop it")
+
+
+def is_held(lock: Path, *, unknown: bool = True) -> bool:
+    """Tell whether another process holds a lock.
 
     Args:
         lock: The lock file; if it is missing, no process holds it.
+        unknown: The answer on a file system without locks.
     """
     if not lock.is_file():
         return lock.is_symlink() or lock.exists()
     try:
         with hold_lock(lock, wait=False) as held:
-            return not held
+            return unknown and not held
     except (BusyError, InputError):
         return True
 

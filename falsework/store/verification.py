@@ -1,6 +1,7 @@
 """Verification of a run's folder: all files of all results, and all references to them."""
 
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 
 from falsework.store.artefact import Hashes, file_faults, read_manifest
 from falsework.store.failures import read_failure
+from falsework.store.leftovers import KEY, TEMPORARY_NAME
 from falsework.store.textures import POOL, pool_faults
 from groundwork.errors import InputError
 from groundwork.files import MANIFEST
@@ -15,7 +17,7 @@ from groundwork.settings import read_toml
 
 # The first part of an input's name is the stage that made it.
 REFERRED = ("stage", "capture", "model", "cloud", "sample", "noise", "pieces", "training")
-KEY_LENGTH = 64
+RECORD_NAME = re.compile(rf"{KEY.pattern}\.json|{TEMPORARY_NAME.pattern}")
 
 
 @dataclass
@@ -27,7 +29,8 @@ class Findings:
         damaged: `<stage>/<key>` of each result that is missing or changed.
         manifests: `<stage>/<key>` to the manifest of each result with an intact manifest.
         misplaced: `<stage>/<key>` of each intact manifest in a wrong place, to its right place.
-        broken: Records, links and shared textures that are invalid.
+        broken: Records and shared textures that are invalid.
+        foreign: Files, folders and links where only records and links of ours may be.
     """
 
     lines: list[str] = field(default_factory=list)
@@ -35,6 +38,7 @@ class Findings:
     manifests: dict[str, dict[str, Any]] = field(default_factory=dict)
     misplaced: dict[str, str] = field(default_factory=dict)
     broken: list[Path] = field(default_factory=list)
+    foreign: list[Path] = field(default_factory=list)
 
     def add(self, line: str, result: str = "") -> None:
         """Add a fault.
@@ -46,6 +50,17 @@ class Findings:
         self.lines.append(line)
         if result:
             self.damaged.add(result)
+
+    def add_record(self, path: Path, line: str) -> None:
+        """Add something that is not a valid record of a failure or an eviction.
+
+        Args:
+            path: Its path: ours if it has the name of a record.
+            line: The fault and its place.
+        """
+        self.lines.append(line)
+        ours = RECORD_NAME.fullmatch(path.name) and path.is_file() and not path.is_symlink()
+        (self.broken if ours else self.foreign).append(path)
 
 
 def verify(root: Path) -> list[str]:
@@ -61,7 +76,7 @@ def verify(root: Path) -> list[str]:
 
 
 def inspect(root: Path) -> Findings:
-    """Inspect a whole store, and all references to it.
+    """Inspect a whole store, and all references to it; what a run removes meanwhile is no fault.
 
     Args:
         root: Output folder of a run.
@@ -71,21 +86,19 @@ def inspect(root: Path) -> Findings:
         _inspect_result(root, folder, findings, hashes)
     for path, line in pool_faults(root, hashes):
         findings.add(line)
-        findings.broken += [path] if line.endswith("changed") else []
+        findings.broken += [path] if line.endswith("changed") and KEY.fullmatch(path.name) else []
     _inspect_inputs(root, findings)
     _inspect_links(root, findings)
     for path in _children(root / "failed"):
-        if path.suffix != ".json" or read_failure(path) is None:
-            findings.add(f"{path.relative_to(root)}: not a record of a failure")
-            findings.broken.append(path)
-    for path in sorted((root / "evicted").glob("*/*")):
+        if (path.suffix != ".json" or read_failure(path) is None) and os.path.lexists(path):
+            findings.add_record(path, f"{path.relative_to(root)}: not a record of a failure")
+    for path in (path for stage in _folders(root, "evicted", findings) for path in _children(stage)):
         try:
             told = read_manifest(path)
             if path.name != f"{told['key']}.json" or path.parent.name != told["stage"]:
                 findings.add(f"{path.relative_to(root)}: misplaced")
         except InputError as error:
-            findings.add(f"{path.relative_to(root)}: {str(error).removeprefix(f'{path}: ')}")
-            findings.broken.append(path)
+            findings.add_record(path, f"{path.relative_to(root)}: {str(error).removeprefix(f'{path}: ')}")
     findings.lines = list(dict.fromkeys(findings.lines))
     return findings
 
@@ -98,10 +111,10 @@ def _results(root: Path, findings: Findings) -> Iterator[Path]:
             findings.add(f"{stage.relative_to(root)}: foreign")
             continue
         for folder in _children(stage):
-            if folder.is_symlink() or not folder.is_dir():
-                findings.add(f"{folder.relative_to(root)}: foreign")
-            else:
+            if folder.is_dir() and not folder.is_symlink():
                 yield folder
+            elif os.path.lexists(folder):
+                findings.add(f"{folder.relative_to(root)}: foreign")
 
 
 def _inspect_result(root: Path, folder: Path, findings: Findings, hashes: Hashes) -> None:
@@ -109,6 +122,8 @@ def _inspect_result(root: Path, folder: Path, findings: Findings, hashes: Hashes
     try:
         manifest = read_manifest(folder / MANIFEST)
     except InputError as error:
+        if not folder.is_dir():  # removed meanwhile
+            return
         findings.add(f"{name}/{MANIFEST}: {str(error).removeprefix(f'{folder / MANIFEST}: ')}", place)
         return
     true = f"{manifest['stage']}/{manifest['key']}"
@@ -116,8 +131,11 @@ def _inspect_result(root: Path, folder: Path, findings: Findings, hashes: Hashes
         findings.add(f"{name}: misplaced: it belongs to store/{true}", place)
         findings.misplaced[place] = true
         return
+    lines = file_faults(folder, manifest["files"], hashes)
+    if not folder.is_dir():  # removed meanwhile
+        return
     findings.manifests[place] = manifest
-    for line in file_faults(folder, manifest["files"], hashes):
+    for line in lines:
         findings.add(f"{name}/{line}", place)
 
 
@@ -135,20 +153,21 @@ def _inspect_inputs(root: Path, findings: Findings) -> None:
 
 
 def _inspect_links(root: Path, findings: Findings) -> None:
-    for scene in _children(root / "scenes"):
+    for scene in _folders(root, "scenes", findings):
         for folder, folders, files in os.walk(scene):
             for path in sorted(Path(folder, name) for name in (*folders, *files)):
                 name = path.relative_to(root)
-                if not path.is_symlink():
+                try:
+                    target = Path(os.path.normpath(path.parent / path.readlink()))
+                except OSError:  # not a link, or removed meanwhile
                     if path.is_file():
                         findings.add(f"{name}: foreign")
                     continue
-                target = Path(os.path.normpath(path.parent / path.readlink()))
                 inside = Path(os.path.relpath(target, root / "store")).parts
-                if len(inside) < 2 or len(inside[1]) != KEY_LENGTH or ".." in inside:
+                if len(inside) < 2 or not KEY.fullmatch(inside[1]) or ".." in inside:
                     findings.add(f"{name}: leads out of the store")
-                    findings.broken.append(path)
-                elif not path.exists():
+                    findings.foreign.append(path)
+                elif not path.exists() and path.is_symlink():
                     place = f"{inside[0]}/{inside[1]}"
                     findings.add(f"{name}: leads to store/{place}, which is missing", place)
 
@@ -166,6 +185,15 @@ def _starts_from_a_stage(root: Path) -> bool:
         return "stage" in read_toml(root / "scenario.toml")
     except InputError:
         return False
+
+
+def _folders(root: Path, name: str, findings: Findings) -> Iterator[Path]:
+    """List the folders of a folder; what a link of the user leads to is not ours."""
+    for path in _children(root / name):
+        if path.is_symlink():
+            findings.add(f"{path.relative_to(root)}: foreign")
+        elif path.is_dir():
+            yield path
 
 
 def _children(folder: Path) -> list[Path]:

@@ -24,6 +24,8 @@ LINES = {
     "sample mesh s -o p --points 1.5": r"sample mesh: --points: not a whole number \(found '1\.5'\)\. See .*",
     "sample mesh s -o p --density x": r"sample mesh: --density: not a number \(found 'x'\)\. See .*",
     "export d -o o --to lazz": r"export: --to: not one of the choices \(found 'lazz'\); allowed: laz, .*'laz'\?",
+    "export . -o o --to laz --photographs .": r"--photographs: not with --to laz; allowed: only with colmap or .*",
+    "export . -o o --to colmap --photographs .": r"--photographs: only for clouds: .*",
     "reconstruct d -o o --mode spare": r"reconstruct: --mode: .*; allowed: both, dense, sparse\. .*'sparse'\?",
     "gallery families -o o --family slap": r"gallery: --family: .*; allowed: arch, .*\. Did you mean 'slab'\?",
     "gallery looks -o o --world city": r"--world: not with looks \(found 'city'\); allowed: only with worlds or .*",

@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -109,7 +110,7 @@ def test_lock_taken_after_the_look_is_respected(run: Run, tmp_path: Path, monkey
     out = tmp_path / "out"
     run()
     _leave(out)
-    monkeypatch.setattr(leftovers, "is_held", lambda lock: False)
+    monkeypatch.setattr(leftovers, "is_held", lambda lock, **more: False)
     with hold_lock(out / "work" / f"{KEY}.lock"):
         done = clean(out, SILENT)
     assert (out / "work" / KEY / "inner/000000.jpg").is_file()
@@ -186,6 +187,14 @@ def test_results_of_other_machines_stay(run: Run, tmp_path: Path) -> None:
     run_scenario(tiny_scenario(1), out, SILENT)
     removed = [one.about for one in _clean_twice(out, unused=True).removed]
     assert len(removed) == 1 + 4 + 4 + 0  # of the second scene: its stage, and three of each machine
+
+
+def test_results_of_earlier_versions_go(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After an upgrade of one stage its results and those made from them go, and the first are said to be old."""
+    run(1)
+    monkeypatch.setitem(STAGES, "cloud", replace(STAGES["cloud"], version=99))
+    removed = [one.about for one in _clean_twice(tmp_path / "out", unused=True).removed]
+    assert sorted(removed) == ["cloud of an earlier version", "report that no scene uses"]
 
 
 def test_texture_goes_with_the_last_scene(run: Run, tmp_path: Path) -> None:

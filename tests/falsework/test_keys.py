@@ -118,3 +118,24 @@ def test_work_is_done_with_the_settings_of_the_user(mode: Any, tmp_path: Path, m
             assert getattr(cloud, name) == getattr(base, name)
         assert cloud.sparse.memory_limit == base.sparse.memory_limit
         assert cloud.dense.threads == base.dense.threads
+
+
+def test_files_of_further_roots_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A change in a folder of `allow_root` renames all results; one beside the stage is no news."""
+    monkeypatch.setattr(chain, "sample_platform", lambda: {"cpu": "none"})
+    for name in ("in", "in/textures", "library"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "bridge.usda").write_text("#usda 1.0\n")
+
+    def names(*roots: str) -> set[str]:
+        stage = {"path": str(tmp_path / "in/bridge.usda"), "allow_root": [str(tmp_path / root) for root in roots]}
+        scenario = tiny_scenario(survey=[], sample=[{"kind": "mesh"}], stage=stage)
+        found = scene_chain(scenario, 0, read_sources(scenario, SILENT))
+        return {step.task.key for step in (*found.steps, found.report())}
+
+    plain, before = names(), names("library")
+    assert names("in/textures") == plain
+    assert len(plain) == 2
+    (tmp_path / "library/bridge.usda").write_text("#usda 1.0\n# changed\n")
+    assert names() == plain
+    assert not names("library") & (before | plain)

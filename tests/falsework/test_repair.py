@@ -2,14 +2,18 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from falsework import stages
 from falsework.cli import main
 from falsework.commands.repair import repair
 from falsework.store.store import Store
+from groundwork.errors import InputError
 from groundwork.files import MANIFEST
+from groundwork.locks import hold_lock
 from groundwork.progress import SILENT
 from tests.falsework import tiny_chain
 from tests.falsework.test_run import Run, _flip, contents, run  # noqa: F401 (a fixture)
@@ -141,16 +145,65 @@ def test_repair_says_when_the_bytes_differ(run: Run, tmp_path: Path, monkeypatch
     assert any(folder.name in line and "differ from the former ones" in line for line in lines)
 
 
-def test_damage_that_the_scenario_no_longer_leads_to_is_left(run: Run, tmp_path: Path) -> None:  # noqa: F811
+@pytest.mark.parametrize("stage", ["cloud", "report"])
+def test_damage_that_the_scenario_no_longer_leads_to_is_left(stage: str, run: Run, tmp_path: Path) -> None:  # noqa: F811
     """A result of a former scenario cannot be made again: it stays, and stays reported."""
     run(1)
     out = tmp_path / "out"
-    (folder,) = (out / "store/cloud").iterdir()
+    (folder,) = (out / "store" / stage).iterdir()
     run(1, recon={"min_views": 4})
-    _flip(folder / "coord.npy", 3)
+    _flip(folder / FILES[stage], 3)
     lines = repair(out, SILENT)
-    assert lines == [f"store/cloud/{folder.name}/coord.npy: changed"]
+    assert lines == [f"store/{stage}/{folder.name}/{FILES[stage]}: changed"]
     assert json.loads((folder / MANIFEST).read_text())["key"] == folder.name
+
+
+def test_repair_remakes_only_what_is_damaged(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    """The scenes of a flipped bit and of a link elsewhere, not one that is not made yet; after an upgrade nothing."""
+    out = tmp_path / "out"
+    run(3, keep=("cloud",))
+    links = [out / f"scenes/{index:04d}/cloud/global" for index in range(3)]
+    shutil.rmtree(links[2].resolve())
+    links[2].unlink()
+    whole = contents(out)
+    damaged = links[0].resolve() / "coord.npy"
+    former = damaged.read_bytes()
+    _flip(damaged, 3)
+    links[1].unlink()
+    links[1].symlink_to(tmp_path)
+    assert repair(out, SILENT) == []
+    (out / "foreign/scenes/0001/cloud/global").unlink()
+    shutil.rmtree(out / "foreign")
+    assert contents(out) == whole
+    assert damaged.read_bytes() == former
+    _flip(damaged, 3)
+    whole = contents(out)
+    monkeypatch.setitem(stages.STAGES, "cloud", replace(stages.STAGES["cloud"], version=99))
+    assert repair(out, SILENT) == [f"{damaged.relative_to(out)}: changed"]
+    assert contents(out) == whole
+
+
+def test_no_repair_beside_a_run(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    """What a run is making looks damaged: nothing is repaired until it ends."""
+    run(1)
+    out = tmp_path / "out"
+    (out / "failed").mkdir()
+    (out / "failed/todo.txt").write_text("mine")
+    whole = contents(out)
+    with hold_lock(out / "work" / f"{'ab' * 32}.lock"), pytest.raises(InputError, match="a run is in progress"):
+        repair(out, SILENT)
+    (out / "work" / f"{'ab' * 32}.lock").unlink()
+    assert contents(out) == whole
+
+
+def test_report_without_a_rejected_variant_is_remade(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    """Its key differs from that of a scene whose clouds all exist."""
+    out = tmp_path / "out"
+    run(1, faults={"cloud:0": "reject"}, variants={"look": ["clean", "weathered"]})
+    (folder,) = (out / "store/report").iterdir()
+    _flip(folder / FILES["report"], 3)
+    assert repair(out, SILENT) == []
+    assert (out / "scenes/0000/report.html").is_file()
 
 
 def test_verify_answers_a_script(run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:  # noqa: F811
@@ -165,3 +218,39 @@ def test_verify_answers_a_script(run: Run, tmp_path: Path, capsys: pytest.Captur
         found = json.loads(capsys.readouterr().out)
         assert found == {"version": 1, "whole": not flipped, "wrong": Store(out).verify()}
         assert left.value.code == int(flipped) == int(bool(found["wrong"]))
+
+
+def test_repair_moves_files_of_the_user(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    """Notes, links and copies of results among ours: each is in `OUT/foreign`, and a link leads where it led before."""
+    run(1)
+    out, photos = tmp_path / "out", tmp_path / "photos"
+    photos.mkdir()
+    (photos / "mine.txt").write_text("mine")
+    (photos / "link").symlink_to("mine.txt")
+    (cloud,) = (out / "store/cloud").iterdir()
+    whole = contents(out)
+    for name in ("failed/notes/mine.txt", "failed/todo.txt", "evicted/cloud/mine.json"):
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / name).write_text("mine")
+    for name in ("backup", "0" * 64):
+        shutil.copytree(cloud, cloud.with_name(name))
+        (cloud.with_name(name) / "mine.txt").write_text("mine")
+    (out / "failed" / f"{'0' * 64}.json").write_text("damaged")
+    (out / "scenes/0000/my_link").symlink_to("../../../photos/mine.txt")
+    for name in ("scenes/my_link", "evicted/my_link"):
+        (out / name).symlink_to(photos)
+    assert repair(out, SILENT) == ["scenes/my_link: foreign", "evicted/my_link: foreign"]
+    assert {path.relative_to(out / "foreign").as_posix() for path in (out / "foreign").rglob("m*")} == {
+        "failed/notes/mine.txt",
+        "evicted/cloud/mine.json",
+        "scenes/0000/my_link",
+        "store/cloud/backup/mine.txt",
+        f"cloud/{'0' * 64}/mine.txt",
+    }
+    assert (out / "foreign/failed/todo.txt").read_text() == "mine"
+    assert (out / "foreign/scenes/0000/my_link").read_text() == "mine"
+    assert sorted(path.name for path in photos.iterdir()) == ["link", "mine.txt"]
+    for name in ("foreign", "evicted", "failed"):
+        shutil.rmtree(out / name)
+    (out / "scenes/my_link").unlink()
+    assert contents(out) == whole

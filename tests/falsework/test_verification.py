@@ -1,9 +1,11 @@
 """What `verify` finds: every flipped bit, and everything missing, misplaced, dangling or foreign."""
 
 import json
+import pkgutil
 import random
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -154,3 +156,19 @@ def test_every_field_of_the_key_is_held(field: str, store: Store) -> None:
     write_json(path, {**manifest, "digest": digest(manifest)})
     assert any("its key does not fit its contents" in line for line in store.verify())
     assert task_key(*(manifest[name] for name in ("stage", "version", "settings", "inputs"))) != STAGE.key
+
+
+@pytest.mark.parametrize("at", ["read_manifest", "file_faults", "os.path.normpath"])
+def test_a_run_may_remove_results_meanwhile(at: str, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A capture evicted before its manifest, its files or its link are read is no fault."""
+    before: Any = pkgutil.resolve_name(f"falsework.store.verification:{at}")
+    waiting = [CAPTURE]
+
+    def evict(*given: Any, **more: Any) -> Any:
+        if waiting and CAPTURE.key in str(given[0]):
+            store.evict(waiting.pop(), "scenes/0000/capture")
+        return before(*given, **more)
+
+    monkeypatch.setattr(f"falsework.store.verification.{at}", evict)
+    assert store.verify() == []
+    assert not waiting

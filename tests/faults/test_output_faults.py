@@ -16,7 +16,7 @@ from groundwork.marks import MARK, NEXT
 from groundwork.output_file import SIGNATURE, write_fresh_file
 from groundwork.output_folder import fresh_output
 from groundwork.output_reading import reading
-from groundwork.output_swap import READY
+from groundwork.output_swap import FILES, READY
 
 CALLS = ("mkdir", "open", "write", "fsync", "replace", "rename", "unlink", "rmdir")
 OLD = {"a": "old a", "gone/b": "old b", "turns": "was a file", "into/c": "was in a folder"}
@@ -303,3 +303,30 @@ def refused_reading(out: Path) -> None:
     """Read, and hope to be refused."""
     with pytest.raises(InputError, match="is being replaced by another command"), reading(out):
         pass
+
+
+@pytest.mark.parametrize("last", [MARK, READY])
+@pytest.mark.parametrize("read", [True, False])
+def test_a_kill_at_the_end_of_a_copy(last: str, read: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Killed before the last files of the work are removed: the copy is read, and the same command ends in one line."""
+    out, unlink = tmp_path / "out", Path.unlink
+
+    def write(folder: Path) -> None:
+        (folder / "deep").mkdir()
+        (folder / "deep/a").write_text("mine")
+
+    def killed(path: Path, missing_ok: bool = False) -> None:
+        if path == out / NEXT / last:
+            raise SystemExit
+        unlink(path, missing_ok)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "unlink", killed)
+        with pytest.raises(SystemExit):
+            fresh_output(out, "copy", write, is_marked=False)
+    assert not (out / NEXT / FILES).exists()
+    with reading(out) if read else suppress(InputError):  # it is the user's now
+        if not read:
+            fresh_output(out, "copy", write, is_marked=False)
+    assert (out / "deep/a").read_text() == "mine"
+    assert (out / NEXT).exists() == (read and last == READY)  # no reader takes it for an output

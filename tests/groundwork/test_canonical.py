@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 from pathlib import Path
 
 import pytest
@@ -135,3 +136,34 @@ def test_runs_below_a_folder_do_not_count_where_that_is_asked(tmp_path: Path) ->
         (tmp_path / name / "result").write_text(name)
         assert (folder_digest(tmp_path, without="run") == before) == (kind == "run")
     assert folder_digest(tmp_path) != folder_digest(tmp_path, without="run")
+
+
+def test_linked_folders_count(tmp_path: Path) -> None:
+    """Each file behind a link counts, through links in linked folders, too; circles end, and runs do not count."""
+    top, outside = tmp_path / "top", tmp_path / "outside"
+    for folder in (top / "real", outside / "inner", tmp_path / "run"):
+        folder.mkdir(parents=True)
+        (folder / "file").write_text("first")
+    (tmp_path / "run/.falsework").write_text("run\n")
+    plain = folder_digest(top)
+    assert plain == digest({"real/file": file_digest(top / "real/file")})
+    (top / "out").symlink_to(tmp_path / "run")
+    assert folder_digest(top, without="run") == plain != folder_digest(top)
+    (top / "out").unlink()
+    (top / "linked").symlink_to("../outside")
+    (outside / "circle").symlink_to("../outside")
+    (outside / "back").symlink_to("../top")
+    (outside / "inner/up").symlink_to("../..")
+    seen = [folder_digest(top)]
+    (outside / "inner/file").write_text("second")
+    seen.append(folder_digest(top))
+    (top / "alias").symlink_to("real")
+    seen.append(folder_digest(top))
+    (top / "alias").unlink()
+    (top / "alias").symlink_to("linked/inner")
+    seen.append(folder_digest(top))
+    assert len({plain, *seen}) == 5
+    (tmp_path / "elsewhere").mkdir()
+    for folder in (top, outside):
+        shutil.copytree(folder, tmp_path / "elsewhere" / folder.name, symlinks=True)
+    assert folder_digest(tmp_path / "elsewhere/top") == seen[-1]
