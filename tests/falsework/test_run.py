@@ -54,6 +54,28 @@ def test_all_processes_together_keep_a_limit_of_memory(run: Run, monkeypatch: py
     assert run(scenes=2, memory=together + 0.2).failed == {}  # and the next run makes it
 
 
+@pytest.mark.parametrize(
+    ("groups", "file"),
+    [
+        ("0::/slurm/job_7/step_0\n", "memory.max"),
+        ("4:cpu,memory:/slurm/job_7/step_0\n", "memory/memory.limit_in_bytes"),
+    ],
+)
+def test_memory_of_a_job_is_that_of_its_group(groups: str, file: str, tmp_path: Path) -> None:
+    """Slurm limits the job, a group above that of the process; the root group, and others, say nothing of it."""
+    hierarchy = tmp_path / "sys/fs/cgroup" / Path(file).parent
+    (tmp_path / "proc/self").mkdir(parents=True)
+    (tmp_path / "proc/meminfo").write_text("MemTotal:       64000000 kB\nMemFree: 1 kB\n")
+    (tmp_path / "proc/self/cgroup").write_text(f"3:cpuset:/small\n{groups}")
+    limits = {"": "99000000000", "slurm": "max", "slurm/job_7": "4000000000", "slurm/job_7/step_0": "max", "small": "1"}
+    for group, limit in limits.items():
+        (hierarchy / group).mkdir(parents=True, exist_ok=True)
+        (hierarchy / group / Path(file).name).write_text(f"{limit}\n")
+    assert machine_memory(tmp_path) == 4.0
+    (hierarchy / "slurm/job_7" / Path(file).name).unlink()
+    assert machine_memory(tmp_path) == 65.536
+
+
 def test_only_children_of_ours_are_stopped() -> None:
     """Not the run itself, not a worker, and nothing that somebody else's program started."""
     rows = (
