@@ -252,7 +252,8 @@ def run(
         out: Output folder.
         scenes: Numbers of the scenes to run; None: all.
         retry_failed: Retry tasks that failed in an earlier run.
-        workers: Number of worker processes on this machine; 0: run in this process.
+        workers: Number of worker processes on this machine; 0: run in this process. Each worker reads the calling
+            script again, so that the script must call `run` below `if __name__ == "__main__":`.
         cluster: Address of a Dask scheduler.
         memory: Limit of the memory of all processes of the run together, or of each worker of a cluster [GB]; None:
             nine tenths of the machine's.
@@ -262,11 +263,13 @@ def run(
         Counts, paths, failures and warnings.
 
     Raises:
-        InputError: A value that is not allowed, or an output folder that Falsework did not write.
+        InputError: A value that is not allowed, workers that do not start, or an output folder that Falsework did not
+            write.
         FalseworkError: The disk is full, or the cluster does not answer any more.
 
     Example:
-        >>> outcome = falsework.run(falsework.load_scenario("bridges.toml"), "out", workers=2)
+        >>> if __name__ == "__main__":
+        ...     outcome = falsework.run(falsework.load_scenario("bridges.toml"), "out", workers=2)
     """
     from falsework.pipeline import run_scenario
 

@@ -1,6 +1,7 @@
 """Runs scenes on the workers of a Dask cluster, our own or an existing one; only the store decides what is finished."""
 
 import logging
+import multiprocessing
 import os
 import secrets
 import signal
@@ -121,7 +122,7 @@ def run_on_cluster(
         The outcome of all scenes.
 
     Raises:
-        InputError: No cluster answers at the address.
+        InputError: The workers did not start, or no cluster answers at the address.
         FalseworkError: The cluster was lost.
         OutOfSpaceError: The disk is full.
     """
@@ -184,8 +185,10 @@ def _take(future: Any, job: SceneJob, outcome: Outcome, progress: Progress) -> S
 @contextmanager
 def _own_cluster(workers: int) -> Iterator[Any]:
     """Start workers that are reachable only from this machine and end with this process, with their children."""
+    if getattr(multiprocessing.current_process(), "_inheriting", False):  # a worker that runs the user's script again
+        raise SystemExit(1)
     from dask import config
-    from distributed import Client, LocalCluster  # before the settings: its defaults overwrite them
+    from distributed import Client  # before the settings: its defaults overwrite them
 
     settings: dict[str, Any] = {
         "distributed.scheduler.allowed-failures": FAILURES,
@@ -198,16 +201,7 @@ def _own_cluster(workers: int) -> Iterator[Any]:
             logging.getLogger(name).setLevel(logging.CRITICAL)
         with _deaf_to_interrupts(), warnings.catch_warnings():
             warnings.filterwarnings("ignore", "(?s).*Port .* is already in use")  # of a dashboard that we do not use
-            how: dict[str, Any] = {"dashboard_address": None, "memory_limit": 0}  # no dashboard, no memory monitor
-            cluster = LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                processes=True,
-                host=LOOPBACK,
-                local_directory=scratch,
-                silence_logs=logging.CRITICAL,
-                **how,
-            )
+            cluster = _start_workers(workers, scratch)
             client = Client(cluster)
         try:
             yield client
@@ -219,6 +213,29 @@ def _own_cluster(workers: int) -> Iterator[Any]:
                 client.close(timeout=CLOSING)
             with suppress(Exception):
                 cluster.close(timeout=CLOSING)
+
+
+def _start_workers(workers: int, scratch: str) -> Any:
+    from distributed import LocalCluster
+
+    how: dict[str, Any] = {"dashboard_address": None, "memory_limit": 0}  # no dashboard, no memory monitor
+    try:
+        return LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            host=LOOPBACK,
+            local_directory=scratch,
+            silence_logs=logging.CRITICAL,
+            **how,
+        )
+    except RuntimeError as error:
+        raise InputError(
+            "the workers did not start",
+            field="workers",
+            value=workers,
+            hint='A script must call run(…) below `if __name__ == "__main__":`, because each worker reads it again',
+        ) from error
 
 
 @contextmanager

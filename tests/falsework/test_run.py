@@ -1,6 +1,7 @@
 """A run of tiny stages: what it makes, what it makes again, and what it does with inputs that are not whole."""
 
 import json
+import multiprocessing
 import os
 import shutil
 from collections.abc import Callable
@@ -88,6 +89,22 @@ def test_only_children_of_ours_are_stopped() -> None:
     alive = [Resident(pid, 1, module, memory) for pid, module, memory in rows]
     assert largest_child(alive) == alive[4]
     assert largest_child(alive[:3]) is None
+
+
+def test_script_without_a_guard(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Each worker reads the script again: there the call ends it without a word, and the script's own says why."""
+    with monkeypatch.context() as worker:
+        worker.setattr(multiprocessing.current_process(), "_inheriting", True, raising=False)
+        with pytest.raises(SystemExit) as left:
+            run(workers=1, out=tmp_path / "worker")
+    assert left.value.code == 1
+
+    def start(**how: Any) -> None:
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr("distributed.LocalCluster", start)
+    with pytest.raises(InputError, match=r"workers: the workers did not start.*__name__"):
+        run(workers=1)
 
 
 def _only(out: Path, stage: str) -> Path:
