@@ -3,6 +3,7 @@
 import json
 import multiprocessing
 import os
+import platform
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -341,6 +342,12 @@ def test_the_only_scene_says_what_is_wrong_and_a_full_disk_stops(run: Run, tmp_p
         run(faults={"stage:0": "input"})
     with pytest.raises(OutOfSpaceError):
         run(2, faults={"cloud:0": "space"})
+    log = tmp_path / f"out/run/{platform.node()}-{os.getpid()}.jsonl"
+    log.unlink()
+    log.symlink_to("/dev/full")  # full only at the line of the log
+    with pytest.raises(OutOfSpaceError):
+        run(2)
+    log.unlink()
     assert not (tmp_path / "out/failed").exists()
     assert run(2).failed == {}
 
