@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import astuple, dataclass, field, replace
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -199,20 +200,23 @@ def _own_cluster(workers: int) -> Iterator[Any]:
     with tempfile.TemporaryDirectory(prefix="falsework-") as scratch, config.set(settings):
         for name in ("distributed", "distributed.client"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
-        with _deaf_to_interrupts(), warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "(?s).*Port .* is already in use")  # of a dashboard that we do not use
-            cluster = _start_workers(workers, scratch)
-            client = Client(cluster)
+        cluster = client = None
         try:
+            with _deaf_to_interrupts(), warnings.catch_warnings():
+                warnings.filterwarnings(
+                    "ignore", "(?s).*Port .* is already in use"
+                )  # of a dashboard that we do not use
+                cluster = _start_workers(workers, scratch)
+                client = Client(cluster)
             yield client
         except BaseException:
-            _kill_workers(cluster)
+            if cluster is not None:
+                _kill_workers(cluster)
             raise
         finally:
-            with suppress(Exception):
-                client.close(timeout=CLOSING)
-            with suppress(Exception):
-                cluster.close(timeout=CLOSING)
+            for started in filter(None, (client, cluster)):
+                with suppress(Exception):
+                    started.close(timeout=CLOSING)
 
 
 def _start_workers(workers: int, scratch: str) -> Any:
@@ -268,15 +272,25 @@ def _standing_cluster(address: str) -> Iterator[Any]:
 
 @contextmanager
 def _deaf_to_interrupts() -> Iterator[None]:
-    """Make processes started here ignore Ctrl-C, which a terminal sends to all: we end the workers ourselves."""
+    """Keep Ctrl-C, which a terminal sends to all, from processes started here: we end the workers ourselves.
+
+    One that arrives here meanwhile is raised at the end. Processes started here have the signal blocked, as this
+    thread has.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    former = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    resource_tracker.ensure_running()  # now: Python unblocks the signal after it starts this process for the workers
+    heard: list[int] = []
+    former = signal.signal(signal.SIGINT, lambda number, frame: heard.append(number))  # other threads receive it
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, former)
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        if heard:
+            signal.raise_signal(signal.SIGINT)
 
 
 def _kill_workers(cluster: Any) -> None:

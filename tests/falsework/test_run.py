@@ -5,13 +5,15 @@ import multiprocessing
 import os
 import platform
 import shutil
+import signal
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from falsework.execution import chain
+from falsework.execution import chain, cluster
 from falsework.execution.memory import Resident, largest_child, machine_memory, processes_below
 from falsework.pipeline import Outcome, run_scenario
 from falsework.stages import STAGES
@@ -106,6 +108,21 @@ def test_script_without_a_guard(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_p
     monkeypatch.setattr("distributed.LocalCluster", start)
     with pytest.raises(InputError, match=r"workers: the workers did not start.*__name__"):
         run(workers=1)
+
+
+def test_interrupt_during_the_start_of_workers_is_not_lost() -> None:
+    """It is raised when they have started; a process started meanwhile does not get what a terminal sends to all."""
+    started: list[bytes] = []
+
+    def start() -> None:
+        with cluster._deaf_to_interrupts():
+            os.kill(os.getpid(), signal.SIGINT)
+            started.append(subprocess.check_output(["sh", "-c", "kill -INT $$; echo on"]))
+
+    with pytest.raises(KeyboardInterrupt):
+        start()
+    assert started == [b"on\n"]
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
 def _only(out: Path, stage: str) -> Path:
