@@ -124,7 +124,7 @@ def render(
         out: Folder to write; it gets one folder for each capture.
         survey: Only this product or camera.
         settings: Settings of the renderer; `RenderSettings()` if None.
-        seed: Seed of the sensor's noise.
+        seed: Seed of the sensor's noise, 0 or more.
         allow_roots: One or more further folders from which the stage may load layers and textures.
         progress: Listener.
 
@@ -132,14 +132,17 @@ def render(
         Dict from the name of each product to its capture.
 
     Raises:
-        InputError: No such file or product, nothing to render, or an output folder that Falsework did not write.
+        InputError: No such file or product, nothing to render, a negative seed, or an output folder that Falsework did
+            not write.
 
     Example:
         >>> flight = falsework.render(scene, "captures")["global"]
     """
+    from falsework.commands.given_settings import check_seed
     from falsework.commands.verbs import render_file
     from render.settings import RenderSettings
 
+    check_seed(seed, "seed")
     told = _settings(settings or RenderSettings(), RenderSettings).model_dump(mode="json")
     place = path_of(out, "out")
     names = render_file(path_of(stage, "stage"), place, survey, told, seed, progress, allow_roots=_roots(allow_roots))
@@ -252,7 +255,8 @@ def run(
         out: Output folder.
         scenes: Numbers of the scenes to run; None: all.
         retry_failed: Retry tasks that failed in an earlier run.
-        workers: Number of worker processes on this machine; 0: run in this process.
+        workers: Number of worker processes on this machine; 0: run in this process. Each worker reads the calling
+            script again, so that the script must call `run` below `if __name__ == "__main__":`.
         cluster: Address of a Dask scheduler.
         memory: Limit of the memory of all processes of the run together, or of each worker of a cluster [GB]; None:
             nine tenths of the machine's.
@@ -262,11 +266,13 @@ def run(
         Counts, paths, failures and warnings.
 
     Raises:
-        InputError: A value that is not allowed, or an output folder that Falsework did not write.
+        InputError: A value that is not allowed, workers that do not start, or an output folder that Falsework did not
+            write.
         FalseworkError: The disk is full, or the cluster does not answer any more.
 
     Example:
-        >>> outcome = falsework.run(falsework.load_scenario("bridges.toml"), "out", workers=2)
+        >>> if __name__ == "__main__":
+        ...     outcome = falsework.run(falsework.load_scenario("bridges.toml"), "out", workers=2)
     """
     from falsework.pipeline import run_scenario
 

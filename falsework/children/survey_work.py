@@ -1,5 +1,6 @@
 """Child process of `falsework survey`: the stages that it opens are untrusted."""
 
+import math
 from collections import Counter, defaultdict
 from dataclasses import asdict
 from pathlib import Path
@@ -25,8 +26,9 @@ def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
         progress: Listener.
 
     Returns:
-        For each flight its name, score, coverage by class, warnings, and the data of the figure; the last one also
-        lists the members that too few images of all flights show, and legs that would show them.
+        For each flight its name, score (`sampling` is None where no image sees the bridge at 60 degrees or less),
+        coverage by class, warnings, and the data of the figure; the last one also lists the members that too few images
+        of all flights show, and legs that would show them.
     """
     from authoring.surveys.framing import eye_of
     from authoring.surveys.score import score_flight
@@ -56,6 +58,7 @@ def score(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
             {
                 "survey": product.name,
                 **asdict(found),
+                "sampling": [length if math.isfinite(length) else None for length in found.sampling],
                 "by_class": {name: float(np.mean(values)) for name, values in sorted(shares.items())},
                 "warnings": _warnings(found.linked, found.clearance),
                 "poses": np.round(track.poses[:, :3].reshape(-1, 12), 4).tolist(),

@@ -1,4 +1,4 @@
-"""Settings from the command line: `--set key=value`."""
+"""Settings from the command line: `--set key=value`, and seeds."""
 
 import json
 from typing import Any
@@ -28,3 +28,17 @@ def given_settings(words: tuple[str, ...]) -> dict[str, Any]:
         except (ValueError, RecursionError):
             settings[key] = value
     return settings
+
+
+def check_seed(seed: int | None, field: str) -> None:
+    """Refuse a negative seed, before anything is made from it.
+
+    Args:
+        seed: Seed from the user; None: none was given.
+        field: The option or argument that named it.
+
+    Raises:
+        InputError: It is negative.
+    """
+    if seed is not None and seed < 0:
+        raise InputError("seed out of range", field=field, value=seed, allowed="0 or more")

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import tyro
 
 from falsework.commands.given_files import files_first
+from falsework.commands.given_settings import check_seed
 from groundwork.errors import InputError
 
 # Options have no negation and no value None; positional arguments are shown by their names.
@@ -98,10 +99,11 @@ def _help(verbs: Mapping[str, Verb], program: str, about: str) -> Callable[[], i
 
 
 def _later(verb: Verb) -> Callable[..., Callable[[], int]]:
-    """Wrap a verb so that parsing binds its arguments without calling it."""
+    """Wrap a verb so that parsing binds its arguments, and checks a seed, without calling it."""
 
     @functools.wraps(verb)
     def bound(*values: Any, **named: Any) -> Callable[[], int]:
+        check_seed(named.get("seed"), "--seed")
         return functools.partial(files_first(verb), *values, **named)
 
     signature = inspect.signature(verb)

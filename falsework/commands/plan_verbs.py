@@ -67,6 +67,8 @@ def _as_text(found: "Plan") -> str:
         f"{found.outcome.made} results to make in {found.scenes_to_do} of {found.scenes} scenes: about "
         f"{_duration(found.seconds)} in one process, {found.peak_bytes / 1e6:.0f} MB more of disk space at most"
         if found.outcome.made
+        else f"nothing to make: {found.outcome.reused} results exist already"
+        if found.outcome.failed or found.outcome.rejected
         else f"nothing to do: all {found.outcome.reused} results exist already"
     )
     if found.peak_bytes > found.free_bytes:

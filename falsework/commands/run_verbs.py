@@ -105,7 +105,7 @@ def _run(scenario: object, output: Path, scenes: list[int] | None, as_json: bool
         _say(f"scene {name} failed: {reason}")
     _say(
         f"{outcome.made} results made, {outcome.reused} existed already"
-        if outcome.made
+        if outcome.made or outcome.failed or outcome.rejected
         else f"nothing to do: all {outcome.reused} results existed already"
     )
     for cloud in outcome.clouds:

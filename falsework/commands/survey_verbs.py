@@ -121,7 +121,10 @@ def _tell(row: dict[str, Any]) -> None:
     _say(f"overlap     {100.0 * row['overlap']:.0f} % with the next image: {judged(row['overlap'], ENOUGH_OVERLAP)}")
     linked = row["linked"]
     _say(f"linked      {100.0 * linked:.0f} % of the images (prediction): {judged(linked, ENOUGH_LINKED)}")
-    _say(f"sampling    {1e3 * median:.1f} mm per pixel, {1e3 * worst:.1f} mm at the 95th percentile")
+    if median is None or worst is None:
+        _say("sampling    no image sees the bridge at 60 degrees or less")
+    else:
+        _say(f"sampling    {1e3 * median:.1f} mm per pixel, {1e3 * worst:.1f} mm at the 95th percentile")
     _say(f"base angle  {row['base_angle']:.0f} degrees")
     for line in coverage_lines(row["by_class"]):
         _say(line)

@@ -1,6 +1,7 @@
 """Runs scenes on the workers of a Dask cluster, our own or an existing one; only the store decides what is finished."""
 
 import logging
+import multiprocessing
 import os
 import secrets
 import signal
@@ -12,6 +13,7 @@ from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import astuple, dataclass, field, replace
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -121,7 +123,7 @@ def run_on_cluster(
         The outcome of all scenes.
 
     Raises:
-        InputError: No cluster answers at the address.
+        InputError: The workers did not start, or no cluster answers at the address.
         FalseworkError: The cluster was lost.
         OutOfSpaceError: The disk is full.
     """
@@ -184,8 +186,10 @@ def _take(future: Any, job: SceneJob, outcome: Outcome, progress: Progress) -> S
 @contextmanager
 def _own_cluster(workers: int) -> Iterator[Any]:
     """Start workers that are reachable only from this machine and end with this process, with their children."""
+    if getattr(multiprocessing.current_process(), "_inheriting", False):  # a worker that runs the user's script again
+        raise SystemExit(1)
     from dask import config
-    from distributed import Client, LocalCluster  # before the settings: its defaults overwrite them
+    from distributed import Client  # before the settings: its defaults overwrite them
 
     settings: dict[str, Any] = {
         "distributed.scheduler.allowed-failures": FAILURES,
@@ -196,29 +200,46 @@ def _own_cluster(workers: int) -> Iterator[Any]:
     with tempfile.TemporaryDirectory(prefix="falsework-") as scratch, config.set(settings):
         for name in ("distributed", "distributed.client"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
-        with _deaf_to_interrupts(), warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "(?s).*Port .* is already in use")  # of a dashboard that we do not use
-            how: dict[str, Any] = {"dashboard_address": None, "memory_limit": 0}  # no dashboard, no memory monitor
-            cluster = LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                processes=True,
-                host=LOOPBACK,
-                local_directory=scratch,
-                silence_logs=logging.CRITICAL,
-                **how,
-            )
-            client = Client(cluster)
+        cluster = client = None
         try:
+            with _deaf_to_interrupts(), warnings.catch_warnings():
+                warnings.filterwarnings(
+                    "ignore", "(?s).*Port .* is already in use"
+                )  # of a dashboard that we do not use
+                cluster = _start_workers(workers, scratch)
+                client = Client(cluster)
             yield client
         except BaseException:
-            _kill_workers(cluster)
+            if cluster is not None:
+                _kill_workers(cluster)
             raise
         finally:
-            with suppress(Exception):
-                client.close(timeout=CLOSING)
-            with suppress(Exception):
-                cluster.close(timeout=CLOSING)
+            for started in filter(None, (client, cluster)):
+                with suppress(Exception):
+                    started.close(timeout=CLOSING)
+
+
+def _start_workers(workers: int, scratch: str) -> Any:
+    from distributed import LocalCluster
+
+    how: dict[str, Any] = {"dashboard_address": None, "memory_limit": 0}  # no dashboard, no memory monitor
+    try:
+        return LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            host=LOOPBACK,
+            local_directory=scratch,
+            silence_logs=logging.CRITICAL,
+            **how,
+        )
+    except RuntimeError as error:
+        raise InputError(
+            "the workers did not start",
+            field="workers",
+            value=workers,
+            hint='A script must call run(…) below `if __name__ == "__main__":`, because each worker reads it again',
+        ) from error
 
 
 @contextmanager
@@ -251,15 +272,25 @@ def _standing_cluster(address: str) -> Iterator[Any]:
 
 @contextmanager
 def _deaf_to_interrupts() -> Iterator[None]:
-    """Make processes started here ignore Ctrl-C, which a terminal sends to all: we end the workers ourselves."""
+    """Keep Ctrl-C, which a terminal sends to all, from processes started here: we end the workers ourselves.
+
+    One that arrives here meanwhile is raised at the end. Processes started here have the signal blocked, as this
+    thread has.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    former = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    resource_tracker.ensure_running()  # now: Python unblocks the signal after it starts this process for the workers
+    heard: list[int] = []
+    former = signal.signal(signal.SIGINT, lambda number, frame: heard.append(number))  # other threads receive it
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, former)
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        if heard:
+            signal.raise_signal(signal.SIGINT)
 
 
 def _kill_workers(cluster: Any) -> None:

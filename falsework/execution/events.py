@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from groundwork.files import space_errors
 from groundwork.foreign_file import is_regular
 
 
@@ -17,13 +18,18 @@ def write_event(root: Path, event: dict[str, Any]) -> None:
     Args:
         root: Output folder of the run.
         event: JSON of the event.
+
+    Raises:
+        OutOfSpaceError: The disk is full.
+        InputError: The folder is not writable.
     """
     folder = root / "run"
-    folder.mkdir(parents=True, exist_ok=True)
     line = json.dumps({**event, "end": time.time()}) + "\n"
-    name = f"{platform.node()}-{os.getpid()}.jsonl"
-    with (folder / name).open("a", encoding="utf-8") as file:  # not atomic: a log grows line by line
-        file.write(line)
+    path = folder / f"{platform.node()}-{os.getpid()}.jsonl"
+    with space_errors(path):
+        folder.mkdir(parents=True, exist_ok=True)
+        with path.open("a", encoding="utf-8") as file:  # not atomic: a log grows line by line
+            file.write(line)
 
 
 def read_events(root: Path) -> Iterator[dict[str, Any]]:

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from groundwork.errors import InputError
 
@@ -14,7 +14,8 @@ SHARE = 0.9  # of the machine's memory that a run may use where nothing else is 
 _EVERY = 0.5  # [s] between two looks
 _AFTER = 3.0  # [s] for the processes above to end after one was stopped
 _OURS = frozenset({"authoring", "render", "recon", "learn", "falsework"})  # rooms whose modules run as child processes
-_LIMIT_OF_GROUP = Path("/sys/fs/cgroup/memory.max")  # of a container, or a job of a queue
+_GROUPS = ("sys/fs/cgroup", "memory.max")  # control groups of version 2: their folder, and the file of a limit
+_OLD_GROUPS = ("sys/fs/cgroup/memory", "memory.limit_in_bytes")  # of version 1
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ def memory_guard(limit: float | None, note: Callable[[str], None]) -> Iterator[N
     outside, and the other scenes continue.
 
     Args:
-        limit: Limit of the sum [GB]; None: `SHARE` of the memory of the machine or container.
+        limit: Limit of the sum [GB]; None: `SHARE` of the memory of the machine, container or job.
         note: Called with a line for people.
 
     Raises:
@@ -61,12 +62,25 @@ def memory_guard(limit: float | None, note: Callable[[str], None]) -> Iterator[N
         watcher.join()
 
 
-def machine_memory() -> float:
-    """Read the memory of the machine, or of the container if that is less [GB]."""
-    total = next(line for line in _read(Path("/proc/meminfo")).splitlines() if line.startswith("MemTotal:"))
-    machine = int(total.split()[1]) * 1024 / 1e9
-    group = _read(_LIMIT_OF_GROUP).strip()
-    return min(machine, int(group) / 1e9) if group.isdigit() else machine
+def machine_memory(root: Path = Path("/")) -> float:
+    """Read the memory of the machine, or of the container or the job of a queue if that is less [GB].
+
+    Args:
+        root: Folder that holds `proc` and `sys`.
+    """
+    total = next(line for line in _read(root / "proc/meminfo").splitlines() if line.startswith("MemTotal:"))
+    limits = [_read(file).strip() for file in _limit_files(root)]
+    return min([int(total.split()[1]) * 1024, *(int(limit) for limit in limits if limit.isdigit())]) / 1e9
+
+
+def _limit_files(root: Path) -> Iterator[Path]:
+    """List where this process's control groups and those above them state a limit: a job is below a group of others."""
+    for line in _read(root / "proc/self/cgroup").splitlines():
+        _, controllers, group = line.split(":", 2)
+        if not controllers or "memory" in controllers.split(","):
+            folder, name = _OLD_GROUPS if controllers else _GROUPS
+            place = PurePosixPath(group.lstrip("/"))
+            yield from (root / folder / above / name for above in (place, *place.parents))
 
 
 def processes_below(root: int) -> list[Resident]:

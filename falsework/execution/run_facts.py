@@ -35,14 +35,15 @@ def run_facts(root: Path, place: str, *, times: bool = True) -> RunFacts:
             "not a run: no scenario.toml with scenes", where=root, hint="Name an output folder of falsework run"
         )
     scenario = read_toml(root / "scenario.toml")
+    seed, count = int(scenario.get("seed", 0)), int(scenario.get("scenes", 1))
     scenes = sorted(path for path in root.glob("scenes/*") if path.is_dir())
     events = [event for told in read_events(root) if (event := _event(told)) is not None] if times else []
     return RunFacts(
         name=root.absolute().name,
         stages=STAGES,
-        wanted=int(scenario.get("scenes", 1)),
-        scenes=[_scene(path, place) for path in scenes],
-        failures=_failures(root, scenes, int(scenario.get("seed", 0)), int(scenario.get("scenes", 1))),
+        wanted=count,
+        scenes=[_scene(path, place) for path in scenes if _is_wanted(path.name, count)],
+        failures=[row for row in _failures(root, scenes, seed, count) if _is_wanted(row.scene, count)],
         events=events,
         settings=scenario,
     )
@@ -80,6 +81,11 @@ def _scene(folder: Path, place: str) -> SceneRow:
     return SceneRow(folder.name, results, clouds, cameras, page)
 
 
+def _is_wanted(name: str, count: int) -> bool:
+    """Tell whether a scene is one of the scenario, whose number of scenes may have been lowered; unknown ones are."""
+    return not name.isdecimal() or int(name) < count
+
+
 def _failures(root: Path, scenes: list[Path], seed: int, count: int) -> list[FailureRow]:
     """Read the records of failures; a record holds inputs or a seed, which identify the scene."""
     seeds = {scene_seed(seed, index): f"{index:04d}" for index in range(count)}
@@ -92,7 +98,10 @@ def _failures(root: Path, scenes: list[Path], seed: int, count: int) -> list[Fai
         try:
             record = read_json(path)
             scene = _scene_of(root, record.get("inputs", {}), owners)
-            scene = scene or seeds.get(record.get("settings", {}).get("seed", -1), "")
+            drawn = record.get("settings", {}).get("seed", -1)
+            if not scene and drawn != -1 and drawn not in seeds:  # of a former scene
+                continue
+            scene = scene or seeds.get(drawn, "")
             stage = str(record.get("stage", ""))
         except (OSError, InputError, AttributeError, TypeError, KeyError):
             scene, stage = "", ""

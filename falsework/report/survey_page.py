@@ -92,8 +92,8 @@ def _tiles(row: Mapping[str, Any]) -> list[dict[str, str]]:
     ]
 
 
-def _millimeters(length: float) -> str:
-    return f"{1e3 * length:.1f} mm" if np.isfinite(length) else "–"
+def _millimeters(length: float | None) -> str:
+    return "–" if length is None else f"{1e3 * length:.1f} mm"
 
 
 def _coverage(by_class: Mapping[str, float]) -> list[dict[str, str]]:

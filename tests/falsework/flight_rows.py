@@ -23,7 +23,7 @@ def judged_flight(word: str) -> dict[str, Any]:
         "clearance": 8.5,
         "overlap": 0.75,
         "linked": 0.5,
-        "sampling": [0.002, float("inf")],
+        "sampling": [0.002, None],
         "base_angle": 12.0,
         "by_class": {word: 0.2, "deck": 0.6},
         "warnings": [word],

@@ -53,6 +53,7 @@ CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
         lambda out: falsework.author(SCENARIO, NUMBER),
         r"out: not a path \(found 'int'\); allowed: a str or",
     ),
+    "a negative seed": (lambda out: falsework.render("x", out, seed=-1), r"seed: seed out of range \(found -1\)"),
     "bytes as stage": (lambda out: falsework.render(BYTES, out), r"stage: not a path \(found 'bytes'\)"),
     "a number as capture": (lambda out: falsework.reconstruct(NUMBER, out), "capture: not a path"),
     "a number as control": (lambda out: falsework.reconstruct(out, out, control=NUMBER), "control: not a path"),

@@ -23,6 +23,9 @@ LINES = {
     "run a -o out --workers x": r"run: --workers: not a whole number \(found 'x'\)\. See falsework run --help",
     "sample mesh s -o p --points 1.5": r"sample mesh: --points: not a whole number \(found '1\.5'\)\. See .*",
     "sample mesh s -o p --density x": r"sample mesh: --density: not a number \(found 'x'\)\. See .*",
+    "demo -o o --seed -1": r"--seed: seed out of range \(found -1\); allowed: 0 or more",
+    "render s -o o --seed -1": r"--seed: seed out of range .*",
+    "survey plan s --seed -1": r"--seed: seed out of range .*",
     "export d -o o --to lazz": r"export: --to: not one of the choices \(found 'lazz'\); allowed: laz, .*'laz'\?",
     "export . -o o --to laz --photographs .": r"--photographs: not with --to laz; allowed: only with colmap or .*",
     "export . -o o --to colmap --photographs .": r"--photographs: only for clouds: .*",
@@ -35,8 +38,11 @@ LINES = {
 
 
 @pytest.mark.parametrize("words", LINES)
-def test_wrong_words_are_one_line(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_words_are_one_line(
+    words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Which verb, which argument, what was found, and what to do; no frame, no traceback, and nothing else."""
+    monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit) as left:
         main(words.split())
     assert left.value.code == 2

@@ -295,6 +295,8 @@ def test_verb(
     assert (said["version"], said["stages"]["cloud"]["rejected"]) == (1, 1)
     assert json.loads(ask("plan", scenario, "-o", out, "--json", "--scenes", "1:2")[1])["made"] == 0
     assert "nothing to do: all 5 results exist already" in ask("plan", scenario, "-o", out, "--scenes", "1:2")[1]
+    assert "nothing to make: 3 results exist already" in ask("plan", scenario, "-o", out, "--scenes", "2:3")[1]
+    assert "0 results made, 3 existed already" in ask("run", scenario, "-o", out, "--scenes", "2:3")[1]
     monkeypatch.setattr(costs, "free_space", lambda path: 0)
     code, said = ask("run", scenario, "-o", out)
     assert (code, "0.0 MB are free" in said) == (4, True)

@@ -392,3 +392,7 @@ def test_a_run_tells_which_scene_was_rejected(
     assert "no_texture" in text
     assert "nothing to match" in text
     assert ("Removed: made, used and then removed" in text) == (keep is not None)
+    run_scenario(tiny_scenario(2, **({} if keep is None else {"keep": keep})), out, SILENT)
+    fewer = run_facts(out, "..")  # results and failures of scenes that the scenario no longer has are not counted
+    assert [scene.name for scene in fewer.scenes] == [scene.name for scene in facts.scenes if scene.name < "0002"]
+    assert fewer.failures == facts.failures[:1]

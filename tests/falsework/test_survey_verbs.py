@@ -116,6 +116,35 @@ def test_a_mix_is_one_capture(scene: Path, tmp_path: Path, capsys: pytest.Captur
     assert "Did you mean 'sampling'" in errors
 
 
+AWAY = """#usda 1.0
+(
+    metersPerUnit = 1
+    upAxis = "Z"
+)
+def Cube "Slab" {
+    custom string userProperties:class = "deck"
+}
+def Camera "Away" {
+    double3 xformOp:translate = (0, 0, 9)
+    float3 xformOp:rotateXYZ = (180, 0, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]
+}
+"""
+
+
+@pytest.mark.usefixtures("served")
+def test_flight_that_sees_nothing_is_scored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It has no sampling distance, on no page and in no answer; that is no fault of the stage."""
+    (tmp_path / "s.usda").write_text(AWAY)
+    page = tmp_path / "flight.html"
+    code, out, errors = _run(capsys, "score", tmp_path / "s.usda", "--no-propose", "-o", page)
+    assert code == 0, errors
+    assert "sampling    no image sees the bridge" in out
+    assert "– at the 95th percentile" in page.read_text()
+    code, out, _ = _run(capsys, "score", tmp_path / "s.usda", "--no-propose", "--json")
+    assert json.loads(out)["surveys"][0]["sampling"] == [None, None]
+
+
 CAMERA = """#usda 1.0
 over "World" {{
     def Xform "Rig" {{
