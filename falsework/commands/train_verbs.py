@@ -209,6 +209,8 @@ def _check_scores_file(output: Path, inputs: list[Path]) -> None:
 def _scored(facts: "ModelFacts", dataset: Path, split: str) -> "ScoredSource":
     """Open a split for a model; samples scaled differently from those of its training are refused."""
     source: Any = _split(dataset, split, facts.channels)
+    if split == "train":  # its samples are drawn at random, and differ from their truth, unless it is asked otherwise
+        source = source.unchanged()
     if not len(source):
         raise InputError(
             "this split has no samples",
