@@ -13,8 +13,8 @@ from falsework.commands.given_files import need_folder
 from groundwork.errors import InputError, MissingError
 from groundwork.output_place import output_place
 from groundwork.settings import parse_settings
+from learn.datasets.scan_units import Unit, Up
 from learn.device import Device
-from learn.predict.settings import Unit, Up
 
 if TYPE_CHECKING:
     from learn.predict.predict import Prediction

@@ -26,6 +26,7 @@ from learn.datasets.labeled_cloud import (
 )
 from learn.datasets.layout import MANIFEST, DatasetFacts, PieceRow, manifest_record, write_piece
 from learn.datasets.patch import Patch, Scaling
+from learn.datasets.scan_units import AS_STATED, ScanUnits
 from learn.datasets.settings import DatasetSettings
 from learn.datasets.split import SPLITS, TEST, TRAIN, split_at_random, split_bridges
 from learn.datasets.tiles import cut_tiles, thin, with_heights
@@ -50,6 +51,7 @@ class Source:
         bridge: Name of its bridge, for a scan that does not state it.
         seed: Seed of its scene; None where it is unknown.
         look: Hash of the files of its scene's looks; empty where it is unknown.
+        units: Unit and up axis of a scan.
     """
 
     path: Path
@@ -57,6 +59,7 @@ class Source:
     bridge: str = ""
     seed: int | None = None
     look: str = ""
+    units: ScanUnits = AS_STATED
 
 
 def build_dataset(
@@ -87,7 +90,7 @@ def build_dataset(
     counts = {split: np.zeros(256, np.int64) for split in SPLITS}
     present = set(INPUTS)
     for number, (source, facts) in enumerate(zip(sources, known, strict=True)):
-        cloud = read_labeled(source.path, source.class_map, table, progress, settings.moving)
+        cloud = read_labeled(source.path, source.class_map, table, progress, settings.moving, source.units)
         cloud = _with_noise(cloud, table, settings)
         present &= set(cloud.inputs)
         try:
@@ -119,7 +122,7 @@ def build_dataset(
 
 
 def _identified(source: Source) -> SourceFacts:
-    facts = identify(source.path, source.class_map, source.bridge)
+    facts = identify(source.path, source.class_map, source.bridge, source.units)
     return replace(facts, seed=source.seed, look=source.look)
 
 

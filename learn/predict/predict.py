@@ -15,13 +15,13 @@ from groundwork.output_file import check_output_file, fresh_file
 from groundwork.progress import SILENT, Progress
 from learn.datasets.build import tile_patch
 from learn.datasets.draws import count_draws, exhaustive_draw
+from learn.datasets.frame import Frame, choose_frame, contradiction
 from learn.datasets.labeled_cloud import HEIGHT
 from learn.datasets.patch import CHANNELS, Scaling, check_channels, make_sample
 from learn.datasets.tiles import cut_tiles, with_heights
 from learn.datasets.voxels import VoxelCloud, add_points, empty_cloud, lay_grid
 from learn.instances import Boxes, connected_parts
 from learn.predict.class_sum import sum_classes
-from learn.predict.frame import Frame, choose_frame, contradiction
 from learn.predict.model import PointModel
 from learn.predict.settings import PredictSettings
 from learn.sample import Sample

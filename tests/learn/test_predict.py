@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from falsework.cli import main
 from groundwork.errors import InputError
 from learn.datasets.build import Source, build_dataset
+from learn.datasets.frame import Frame, choose_frame, contradiction
 from learn.datasets.settings import dataset_settings
 from learn.datasets.stored import StoredSplit
 from learn.instances import connected_parts
 from learn.predict.class_sum import sum_classes
-from learn.predict.frame import Frame, choose_frame, contradiction
 from learn.predict.predict import predict_scan
 from learn.predict.settings import PredictSettings
 from recon.formats.laz import write_laz
