@@ -178,7 +178,7 @@ def evaluate(
                 f"the model was trained on {len(known)} of these bridges, so its scores are too good: "
                 + ", ".join(name[:12] for name in known)
             )
-        record = evaluate_model(_in_classes_of(source, trained), source, progress)
+        record = evaluate_model(_in_classes_of(source, trained), source, progress, _voxel(source))
     if output is not None:
         write_fresh_file(
             output, json.dumps(record, sort_keys=True, indent=2).encode() + b"\n", [model, dataset], _is_evaluation
@@ -241,6 +241,12 @@ def _in_classes_of(source: "SampleSource", trained: Any) -> Any:
     facts = trained.facts
     table = str(_facts(source).get("table", ""))
     return summed_model(trained, trained.classes, str(facts.data.get("table", "")), table, source.classes)
+
+
+def _voxel(source: "SampleSource") -> float:
+    """Return the side of the cubes that the clouds of a data set were thinned by [m]; 0 if they were not."""
+    settings = _facts(source).get("settings", {})
+    return float(settings["tile"]["voxel"]) if settings.get("mode") == "metric" else 0.0
 
 
 def _trained_on(facts: "ModelFacts", source: "SampleSource") -> list[str]:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from falsework.cli import main
-from falsework.commands.train_verbs import _scored
+from falsework.commands.train_verbs import _scored, _voxel
 from groundwork.errors import InputError
 from groundwork.progress import SILENT, Silent
 from learn.datasets.build import Source, build_dataset
@@ -168,7 +168,9 @@ def test_the_command_scores_training_samples_as_they_are(overlapping: Path) -> N
 
 def test_a_model_that_knows_the_truth_has_panoptic_quality_one(overlapping: Path) -> None:
     """Against the connected parts of the true classes every instance matches; those modelled are one a class here."""
-    record = evaluate_model(Knowing(), StoredSplit(overlapping, "test"), SILENT)
+    source = StoredSplit(overlapping, "test")
+    record = evaluate_model(Knowing(), source, SILENT, _voxel(source))
+    assert record["panoptic"]["link"] == 0.6  # its points are up to two cubes of 0.3 m apart
     assert record["panoptic"]["parts"]["mean"] == record["mean_iou"] == 1.0
     assert record["calibration_error"] == 0.0
     modelled = record["panoptic"]["modelled"]["classes"]
