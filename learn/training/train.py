@@ -22,7 +22,7 @@ from learn.losses import class_weights
 from learn.models.registry import build_network
 from learn.sample import UNLABELED, SampleSource
 from learn.trained import ModelFacts, as_probabilities, load_weights, read_facts, read_weights, write_model
-from learn.training.calibration import MOST_POINTS, fit_temperature
+from learn.training.calibration import fit_temperature, gather_scores
 from learn.training.checkpoint import read_checkpoint
 from learn.training.loader import EpochOrder, Loaded, collate, count_labels, expected_counts, hold_out
 from learn.training.settings import TrainSettings, recipe_of
@@ -347,19 +347,16 @@ def _best_weights(folder: Path) -> dict[str, Tensor]:
 
 def _temperature(network: Any, task: _Task) -> float:
     """Fit the temperature on the labeled points of the validation."""
-    samples, logits, labels, count = Loaded(task.validation, network.eval(), task.channels, 0), [], [], 0
-    for row in task.held:
+    samples = Loaded(task.validation, network.eval(), task.channels, 0)
+
+    def score(row: int) -> tuple[Tensor, Tensor]:
         item = collate([samples[0, row]])
         with torch.no_grad():
             found = network(item["features"], item["geometry"])[0]
         known = item["labels"][0] != UNLABELED
-        logits.append(found[known].double())
-        labels.append(item["labels"][0][known])
-        count += int(known.sum())
-        if count >= MOST_POINTS:
-            break
-    if not count:
+        return found[known].double(), item["labels"][0][known]
+
+    gathered = gather_scores(task.held, score)
+    if gathered is None:
         return 1.0
-    return fit_temperature(
-        torch.cat(logits), torch.cat(labels), lambda scores, by: as_probabilities(scores, task.noisy, by)
-    )
+    return fit_temperature(*gathered, lambda scores, by: as_probabilities(scores, task.noisy, by))
