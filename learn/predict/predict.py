@@ -86,7 +86,8 @@ def predict_scan(
         told = stream.unit if said is None else said or None
         frame = choose_frame(told, settings, source)
         cloud = thin_stream(stream, frame, model, settings.chunk, source)
-        classes, sure = summing.decide(vote(cloud, model, settings.batch, progress), settings.min_confidence)
+        summed = vote(cloud, model, settings.batch, progress, summing.matrix)
+        classes, sure = summing.decide(summed, settings.min_confidence)
         instance = connected_parts(cloud.coord, classes, settings.link, settings.fewest, summing.background)
         boxes = Boxes(int(instance.max(initial=0)))
         counts = np.zeros(256, np.int64)
@@ -213,7 +214,9 @@ def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int,
     return cloud
 
 
-def vote(cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = SILENT) -> F32:
+def vote(
+    cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = SILENT, matrix: F32 | None = None
+) -> F32:
     """Predict draws of every tile until all points are drawn, and average the probabilities of each point.
 
     Args:
@@ -221,13 +224,15 @@ def vote(cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = 
         model: What knows the classes.
         batch: Samples per call of the model.
         progress: Listener.
+        matrix: Mapping of the model's classes to others [1], shape (K, T), float32; their sums need less memory where
+            these are fewer. None keeps the model's classes, and T is K.
 
     Returns:
-        Probabilities of the model's classes [1], shape (V, K), float32.
+        Probabilities [1], shape (V, T), float32.
     """
     if HEIGHT in model.channels:
         cloud = with_heights(cloud, model.tile)
-    total = np.zeros((len(cloud), len(model.classes)), np.float32)
+    total = np.zeros((len(cloud), len(model.classes) if matrix is None else matrix.shape[1]), np.float32)
     seen = np.zeros(len(cloud), np.float32)
     overlap = round(model.tile.size / model.tile.stride) ** 2  # number of tiles that hold each point
     progress.stage("predict", overlap * len(cloud))
@@ -243,7 +248,7 @@ def vote(cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = 
                     value=told.shape,
                     allowed=str((len(rows), len(model.classes))),
                 )
-            np.add.at(total, rows, told)
+            np.add.at(total, rows, told if matrix is None else told @ matrix)
             np.add.at(seen, rows, np.float32(1.0))
         waiting.clear()
 
