@@ -144,3 +144,13 @@ def test_features_tell_lines_planes_and_walls_apart() -> None:
     cloud = rng.random((300, 3)).astype(np.float32)
     turned = (cloud @ Rotation.from_euler("z", 0.7).as_matrix().T).astype(np.float32)
     assert np.allclose(covariance_features(cloud, (20,)), covariance_features(turned, (20,)), atol=1e-3)
+
+
+def test_repeated_points_are_no_neighbors() -> None:
+    """A draw that is filled up with repetitions has the features of its points."""
+    rng = np.random.default_rng(1)
+    cloud = rng.random((40, 3)).astype(np.float32)
+    rows = np.concatenate([rng.permutation(40) for _ in range(20)])
+    assert np.allclose(
+        covariance_features(cloud[rows], (10, 30)), covariance_features(cloud, (10, 30))[rows], atol=1e-5
+    )
