@@ -84,6 +84,7 @@ def build_dataset(
     table = own_table(list(settings.own)) if own else class_table(settings.table, settings.noisy_class)
     known = [_identified(source) for source in sources]
     _check_sources(sources, known)
+    _note_unnamed(sources, settings, progress)
     splits = split_bridges(known, settings)
     progress.stage("data set", len(sources))
     pieces: list[PieceRow] = []
@@ -150,6 +151,16 @@ def _note_shared(
             progress.note(
                 f"the test has {words} in common with the training: {', '.join(names)}; its scores may be too good"
             )
+
+
+def _note_unnamed(sources: Sequence[Source], settings: DatasetSettings, progress: Progress) -> None:
+    """Report that scans without the name of their bridge count as different bridges."""
+    unnamed = [source for source in sources if source.class_map is not None and not source.bridge]
+    if len(unnamed) > 1 and settings.split == "bridge":
+        progress.note(
+            f"{len(unnamed)} scans count as different bridges: if some show the same one, they may be in different "
+            "splits; name the bridge of each source with --bridge"
+        )
 
 
 def _with_own_classes(settings: DatasetSettings, sources: Sequence[Source]) -> DatasetSettings:

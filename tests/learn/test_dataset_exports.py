@@ -198,6 +198,21 @@ def test_a_scan_is_read_in_the_unit_that_it_states_or_that_is_given(tmp_path: Pa
     assert identify(tmp_path / "a.txt", plain).digest != identify(tmp_path / "a.txt", plain, units=units).digest
 
 
+def test_scans_without_the_name_of_their_bridge_are_told(tmp_path: Path) -> None:
+    """Two scans of one bridge could be in two splits: said unless the bridges are named, or all is split at random."""
+    known, rng = read_class_map("kim2023"), np.random.default_rng(3)
+    rows = np.column_stack([rng.uniform(0, 9, (200, 3)), np.zeros((200, 3)), rng.integers(0, 4, 200)])
+    for name in ("a", "b"):
+        np.savetxt(tmp_path / f"{name}.txt", rows + (name == "b"), "%d")
+    for names, split, said in (("", ""), "bridge", True), (("x", "y"), "bridge", False), (("", ""), "random", False):
+        folder, told = tmp_path / f"{split}{names[0]}", Notes()
+        folder.mkdir()
+        sources = [Source(tmp_path / f"{file}.txt", known, name) for file, name in zip("ab", names, strict=True)]
+        settings = dataset_settings("local", {**SMALL, "fewest": 1, "split": split, "shares": (1.0, 0.0, 0.0)}, "test")
+        build_dataset(sources, folder, settings, told)
+        assert any("2 scans count as different bridges" in note for note in told.notes) == said
+
+
 def test_a_class_map_names_any_column(tmp_path: Path) -> None:
     """A property of PLY, a dimension or a standard field of LAS, a field of an array, a named column of text."""
     rng = np.random.default_rng(4)
