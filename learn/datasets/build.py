@@ -212,7 +212,8 @@ def _rows(
     cloud: LabeledCloud, number: int, facts: SourceFacts, settings: DatasetSettings, splits: Mapping[str, str]
 ) -> Iterator[tuple[PieceRow, Patch]]:
     """Cut a cloud into pieces that are large enough, each with its row in the manifest."""
-    for place, (patch, draws) in enumerate(_pieces(cloud, facts, settings, splits.get(facts.bridge, ""))):
+    first = _split_of(facts, 0, settings, splits)  # that of the only piece, where the split affects its points
+    for place, (patch, draws) in enumerate(_pieces(cloud, facts, settings, first)):
         split = _split_of(facts, place, settings, splits)
         patch = _for_split(patch, split, settings)
         if len(patch) >= settings.fewest:

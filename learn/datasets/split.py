@@ -66,12 +66,14 @@ def _counts(total: int, shares: tuple[float, float, float]) -> list[int]:
 def split_at_random(source: SourceFacts, number: int, settings: DatasetSettings) -> str:
     """Draw the split of one piece at random: overlapping pieces of a bridge may be in different splits.
 
+    Bridges that are reserved for the test, or must not be used for training, are in the test.
+
     Args:
         source: Its source.
         number: Number of the piece in the source.
-        settings: Shares and seed.
+        settings: Shares, seed and bridges for the test.
     """
-    if source.evaluate_only or source.test:
+    if source.evaluate_only or source.test or source.bridge.startswith(settings.test):
         return TEST
     drawn = int(digest([settings.seed, source.digest, number])[:12], 16) / 16**12
     return SPLITS[int(np.searchsorted(np.cumsum(settings.shares)[:2], drawn, side="right"))]
