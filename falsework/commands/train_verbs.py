@@ -1,7 +1,6 @@
 """The verbs of learning: train a model on a data set, and score a model."""
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -81,6 +80,8 @@ def train(
         begun := _begun(init),
         set,
     )
+    if settings.freeze_encoder and settings.model == "forest":
+        raise InputError("a forest has no encoder", field="--freeze-encoder", value=True, hint="Leave it out")
     if init is not None and settings.model == "forest":
         raise InputError(
             "a forest cannot start from another model", field="--init", value=init, hint="Leave --init out"
@@ -208,6 +209,8 @@ def _check_scores_file(output: Path, inputs: list[Path]) -> None:
 
 def _scored(facts: "ModelFacts", dataset: Path, split: str) -> "ScoredSource":
     """Open a split for a model; samples scaled differently from those of its training are refused."""
+    from learn.trained import check_scaling
+
     source: Any = _split(dataset, split, facts.channels)
     if split == "train":  # its samples are drawn at random, and differ from their truth, unless it is asked otherwise
         source = source.unchanged()
@@ -219,20 +222,8 @@ def _scored(facts: "ModelFacts", dataset: Path, split: str) -> "ScoredSource":
             value=split,
             hint="Name another split, or make the data set with bridges for this one",
         )
-    before, now = facts.data.get("scaling"), _facts(source).get("scaling")
-    if before and now and dict(before) != dict(now):
-        raise InputError(
-            "the samples have another scale than those of the model's training",
-            where=dataset,
-            field="tile.scale",
-            value=_spelled(now),
-            allowed=_spelled(before),
-        )
+    check_scaling(facts, _facts(source), dataset)
     return source
-
-
-def _spelled(scaling: Mapping[str, Any]) -> str:
-    return f"{scaling.get('kind')} {scaling.get('length')}"
 
 
 def _in_classes_of(source: "SampleSource", trained: Any) -> Any:
