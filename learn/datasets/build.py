@@ -105,13 +105,7 @@ def build_dataset(
         progress.advance(number + 1)
     _note_empty(pieces, splits, settings, progress)
     _note_shared(pieces, known, settings, progress)
-    if not any(row.split == TRAIN for row in pieces) and not all(facts.evaluate_only for facts in known):
-        raise InputError(
-            "no piece is left to train on",
-            field="fewest",
-            value=settings.fewest,
-            hint="Give more clouds, or lower fewest",
-        )
+    _check_training(pieces, known, settings)
     present |= {HEIGHT} if settings.mode == "metric" else set()
     inputs = tuple(name for name in PIECE_INPUTS if name in present)
     whole = DatasetFacts(
@@ -151,6 +145,25 @@ def _note_shared(
             progress.note(
                 f"the test has {words} in common with the training: {', '.join(names)}; its scores may be too good"
             )
+
+
+def _check_training(pieces: Sequence[PieceRow], known: Sequence[SourceFacts], settings: DatasetSettings) -> None:
+    """Refuse a data set without a training piece, unless its sources must not be trained on."""
+    if any(row.split == TRAIN for row in pieces) or all(facts.evaluate_only for facts in known):
+        return
+    if not settings.shares[0]:
+        raise InputError(
+            "no piece is left to train on, because the share of train is 0",
+            field="shares",
+            value=settings.shares,
+            hint="Give train a share",
+        )
+    raise InputError(
+        "no piece is left to train on",
+        field="fewest",
+        value=settings.fewest,
+        hint="Give more clouds, or lower fewest",
+    )
 
 
 def _note_unnamed(sources: Sequence[Source], settings: DatasetSettings, progress: Progress) -> None:

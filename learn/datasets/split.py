@@ -44,7 +44,8 @@ def split_bridges(sources: Sequence[SourceFacts], settings: DatasetSettings) -> 
     free = [bridge for bridge in bridges if bridge not in held]
     train, val, test = settings.shares
     if held:  # the test has its bridges: the rest is divided between the other two
-        train, val, test = train / max(train + val, 1e-9), val / max(train + val, 1e-9), 0.0
+        rest = train + val
+        train, val, test = (train / rest, val / rest, 0.0) if rest > 0 else (0.0, 0.0, 1.0)
     counts = _counts(len(free), (train, val, test))
     names = [name for name, count in zip(SPLITS, counts, strict=True) for _ in range(count)]
     return {**dict(zip(free, names, strict=True)), **dict.fromkeys(sorted(held), TEST)}

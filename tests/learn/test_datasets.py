@@ -298,6 +298,8 @@ def test_bridges_are_split_by_hash_alone(clouds: list[Path]) -> None:
     named = split_bridges(known, settings(test=["07", "11", "02"]))
     assert {bridge for bridge, split in named.items() if split == "test"} == {"02", "07", "11"}
     assert [list(named.values()).count(name) for name in ("train", "val")] == [13, 4]
+    held = split_bridges(known, settings(test=["07"], shares=(0.0, 0.0, 1.0)))
+    assert set(held.values()) == {"test"}  # nothing else is wanted
     with pytest.raises(InputError, match="exactly one bridge"):
         split_bridges(known, settings(test=["0"]))
 
