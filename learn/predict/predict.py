@@ -20,6 +20,7 @@ from learn.datasets.labeled_cloud import HEIGHT
 from learn.datasets.patch import CHANNELS, Scaling, check_channels, make_sample
 from learn.datasets.tiles import cut_tiles, with_heights
 from learn.datasets.voxels import VoxelCloud, add_points, empty_cloud, lay_grid
+from learn.instance_defaults import least_link
 from learn.instances import Boxes, connected_parts
 from learn.predict.class_sum import sum_classes
 from learn.predict.model import PointModel
@@ -79,7 +80,7 @@ def predict_scan(
     former = _boxes_record(out.with_suffix(BOXES))
     _check_outputs(source, out, former)
     check_copy(file, out)
-    _check_link(settings, model)
+    link = _link_of(settings, model)
     ids = tuple(getattr(model, "ids", ()))  # of a user's own classes, which have their own numbers
     summing = sum_classes(model.classes, model.table, settings.table, settings.classes, ids)
     with open_scan(file, progress=progress) as stream:
@@ -88,7 +89,7 @@ def predict_scan(
         cloud = thin_stream(stream, frame, model, settings.chunk, source)
         summed = vote(cloud, model, settings.batch, progress, summing.matrix)
         classes, sure = summing.decide(summed, settings.min_confidence)
-        instance = connected_parts(cloud.coord, classes, settings.link, settings.fewest, summing.background)
+        instance = connected_parts(cloud.coord, classes, link, settings.fewest, summing.background)
         boxes = Boxes(int(instance.max(initial=0)))
         counts = np.zeros(256, np.int64)
 
@@ -126,7 +127,9 @@ def _check_outputs(source: Path, out: Path, former: dict[str, Any]) -> None:
     check_output_file(out, [source], lambda path: _is_former(former, path))
 
 
-def _check_link(settings: PredictSettings, model: PointModel) -> None:
+def _link_of(settings: PredictSettings, model: PointModel) -> float:
+    if settings.link is None:
+        return least_link(model.tile.voxel)
     if settings.link < model.tile.voxel:
         raise InputError(
             "is smaller than the model's voxel",
@@ -134,6 +137,7 @@ def _check_link(settings: PredictSettings, model: PointModel) -> None:
             value=settings.link,
             allowed=f"at least {model.tile.voxel:g} m",
         )
+    return settings.link
 
 
 @contextmanager

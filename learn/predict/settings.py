@@ -3,7 +3,7 @@
 from pydantic import Field
 
 from learn.datasets.scan_units import ScanUnits
-from learn.instance_defaults import FEWEST, LINK
+from learn.instance_defaults import FEWEST
 
 
 class PredictSettings(ScanUnits):
@@ -14,12 +14,12 @@ class PredictSettings(ScanUnits):
     min_confidence: float = Field(
         default=0.0, ge=0.0, le=1.0, description="Least confidence; other points become 255 [1]"
     )
-    link: float = Field(
-        default=LINK,
+    link: float | None = Field(
+        default=None,
         gt=0.0,
         le=100.0,
         description="Side of the cubes by which instances are found: points of a class in touching cubes are "
-        "connected [m]",
+        "connected [m]; left out: 0.3, or twice the model's voxel if that is more",
     )
     fewest: int = Field(default=FEWEST, ge=1, description="Least number of thinned points of an instance [1]")
     batch: int = Field(default=8, ge=1, le=1024, description="Number of samples that the model gets at once [1]")

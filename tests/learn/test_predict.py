@@ -319,6 +319,10 @@ def test_boxes_hold_their_instances(tmp_path: Path) -> None:
         assert set(np.asarray(las["predicted_class"])[mine]) == {row["class_id"]}
         assert row["class"] == ("background", "column", "pier_cap", "deck")[row["class_id"]]
     assert {row["class"] for row in stored["instances"]} == {"column", "pier_cap", "deck"}
+    coarse = ColorModel(tile=TileSettings(voxel=0.5))  # more than the usual 0.3 m: twice that by default
+    chosen = [PredictSettings(), PredictSettings(link=1.0)]
+    made = [predict_scan(tmp_path / "a.las", tmp_path / "c.las", coarse, one).instances for one in chosen]
+    assert made[0] == made[1] > 0
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
