@@ -72,6 +72,7 @@ def train(
     """
     if demo:
         given = {"dataset": dataset, "--model": model, "--channels": channels, "--init": init, "--set": set}
+        given |= {"--recipe": recipe != "modern", "--batch": batch != 8, "--freeze-encoder": freeze_encoder}
         return _demo(output, seed, epochs, [name for name, value in given.items() if value], as_json)
     dataset = _given(dataset)
     settings = _settings(

@@ -265,3 +265,10 @@ def test_the_command_line_trains_and_evaluates(tmp_path: Path, capsys: pytest.Ca
     assert "pointnet2-ssg" in capsys.readouterr().err
     assert call("evaluate", tmp_path, data) == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_the_demo_refuses_options_that_it_would_ignore(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Recipe, batch and a frozen encoder are its own, as the other options are."""
+    for words in (("--recipe", "paper"), ("--batch", 4), ("--freeze-encoder",)):
+        assert call("train", "--demo", "-o", tmp_path / "model", *words) == 2
+        assert f"{words[0]}: not allowed with --demo" in capsys.readouterr().err
