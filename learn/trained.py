@@ -339,6 +339,28 @@ def read_network(folder: Path, device: Device = "cpu") -> TrainedNetwork:
     return TrainedNetwork(facts, module.to(torch_device(device)).eval())
 
 
+def check_scaling(facts: ModelFacts, data: Mapping[str, Any], where: Path) -> None:
+    """Refuse samples that are scaled differently from those of a model's training.
+
+    Args:
+        facts: The model.
+        data: How the samples were made.
+        where: Data set or model, for the error message.
+
+    Raises:
+        InputError: Another scale.
+    """
+    before, now = facts.data.get("scaling"), data.get("scaling")
+    if before and now and dict(before) != dict(now):
+        raise InputError(
+            "the samples have another scale than those of the model's training",
+            where=where,
+            field="tile.scale",
+            value=f"{now.get('kind')} {now.get('length')}",
+            allowed=f"{before.get('kind')} {before.get('length')}",
+        )
+
+
 def load_weights(module: nn.Module, weights: Mapping[str, Tensor], where: Path) -> None:
     """Load weights into a network.
 

@@ -19,10 +19,11 @@ from benchmarks.page import write_page
 from benchmarks.shipped.model import bridge_of
 from benchmarks.shipped.scan_scores import TABLES, Labeled, Scan, label_scan, mean_iou_of_seen, read_labeled_scan
 from learn.datasets.class_tables import class_table
+from learn.datasets.scan_units import UNITS
 from learn.datasets.varied import tilt_about
 from learn.metrics import confusion
 from learn.predict.model import PointModel, named_model
-from learn.predict.settings import UNITS, PredictSettings
+from learn.predict.settings import PredictSettings
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

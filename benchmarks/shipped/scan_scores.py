@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.datasets.class_tables import class_table, labels_of_cloud
+from learn.datasets.frame import choose_frame
 from learn.datasets.voxels import VoxelCloud, add_points, empty_cloud, lay_grid
 from learn.metrics import confusion, scores
 from learn.predict.class_sum import sum_classes
-from learn.predict.frame import choose_frame
 from learn.predict.model import PointModel
 from learn.predict.predict import vote
 from learn.predict.settings import PredictSettings

@@ -14,6 +14,8 @@ from falsework.commands.origins import origin_of
 from groundwork.errors import InputError, MissingError
 from groundwork.output_folder import fresh_output
 from groundwork.output_reading import reading
+from groundwork.settings import parse_settings
+from learn.datasets.scan_units import AS_STATED, ScanUnits, Unit, Up
 
 Sources = tyro.conf.Positional[tuple[Path, ...]]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
@@ -29,6 +31,9 @@ def local(
     split: Literal["bridge", "random"] = "bridge",
     class_map: str = "",
     bridge: Given = (),
+    unit: Unit | None = None,
+    scale: float | None = None,
+    up: Up = "z",
     seed: int = 0,
     set: Given = (),
     as_json: AsJson = False,
@@ -43,12 +48,22 @@ def local(
         split: Hold out whole bridges, or pieces at random as in the paper.
         class_map: Meaning of the class numbers of a scan: a map of the package, or a .toml or .json file.
         bridge: Name of the bridge of each source, if it does not state one; once for each source, in their order.
+        unit: Unit of the coordinates of the scans; overrides the unit that a scan states.
+        scale: Meters per unit, for scans without a scale.
+        up: Axis of the scans that points up.
         seed: Seed of splits and draws.
         set: A further setting, such as `points=2048` or `tile.size=8.0`; may be given more than once.
         as_json: Print one JSON object instead of lines.
     """
     values = {"mode": mode, "table": table, "split": split, "seed": seed}
-    return _build("local", _Clouds(sources, class_map, bridge), output, values, set, as_json)
+    return _build(
+        "local",
+        _Clouds(sources, class_map, bridge, {"unit": unit, "scale": scale, "up": up}),
+        output,
+        values,
+        set,
+        as_json,
+    )
 
 
 def whole(
@@ -61,6 +76,9 @@ def whole(
     stratified: int = 0,
     class_map: str = "",
     bridge: Given = (),
+    unit: Unit | None = None,
+    scale: float | None = None,
+    up: Up = "z",
     seed: int = 0,
     set: Given = (),
     as_json: AsJson = False,
@@ -76,12 +94,22 @@ def whole(
         stratified: Least number of points of each class in a training draw, if the piece has them; 0: no minimum.
         class_map: Meaning of the class numbers of a scan: a map of the package, or a .toml or .json file.
         bridge: Name of the bridge of each source, if it does not state one; once for each source, in their order.
+        unit: Unit of the coordinates of the scans; overrides the unit that a scan states.
+        scale: Meters per unit, for scans without a scale.
+        up: Axis of the scans that points up.
         seed: Seed of splits and draws.
         set: A further setting, such as `points=32768` or `noisy=0.03`; may be given more than once.
         as_json: Print one JSON object instead of lines.
     """
     values = {"mode": mode, "table": table, "split": split, "seed": seed, "stratified": stratified}
-    return _build("global", _Clouds(sources, class_map, bridge), output, values, set, as_json)
+    return _build(
+        "global",
+        _Clouds(sources, class_map, bridge, {"unit": unit, "scale": scale, "up": up}),
+        output,
+        values,
+        set,
+        as_json,
+    )
 
 
 def export(
@@ -148,11 +176,12 @@ def demo(output: Output, *, photographs: bool = False, as_json: AsJson = False) 
 
 @dataclass(frozen=True)
 class _Clouds:
-    """Sources of a data set: files and folders, class map of the scans, and names of their bridges."""
+    """Sources of a data set: files and folders, class map and units of the scans, and names of their bridges."""
 
     sources: tuple[Path, ...]
     class_map: str
     bridges: tuple[str, ...]
+    units: dict[str, Any]
 
 
 def _build(
@@ -177,8 +206,9 @@ def _build(
         raise InputError(
             "one name is needed for each source", field="--bridge", value=len(bridges), allowed=str(len(paths))
         )
+    units = _units(clouds.units, paths)
     named = [
-        Source(path, None if path.is_dir() else known, name, *origin_of(path))
+        Source(path, None if path.is_dir() else known, name, *origin_of(path), units)
         for path, name in zip(paths, bridges or [""] * len(paths), strict=True)
     ]
 
@@ -188,6 +218,18 @@ def _build(
     with ConsoleProgress() as progress, reading(*paths):
         fresh_output(output, "dataset", write, inputs=paths)
     return tell(_facts(output) if as_json else {}, [f"dataset {output}"], as_json)
+
+
+def _units(given: dict[str, Any], paths: list[Path]) -> ScanUnits:
+    """Read the unit of the scans; without a scan none may be given, because clouds are in meters."""
+    units = parse_settings(ScanUnits, given, "dataset")
+    if units != AS_STATED and all(path.is_dir() for path in paths):
+        raise InputError(
+            "is given, and no source is a scan: clouds are in meters, z up",
+            field=next(f"--{name}" for name in given if getattr(units, name) != getattr(AS_STATED, name)),
+            hint="Leave it out",
+        )
+    return units
 
 
 def _facts(dataset: Path) -> dict[str, Any]:

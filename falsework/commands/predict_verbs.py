@@ -13,8 +13,8 @@ from falsework.commands.given_files import need_folder
 from groundwork.errors import InputError, MissingError
 from groundwork.output_place import output_place
 from groundwork.settings import parse_settings
+from learn.datasets.scan_units import Unit, Up
 from learn.device import Device
-from learn.predict.settings import Unit, Up
 
 if TYPE_CHECKING:
     from learn.predict.predict import Prediction
@@ -31,7 +31,7 @@ def predict(
     table: str = "",
     classes: tuple[str, ...] = (),
     min_confidence: float = 0.0,
-    link: float = 0.3,
+    link: float | None = None,
     chunk: int = 2_000_000,
     device: Device = "cpu",
     as_json: AsJson = False,
@@ -53,7 +53,8 @@ def predict(
             components.
         classes: Classes to write; points of others get 255.
         min_confidence: Points with a lower confidence get class 255.
-        link: Points of a class in touching cubes of this side are one instance [m].
+        link: Points of a class in touching cubes of this side are one instance [m]; default: 0.3, or twice the model's
+            voxel if that is more.
         chunk: Number of points of the scan in memory at once.
         device: Where a network computes: cpu, whose labels are the same bytes each time, gpu, or auto: a GPU if torch
             finds one.

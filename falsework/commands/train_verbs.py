@@ -1,7 +1,6 @@
 """The verbs of learning: train a model on a data set, and score a model."""
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -73,6 +72,7 @@ def train(
     """
     if demo:
         given = {"dataset": dataset, "--model": model, "--channels": channels, "--init": init, "--set": set}
+        given |= {"--recipe": recipe != "modern", "--batch": batch != 8, "--freeze-encoder": freeze_encoder}
         return _demo(output, seed, epochs, [name for name, value in given.items() if value], as_json)
     dataset = _given(dataset)
     settings = _settings(
@@ -81,6 +81,8 @@ def train(
         begun := _begun(init),
         set,
     )
+    if settings.freeze_encoder and settings.model == "forest":
+        raise InputError("a forest has no encoder", field="--freeze-encoder", value=True, hint="Leave it out")
     if init is not None and settings.model == "forest":
         raise InputError(
             "a forest cannot start from another model", field="--init", value=init, hint="Leave --init out"
@@ -178,7 +180,7 @@ def evaluate(
                 f"the model was trained on {len(known)} of these bridges, so its scores are too good: "
                 + ", ".join(name[:12] for name in known)
             )
-        record = evaluate_model(_in_classes_of(source, trained), source, progress)
+        record = evaluate_model(_in_classes_of(source, trained), source, progress, _voxel(source))
     if output is not None:
         write_fresh_file(
             output, json.dumps(record, sort_keys=True, indent=2).encode() + b"\n", [model, dataset], _is_evaluation
@@ -208,7 +210,11 @@ def _check_scores_file(output: Path, inputs: list[Path]) -> None:
 
 def _scored(facts: "ModelFacts", dataset: Path, split: str) -> "ScoredSource":
     """Open a split for a model; samples scaled differently from those of its training are refused."""
+    from learn.trained import check_scaling
+
     source: Any = _split(dataset, split, facts.channels)
+    if split == "train":  # its samples are drawn at random, and differ from their truth, unless it is asked otherwise
+        source = source.unchanged()
     if not len(source):
         raise InputError(
             "this split has no samples",
@@ -217,20 +223,8 @@ def _scored(facts: "ModelFacts", dataset: Path, split: str) -> "ScoredSource":
             value=split,
             hint="Name another split, or make the data set with bridges for this one",
         )
-    before, now = facts.data.get("scaling"), _facts(source).get("scaling")
-    if before and now and dict(before) != dict(now):
-        raise InputError(
-            "the samples have another scale than those of the model's training",
-            where=dataset,
-            field="tile.scale",
-            value=_spelled(now),
-            allowed=_spelled(before),
-        )
+    check_scaling(facts, _facts(source), dataset)
     return source
-
-
-def _spelled(scaling: Mapping[str, Any]) -> str:
-    return f"{scaling.get('kind')} {scaling.get('length')}"
 
 
 def _in_classes_of(source: "SampleSource", trained: Any) -> Any:
@@ -239,6 +233,12 @@ def _in_classes_of(source: "SampleSource", trained: Any) -> Any:
     facts = trained.facts
     table = str(_facts(source).get("table", ""))
     return summed_model(trained, trained.classes, str(facts.data.get("table", "")), table, source.classes)
+
+
+def _voxel(source: "SampleSource") -> float:
+    """Return the side of the cubes that the clouds of a data set were thinned by [m]; 0 if they were not."""
+    settings = _facts(source).get("settings", {})
+    return float(settings["tile"]["voxel"]) if settings.get("mode") == "metric" else 0.0
 
 
 def _trained_on(facts: "ModelFacts", source: "SampleSource") -> list[str]:

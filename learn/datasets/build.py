@@ -26,6 +26,7 @@ from learn.datasets.labeled_cloud import (
 )
 from learn.datasets.layout import MANIFEST, DatasetFacts, PieceRow, manifest_record, write_piece
 from learn.datasets.patch import Patch, Scaling
+from learn.datasets.scan_units import AS_STATED, ScanUnits
 from learn.datasets.settings import DatasetSettings
 from learn.datasets.split import SPLITS, TEST, TRAIN, split_at_random, split_bridges
 from learn.datasets.tiles import cut_tiles, thin, with_heights
@@ -50,6 +51,7 @@ class Source:
         bridge: Name of its bridge, for a scan that does not state it.
         seed: Seed of its scene; None where it is unknown.
         look: Hash of the files of its scene's looks; empty where it is unknown.
+        units: Unit and up axis of a scan.
     """
 
     path: Path
@@ -57,6 +59,7 @@ class Source:
     bridge: str = ""
     seed: int | None = None
     look: str = ""
+    units: ScanUnits = AS_STATED
 
 
 def build_dataset(
@@ -81,13 +84,14 @@ def build_dataset(
     table = own_table(list(settings.own)) if own else class_table(settings.table, settings.noisy_class)
     known = [_identified(source) for source in sources]
     _check_sources(sources, known)
+    _note_unnamed(sources, settings, progress)
     splits = split_bridges(known, settings)
     progress.stage("data set", len(sources))
     pieces: list[PieceRow] = []
     counts = {split: np.zeros(256, np.int64) for split in SPLITS}
     present = set(INPUTS)
     for number, (source, facts) in enumerate(zip(sources, known, strict=True)):
-        cloud = read_labeled(source.path, source.class_map, table, progress, settings.moving)
+        cloud = read_labeled(source.path, source.class_map, table, progress, settings.moving, source.units)
         cloud = _with_noise(cloud, table, settings)
         present &= set(cloud.inputs)
         try:
@@ -101,13 +105,7 @@ def build_dataset(
         progress.advance(number + 1)
     _note_empty(pieces, splits, settings, progress)
     _note_shared(pieces, known, settings, progress)
-    if not any(row.split == TRAIN for row in pieces) and not all(facts.evaluate_only for facts in known):
-        raise InputError(
-            "no piece is left to train on",
-            field="fewest",
-            value=settings.fewest,
-            hint="Give more clouds, or lower fewest",
-        )
+    _check_training(pieces, known, settings)
     present |= {HEIGHT} if settings.mode == "metric" else set()
     inputs = tuple(name for name in PIECE_INPUTS if name in present)
     whole = DatasetFacts(
@@ -119,7 +117,7 @@ def build_dataset(
 
 
 def _identified(source: Source) -> SourceFacts:
-    facts = identify(source.path, source.class_map, source.bridge)
+    facts = identify(source.path, source.class_map, source.bridge, source.units)
     return replace(facts, seed=source.seed, look=source.look)
 
 
@@ -147,6 +145,35 @@ def _note_shared(
             progress.note(
                 f"the test has {words} in common with the training: {', '.join(names)}; its scores may be too good"
             )
+
+
+def _check_training(pieces: Sequence[PieceRow], known: Sequence[SourceFacts], settings: DatasetSettings) -> None:
+    """Refuse a data set without a training piece, unless its sources must not be trained on."""
+    if any(row.split == TRAIN for row in pieces) or all(facts.evaluate_only for facts in known):
+        return
+    if not settings.shares[0]:
+        raise InputError(
+            "no piece is left to train on, because the share of train is 0",
+            field="shares",
+            value=settings.shares,
+            hint="Give train a share",
+        )
+    raise InputError(
+        "no piece is left to train on",
+        field="fewest",
+        value=settings.fewest,
+        hint="Give more clouds, or lower fewest",
+    )
+
+
+def _note_unnamed(sources: Sequence[Source], settings: DatasetSettings, progress: Progress) -> None:
+    """Report that scans without the name of their bridge count as different bridges."""
+    unnamed = [source for source in sources if source.class_map is not None and not source.bridge]
+    if len(unnamed) > 1 and settings.split == "bridge":
+        progress.note(
+            f"{len(unnamed)} scans count as different bridges: if some show the same one, they may be in different "
+            "splits; name the bridge of each source with --bridge"
+        )
 
 
 def _with_own_classes(settings: DatasetSettings, sources: Sequence[Source]) -> DatasetSettings:
@@ -198,7 +225,8 @@ def _rows(
     cloud: LabeledCloud, number: int, facts: SourceFacts, settings: DatasetSettings, splits: Mapping[str, str]
 ) -> Iterator[tuple[PieceRow, Patch]]:
     """Cut a cloud into pieces that are large enough, each with its row in the manifest."""
-    for place, (patch, draws) in enumerate(_pieces(cloud, facts, settings, splits.get(facts.bridge, ""))):
+    first = _split_of(facts, 0, settings, splits)  # that of the only piece, where the split affects its points
+    for place, (patch, draws) in enumerate(_pieces(cloud, facts, settings, first)):
         split = _split_of(facts, place, settings, splits)
         patch = _for_split(patch, split, settings)
         if len(patch) >= settings.fewest:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from groundwork.canonical import canonical_json
 from groundwork.errors import InputError
 from groundwork.files import space_errors, write_text
+from groundwork.slug import slug
 from learn.datasets.layout import DatasetFacts, PieceRow, read_facts, read_piece
 from learn.datasets.patch import Patch
 from learn.datasets.split import SPLITS
@@ -54,7 +55,7 @@ def write_s3dis(folder: Path, facts: DatasetFacts, out: Path) -> list[str]:
     Returns:
         What to open.
     """
-    names = [name.replace("_", "") for name in facts.classes]
+    names = [slug(name.replace("_", "")) for name in facts.classes]
     for row in facts.pieces:
         patch = read_piece(folder, row, [name for name in facts.inputs if name == "color"])
         color = patch.inputs.get("color", np.zeros((len(patch), 3), np.uint8))
@@ -110,7 +111,9 @@ def write_hdf5(folder: Path, facts: DatasetFacts, out: Path) -> list[str]:
                 columns += [patch.inputs["color"][rows] / np.float32(255)] if channels else []
                 data[number], label[number] = np.column_stack(columns), patch.labels[rows]
                 bridges.append(row.bridge)
-            file.create_dataset("bridge", data=np.array(bridges, "S64"), track_times=False)
+            names = [name.encode() for name in bridges]
+            text = h5py.string_dtype("utf-8", max(64, *map(len, names)))
+            file.create_dataset("bridge", data=np.array(names, text), track_times=False)
         made.append(path.name)
     return made
 

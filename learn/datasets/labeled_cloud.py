@@ -15,8 +15,10 @@ from groundwork.files import read_json
 from groundwork.progress import SILENT, Progress
 from learn.datasets.class_map import CLASSIFICATION, SEGMENT, ClassMap
 from learn.datasets.class_tables import ClassTable, class_table, labels_of_cloud
+from learn.datasets.frame import Frame, choose_frame, contradiction
+from learn.datasets.scan_units import AS_STATED, ScanUnits
 from recon.cloud import Cloud, read_cloud
-from recon.formats.scan import read_scan
+from recon.formats.scan import read_scan, stated_unit
 from usd_schemas.components import UNLABELED
 
 F64 = NDArray[np.float64]
@@ -95,13 +97,14 @@ class LabeledCloud:
         return (self.base != class_table("falsework").index("background")) & (self.base != UNLABELED)
 
 
-def identify(path: Path, class_map: ClassMap | None, bridge: str = "") -> SourceFacts:
+def identify(path: Path, class_map: ClassMap | None, bridge: str = "", units: ScanUnits = AS_STATED) -> SourceFacts:
     """Find the bridge of a source, and hash what the data set takes from it.
 
     Args:
         path: Folder of a cloud, or file of a scan.
         class_map: What the numbers of a scan mean.
         bridge: Name of the bridge, where the source cannot know it.
+        units: Unit and up axis of a scan.
 
     Raises:
         MissingError: There is no such source.
@@ -139,7 +142,7 @@ def identify(path: Path, class_map: ClassMap | None, bridge: str = "") -> Source
     return SourceFacts(
         path.name,
         bridge or whole,
-        whole,
+        whole if units == AS_STATED else digest([whole, units]),
         "scan",
         class_map.facts.use == "evaluate",
         class_map.facts.licence,
@@ -157,9 +160,14 @@ def cloud_name(folder: Path) -> str:
 
 
 def read_labeled(
-    path: Path, class_map: ClassMap | None, table: ClassTable, progress: Progress = SILENT, moving: bool = False
+    path: Path,
+    class_map: ClassMap | None,
+    table: ClassTable,
+    progress: Progress = SILENT,
+    moving: bool = False,
+    units: ScanUnits = AS_STATED,
 ) -> LabeledCloud:
-    """Read a source and convert its labels to those of a data set.
+    """Read a source and convert its labels to those of a data set, and the coordinates of a scan to meters, z up.
 
     Args:
         path: Folder of a cloud, or file of a scan.
@@ -167,10 +175,11 @@ def read_labeled(
         table: Classes of the data set.
         progress: Listener for warnings.
         moving: Keep the points of objects that moved while the photographs were taken.
+        units: Unit and up axis of a scan.
 
     Raises:
         MissingError: There is no such source.
-        InputError: It is damaged, or has no labels.
+        InputError: It is damaged, has no labels, or its coordinates are angles.
     """
     base = class_table("falsework")
     if path.is_dir():
@@ -186,6 +195,13 @@ def read_labeled(
         )
         return found if moving else _still(found, cloud, progress)
     assert class_map is not None
+    return _read_labeled_scan(path, class_map, table, progress, units)
+
+
+def _read_labeled_scan(
+    path: Path, class_map: ClassMap, table: ClassTable, progress: Progress, units: ScanUnits
+) -> LabeledCloud:
+    frame = _frame_of(path, units, progress)
     column = class_map.facts.column
     scan = read_scan(path, progress=progress, labels=True if column in (SEGMENT, CLASSIFICATION) else column)
     codes = scan.classification if column == CLASSIFICATION else scan.segment
@@ -202,12 +218,30 @@ def read_labeled(
             f"{path.name}: class numbers that are not in the class map {class_map.name} are read as "
             f"unlabelled: {unknown}"
         )
-    inputs = {name: values for name, values in (("color", scan.color), ("normal", scan.normal)) if values is not None}
+    normal = None if scan.normal is None else frame.rotate(scan.normal)
+    inputs = {name: values for name, values in (("color", scan.color), ("normal", normal)) if values is not None}
     nothing = np.full(len(scan), np.nan, np.float32)
     instance = None if scan.instance is None else scan.instance.astype(np.int64)
     return LabeledCloud(
-        scan.coord, inputs, class_map.labels(codes, table), nothing, class_map.labels(codes, base), instance
+        frame.apply(scan.coord),
+        inputs,
+        class_map.labels(codes, table),
+        nothing,
+        class_map.labels(codes, class_table("falsework")),
+        instance,
     )
+
+
+def _frame_of(path: Path, units: ScanUnits, progress: Progress) -> Frame:
+    """Choose the frame of a scan as in a prediction, but for a scan without a unit: it is read in meters."""
+    said = stated_unit(path)
+    if said is None and units.unit is None and units.scale is None:
+        progress.note(f"{path.name} does not state the unit of its coordinates: meters are assumed; else give --unit")
+        said = 1.0
+    frame = choose_frame(said, units, path)
+    if doubt := contradiction(said, frame):
+        progress.note(f"{path.name}: {doubt}")
+    return frame
 
 
 def _still(found: LabeledCloud, cloud: Cloud, progress: Progress) -> LabeledCloud:

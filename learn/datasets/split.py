@@ -44,7 +44,8 @@ def split_bridges(sources: Sequence[SourceFacts], settings: DatasetSettings) -> 
     free = [bridge for bridge in bridges if bridge not in held]
     train, val, test = settings.shares
     if held:  # the test has its bridges: the rest is divided between the other two
-        train, val, test = train / max(train + val, 1e-9), val / max(train + val, 1e-9), 0.0
+        rest = train + val
+        train, val, test = (train / rest, val / rest, 0.0) if rest > 0 else (0.0, 0.0, 1.0)
     counts = _counts(len(free), (train, val, test))
     names = [name for name, count in zip(SPLITS, counts, strict=True) for _ in range(count)]
     return {**dict(zip(free, names, strict=True)), **dict.fromkeys(sorted(held), TEST)}
@@ -66,12 +67,14 @@ def _counts(total: int, shares: tuple[float, float, float]) -> list[int]:
 def split_at_random(source: SourceFacts, number: int, settings: DatasetSettings) -> str:
     """Draw the split of one piece at random: overlapping pieces of a bridge may be in different splits.
 
+    Bridges that are reserved for the test, or must not be used for training, are in the test.
+
     Args:
         source: Its source.
         number: Number of the piece in the source.
-        settings: Shares and seed.
+        settings: Shares, seed and bridges for the test.
     """
-    if source.evaluate_only or source.test:
+    if source.evaluate_only or source.test or source.bridge.startswith(settings.test):
         return TEST
     drawn = int(digest([settings.seed, source.digest, number])[:12], 16) / 16**12
     return SPLITS[int(np.searchsorted(np.cumsum(settings.shares)[:2], drawn, side="right"))]

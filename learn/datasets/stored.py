@@ -61,6 +61,11 @@ class StoredSplit:
         return [(row, number) for row in rows for number in range(row.draws)]
 
     @property
+    def _drawn(self) -> bool:
+        """Whether samples are drawn at random from the seed."""
+        return self.split == TRAIN and not self._still
+
+    @property
     def classes(self) -> tuple[str, ...]:
         """Name of each class, in the order of the labels."""
         return self.facts.classes
@@ -104,8 +109,16 @@ class StoredSplit:
             index: Number of the sample.
 
         Raises:
-            InputError: The data set is of version 1, which has no rows.
+            InputError: The samples are drawn at random, or the data set is of version 1, which has no rows.
         """
+        if self._drawn:
+            raise InputError(
+                "training samples are drawn at random and have no fixed points to score",
+                where=self.folder,
+                field="split",
+                value=self.split,
+                hint="Score unchanged() of this split",
+            )
         if not self.facts.identified:
             raise InputError(
                 "was made by an older version, whose pieces do not state their points",
@@ -134,7 +147,7 @@ class StoredSplit:
         """
         patch, rows = self.piece(index)
         settings = self.facts.settings
-        if self.split != TRAIN or self._still:
+        if not self._drawn:
             return make_sample(patch, rows, self.channels, self.facts.scaling)
         lean = np.eye(3)
         if self._changes and self._sensors is not None:

@@ -13,11 +13,13 @@ NAMES = ("linearity", "planarity", "scatter", "curvature", "verticality", "sprea
 
 
 def covariance_features(coord: F32, scales: Sequence[int]) -> F32:
-    """Describe each point by the covariances of its nearest neighbors.
+    """Describe each point by the covariances of its nearest neighbors; a repeated point counts once.
+
+    Draws of small pieces are filled up with repetitions, which would be the nearest neighbors of each other.
 
     Args:
         coord: Positions, z up [m or 1], shape (N, 3), float32.
-        scales: Numbers of neighbors; limited to the number of points.
+        scales: Numbers of neighbors; limited to the number of different points.
 
     Returns:
         Features [m or 1], shape (N, 9 x scales + 1), float32: for each scale `NAMES`, then the height above the lowest
@@ -25,6 +27,15 @@ def covariance_features(coord: F32, scales: Sequence[int]) -> F32:
 
     Source: Weinmann et al., Semantic point cloud interpretation based on optimal neighborhoods, 2015, section 3.2.
     """
+    different, copies = np.unique(coord, axis=0, return_inverse=True)
+    return (
+        _of_different(coord, scales)
+        if len(different) == len(coord)
+        else _of_different(different, scales)[copies.reshape(-1)]
+    )
+
+
+def _of_different(coord: F32, scales: Sequence[int]) -> F32:
     points = coord.astype(np.float64)
     rows = nearest(coord, coord, min(max(scales), len(coord)))
     columns = []

@@ -14,7 +14,6 @@ from usd_schemas.components import UNLABELED, component_classes
 from usd_schemas.taxonomies import BASE, TAXONOMIES, taxonomy
 
 F32 = NDArray[np.float32]
-_BLOCK = 1_000_000  # points summed at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,22 +36,17 @@ class ClassSum:
     kept: NDArray[np.bool_]
     rest: NDArray[np.bool_]
 
-    def decide(self, probabilities: F32, least: float) -> tuple[NDArray[np.uint8], F32]:
+    def decide(self, summed: F32, least: float) -> tuple[NDArray[np.uint8], F32]:
         """Choose the most probable class of each point.
 
         Args:
-            probabilities: Of the model's classes [1], shape (N, K), float32.
+            summed: Probabilities of the classes of the file [1], shape (N, T), float32.
             least: Confidence below which a point gets no class [1].
 
         Returns:
             Class ids, 255 for none, shape (N,), uint8; summed probability of the chosen class [1], shape (N,), float32.
         """
-        best, sure = np.empty(len(probabilities), np.int64), np.empty(len(probabilities), np.float32)
-        for first in range(0, len(probabilities), _BLOCK):
-            part = slice(first, first + _BLOCK)
-            summed = probabilities[part] @ self.matrix
-            best[part] = summed.argmax(axis=1)
-            sure[part] = summed.max(axis=1)
+        best, sure = summed.argmax(axis=1), summed.max(axis=1)
         ids = np.where((sure >= least) & self.kept[best], self.ids[best], UNLABELED)
         return ids.astype(np.uint8), sure
 

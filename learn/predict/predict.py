@@ -15,13 +15,14 @@ from groundwork.output_file import check_output_file, fresh_file
 from groundwork.progress import SILENT, Progress
 from learn.datasets.build import tile_patch
 from learn.datasets.draws import count_draws, exhaustive_draw
+from learn.datasets.frame import Frame, choose_frame, contradiction
 from learn.datasets.labeled_cloud import HEIGHT
 from learn.datasets.patch import CHANNELS, Scaling, check_channels, make_sample
 from learn.datasets.tiles import cut_tiles, with_heights
 from learn.datasets.voxels import VoxelCloud, add_points, empty_cloud, lay_grid
+from learn.instance_defaults import least_link
 from learn.instances import Boxes, connected_parts
 from learn.predict.class_sum import sum_classes
-from learn.predict.frame import Frame, choose_frame, contradiction
 from learn.predict.model import PointModel
 from learn.predict.settings import PredictSettings
 from learn.sample import Sample
@@ -79,15 +80,16 @@ def predict_scan(
     former = _boxes_record(out.with_suffix(BOXES))
     _check_outputs(source, out, former)
     check_copy(file, out)
-    _check_link(settings, model)
+    link = _link_of(settings, model)
     ids = tuple(getattr(model, "ids", ()))  # of a user's own classes, which have their own numbers
     summing = sum_classes(model.classes, model.table, settings.table, settings.classes, ids)
     with open_scan(file, progress=progress) as stream:
         told = stream.unit if said is None else said or None
         frame = choose_frame(told, settings, source)
         cloud = thin_stream(stream, frame, model, settings.chunk, source)
-        classes, sure = summing.decide(vote(cloud, model, settings.batch, progress), settings.min_confidence)
-        instance = connected_parts(cloud.coord, classes, settings.link, settings.fewest, summing.background)
+        summed = vote(cloud, model, settings.batch, progress, summing.matrix)
+        classes, sure = summing.decide(summed, settings.min_confidence)
+        instance = connected_parts(cloud.coord, classes, link, settings.fewest, summing.background)
         boxes = Boxes(int(instance.max(initial=0)))
         counts = np.zeros(256, np.int64)
 
@@ -125,7 +127,9 @@ def _check_outputs(source: Path, out: Path, former: dict[str, Any]) -> None:
     check_output_file(out, [source], lambda path: _is_former(former, path))
 
 
-def _check_link(settings: PredictSettings, model: PointModel) -> None:
+def _link_of(settings: PredictSettings, model: PointModel) -> float:
+    if settings.link is None:
+        return least_link(model.tile.voxel)
     if settings.link < model.tile.voxel:
         raise InputError(
             "is smaller than the model's voxel",
@@ -133,6 +137,7 @@ def _check_link(settings: PredictSettings, model: PointModel) -> None:
             value=settings.link,
             allowed=f"at least {model.tile.voxel:g} m",
         )
+    return settings.link
 
 
 @contextmanager
@@ -213,7 +218,9 @@ def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int,
     return cloud
 
 
-def vote(cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = SILENT) -> F32:
+def vote(
+    cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = SILENT, matrix: F32 | None = None
+) -> F32:
     """Predict draws of every tile until all points are drawn, and average the probabilities of each point.
 
     Args:
@@ -221,13 +228,15 @@ def vote(cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = 
         model: What knows the classes.
         batch: Samples per call of the model.
         progress: Listener.
+        matrix: Mapping of the model's classes to others [1], shape (K, T), float32; their sums need less memory where
+            these are fewer. None keeps the model's classes, and T is K.
 
     Returns:
-        Probabilities of the model's classes [1], shape (V, K), float32.
+        Probabilities [1], shape (V, T), float32.
     """
     if HEIGHT in model.channels:
         cloud = with_heights(cloud, model.tile)
-    total = np.zeros((len(cloud), len(model.classes)), np.float32)
+    total = np.zeros((len(cloud), len(model.classes) if matrix is None else matrix.shape[1]), np.float32)
     seen = np.zeros(len(cloud), np.float32)
     overlap = round(model.tile.size / model.tile.stride) ** 2  # number of tiles that hold each point
     progress.stage("predict", overlap * len(cloud))
@@ -243,7 +252,7 @@ def vote(cloud: VoxelCloud, model: PointModel, batch: int, progress: Progress = 
                     value=told.shape,
                     allowed=str((len(rows), len(model.classes))),
                 )
-            np.add.at(total, rows, told)
+            np.add.at(total, rows, told if matrix is None else told @ matrix)
             np.add.at(seen, rows, np.float32(1.0))
         waiting.clear()
 

@@ -1,5 +1,6 @@
 """Panoptic quality: how well instances are found, and how well the found ones are segmented."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,19 +53,21 @@ class PanopticCounts:
 
 
 def count_instances(
-    true_class: I64, true_instance: I64, found_class: I64, found_instance: I64, classes: int
+    true_class: I64, true_instance: I64, found_class: I64, found_instance: I64, classes: int, without: Sequence[int]
 ) -> PanopticCounts:
     """Match predicted with true instances of one cloud.
 
     A true and a predicted instance of one class match if they share more than half of their union, so that none matches
-    twice. Points without a true class are left out of both.
+    twice. Points without a true class are left out of both. All points of a class without instances are one instance;
+    those of another class that belong to none, such as parts that are too small, are no instance together.
 
     Args:
         true_class: True classes, 255 where unknown, shape (N,), int64.
-        true_instance: True instances, numbered within the cloud, shape (N,), int64.
+        true_instance: True instances, numbered within the cloud, 0 for none, shape (N,), int64.
         found_class: Predicted classes, shape (N,), int64.
-        found_instance: Predicted instances, shape (N,), int64.
+        found_instance: Predicted instances, 0 for none, shape (N,), int64.
         classes: Number of classes.
+        without: Classes that have no instances.
 
     Returns:
         The counts.
@@ -72,17 +75,17 @@ def count_instances(
     Source: Kirillov et al., Panoptic segmentation, 2019, section 4.
     """
     known = true_class != UNLABELED
-    truth, true_of, true_size = _segments(true_class[known], true_instance[known])
-    found, found_of, found_size = _segments(found_class[known], found_instance[known])
+    truth, true_of, true_size, true_one = _segments(true_class[known], true_instance[known], without)
+    found, found_of, found_size, found_one = _segments(found_class[known], found_instance[known], without)
     pairs, shared = np.unique(np.stack([true_of, found_of]), axis=1, return_counts=True)
     union = true_size[pairs[0]] + found_size[pairs[1]] - shared
-    matched = (2 * shared > union) & (truth[pairs[0]] == found[pairs[1]])
+    matched = (2 * shared > union) & (truth[pairs[0]] == found[pairs[1]]) & true_one[pairs[0]] & found_one[pairs[1]]
     of_class = truth[pairs[0]][matched]
     return PanopticCounts(
         np.bincount(of_class, minlength=classes).astype(np.int64),
         np.bincount(of_class, shared[matched] / union[matched], minlength=classes).astype(np.float64),
-        np.bincount(truth, minlength=classes).astype(np.int64),
-        np.bincount(found, minlength=classes).astype(np.int64),
+        np.bincount(truth[true_one], minlength=classes).astype(np.int64),
+        np.bincount(found[found_one], minlength=classes).astype(np.int64),
     )
 
 
@@ -102,7 +105,9 @@ def panoptic_quality(counts: PanopticCounts) -> PanopticQuality:
     )
 
 
-def _segments(of_class: I64, instance: I64) -> tuple[I64, I64, I64]:
-    """Return the class of each segment, the segment of each point, and the size of each segment."""
+def _segments(of_class: I64, instance: I64, without: Sequence[int]) -> tuple[I64, I64, I64, NDArray[np.bool_]]:
+    """Return each segment's class, each point's segment, each segment's size, and whether each is an instance."""
     keys, segment, size = np.unique(np.stack([of_class, instance]), axis=1, return_inverse=True, return_counts=True)
-    return keys[0].astype(np.int64), segment.reshape(-1).astype(np.int64), size.astype(np.int64)
+    kinds = keys[0].astype(np.int64)
+    is_instance = (keys[1] != 0) | np.isin(kinds, without)
+    return kinds, segment.reshape(-1).astype(np.int64), size.astype(np.int64), is_instance

@@ -77,10 +77,10 @@ def tally_cloud(cloud: ScoredCloud, classes: int, without: Sequence[int], link: 
         places = cloud.coord[known]
         mine = connected_parts(places, found.astype(np.uint8), link, fewest, tuple(without))
         theirs = connected_parts(places, truth.astype(np.uint8), link, fewest, tuple(without))
-        tally.parts = count_instances(truth, theirs, found, mine, classes)
+        tally.parts = count_instances(truth, theirs, found, mine, classes, without)
         instance = np.where(np.isin(truth, without), 0, cloud.instance[known])
         if instance.any():
-            tally.modeled = count_instances(truth, instance, found, mine, classes)
+            tally.modeled = count_instances(truth, instance, found, mine, classes, without)
     return tally
 
 

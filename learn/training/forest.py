@@ -14,7 +14,7 @@ from groundwork.settings import Settings, parse_settings
 from learn.models.forest import Arrays, forest_probabilities, grow_forest
 from learn.sample import UNLABELED, SampleSource
 from learn.trained import FOREST, ModelFacts, as_probabilities, forest_inputs, share_logits, write_model
-from learn.training.calibration import MOST_POINTS, fit_temperature
+from learn.training.calibration import fit_temperature, gather_scores
 from learn.training.settings import TrainSettings
 
 
@@ -100,16 +100,14 @@ def _temperature(arrays: Arrays, held: SampleSource | None, scales: Sequence[int
     """Fit the temperature on the labeled points of held-out bridges; 1 without any."""
     if held is None:
         return 1.0
-    shares, labels, count = [], [], 0
-    for row in range(len(held)):
+
+    def score(row: int) -> tuple[torch.Tensor, torch.Tensor]:
         sample = held.sample(row, 0)
         known = sample.labels != UNLABELED
-        shares.append(forest_probabilities(arrays, forest_inputs(sample, scales)[known]))
-        labels.append(sample.labels[known].astype(np.int64))
-        count += len(labels[-1])
-        if count >= MOST_POINTS:
-            break
-    if not count:
+        shares = forest_probabilities(arrays, forest_inputs(sample, scales)[known])
+        return share_logits(shares), torch.from_numpy(sample.labels[known].astype(np.int64))
+
+    gathered = gather_scores(range(len(held)), score)
+    if gathered is None:
         return 1.0
-    scores, truth = share_logits(np.concatenate(shares)), torch.from_numpy(np.concatenate(labels))
-    return fit_temperature(scores, truth, lambda logits, by: as_probabilities(logits, None, by))
+    return fit_temperature(*gathered, lambda logits, by: as_probabilities(logits, None, by))

@@ -21,8 +21,16 @@ from learn.device import check_device, torch_device
 from learn.losses import class_weights
 from learn.models.registry import build_network
 from learn.sample import UNLABELED, SampleSource
-from learn.trained import ModelFacts, as_probabilities, load_weights, read_facts, read_weights, write_model
-from learn.training.calibration import MOST_POINTS, fit_temperature
+from learn.trained import (
+    ModelFacts,
+    as_probabilities,
+    check_scaling,
+    load_weights,
+    read_facts,
+    read_weights,
+    write_model,
+)
+from learn.training.calibration import fit_temperature, gather_scores
 from learn.training.checkpoint import read_checkpoint
 from learn.training.loader import EpochOrder, Loaded, collate, count_labels, expected_counts, hold_out
 from learn.training.settings import TrainSettings, recipe_of
@@ -97,9 +105,11 @@ def train_network(
         stop_after: Stop after so many epochs, to resume with another call; the schedule is that of the whole training.
 
     Raises:
-        InputError: No samples, only one class, no GPU although one is requested, or an `init` model that does not fit.
+        InputError: No samples, only one class, no GPU although one is requested, an `init` model that does not fit, or
+            an encoder that is to stay as it is without one.
     """
     _check_gpu(settings)
+    _check_start(data, settings, init)
     torch.use_deterministic_algorithms(not trains_on_gpu(settings))
     task, classes = _set_task(data, settings, init), data.training.classes
     torch.manual_seed(settings.seed)
@@ -155,6 +165,19 @@ def _check_gpu(settings: TrainSettings) -> None:
             value=settings.devices,
             allowed=f"at most {count}",
             hint="Use fewer, or --set accelerator=cpu",
+        )
+
+
+def _check_start(data: TrainingData, settings: TrainSettings, init: Path | None) -> None:
+    """Refuse to freeze random weights, and to continue with samples of another scale."""
+    if init is not None:
+        check_scaling(read_facts(init), data.facts, init)
+    elif settings.freeze_encoder:
+        raise InputError(
+            "the weights of the encoder are random, and would stay so",
+            field="--freeze-encoder",
+            value=True,
+            hint="Name a model to start from with --init, or leave --freeze-encoder out",
         )
 
 
@@ -347,19 +370,16 @@ def _best_weights(folder: Path) -> dict[str, Tensor]:
 
 def _temperature(network: Any, task: _Task) -> float:
     """Fit the temperature on the labeled points of the validation."""
-    samples, logits, labels, count = Loaded(task.validation, network.eval(), task.channels, 0), [], [], 0
-    for row in task.held:
+    samples = Loaded(task.validation, network.eval(), task.channels, 0)
+
+    def score(row: int) -> tuple[Tensor, Tensor]:
         item = collate([samples[0, row]])
         with torch.no_grad():
             found = network(item["features"], item["geometry"])[0]
         known = item["labels"][0] != UNLABELED
-        logits.append(found[known].double())
-        labels.append(item["labels"][0][known])
-        count += int(known.sum())
-        if count >= MOST_POINTS:
-            break
-    if not count:
+        return found[known].double(), item["labels"][0][known]
+
+    gathered = gather_scores(task.held, score)
+    if gathered is None:
         return 1.0
-    return fit_temperature(
-        torch.cat(logits), torch.cat(labels), lambda scores, by: as_probabilities(scores, task.noisy, by)
-    )
+    return fit_temperature(*gathered, lambda scores, by: as_probabilities(scores, task.noisy, by))

@@ -22,6 +22,7 @@ __all__ = [
     "check_copy",
     "open_scan",
     "read_scan",
+    "stated_unit",
     "write_labeled_copy",
 ]
 
@@ -97,6 +98,24 @@ def open_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = S
         with read_las.open_las(path, most_points, progress) as rows:
             yield ScanStream(rows, meters_per_unit(rows.header.records))
     else:
-        # E57 is in metres by its standard
-        metric = path.is_dir() or (path.is_file() and magic_of(path) == read_e57.MAGIC)
-        yield ScanStream(read_scan(path, most_points, progress, labels=False), 1.0 if metric else None)
+        yield ScanStream(read_scan(path, most_points, progress, labels=False), stated_unit(path))
+
+
+def stated_unit(path: Path) -> float | None:
+    """Find the length of one unit of a scan's coordinates, as the file states it.
+
+    Args:
+        path: As for `read_scan`.
+
+    Returns:
+        The length [m]; None if the file does not state it, 0 where the coordinates are angles.
+
+    Raises:
+        InputError: A damaged header.
+    """
+    if path.is_dir():
+        return 1.0
+    magic = magic_of(path)
+    if magic == read_las.MAGIC:
+        return meters_per_unit(read_las.read_header(path).records)
+    return 1.0 if magic == read_e57.MAGIC else None  # E57 is in meters by its standard

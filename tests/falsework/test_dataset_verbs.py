@@ -41,6 +41,7 @@ def test_data_sets_from_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         (("--table", "kim"), "unknown table"),
         (("--bridge", "a"), "one name is needed for each source"),
         (("--class-map", "nothing"), "no such class map"),
+        (("--unit", "ft"), "--unit: is given, and no source is a scan"),
     ):
         assert run("dataset", "local", tmp_path / "run", "-o", tmp_path / "bad", *words) == 2
         error = capsys.readouterr().err

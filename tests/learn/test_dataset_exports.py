@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import h5py
@@ -11,12 +12,14 @@ import pyarrow.parquet as pq
 import pytest
 
 from groundwork.errors import InputError, MissingError
+from groundwork.progress import Silent
 from learn.datasets.build import Source, build_dataset
 from learn.datasets.class_map import map_names, read_class_map
 from learn.datasets.class_tables import class_table
 from learn.datasets.export import export_dataset
 from learn.datasets.labeled_cloud import identify, read_labeled
 from learn.datasets.layout import read_facts, read_piece
+from learn.datasets.scan_units import ScanUnits
 from learn.datasets.settings import dataset_settings
 from learn.datasets.stored import StoredSplit
 from recon.formats.scan import read_scan
@@ -75,6 +78,28 @@ def test_s3dis_holds_the_pieces(dataset: Path, tmp_path: Path) -> None:
         assert path.is_file() == mine.any()
         if mine.any():
             np.testing.assert_array_equal(np.loadtxt(path, ndmin=2), whole[mine])
+
+
+def test_names_from_elsewhere_can_be_exported(tmp_path: Path) -> None:
+    """A bridge with an umlaut, and a class whose name is no file name."""
+    (tmp_path / "m.toml").write_text(
+        'title = "x"\n[[code]]\nid = 1\nname = "deck/slab"\nparts = ["deck_slab"]\n'
+        '[[code]]\nid = 2\nname = "pier"\nparts = ["column"]\n'
+    )
+    rng = np.random.default_rng(3)
+    rows = np.column_stack([rng.uniform(0, 9, (300, 3)), np.zeros((300, 3)), rng.integers(1, 3, 300)])
+    np.savetxt(tmp_path / "a.txt", rows, "%.3f %.3f %.3f %d %d %d %d")
+    source = Source(tmp_path / "a.txt", read_class_map(str(tmp_path / "m.toml")), "Mühlbrücke")
+    chosen = {**SMALL, "fewest": 1, "table": "own", "split": "random", "shares": (1.0, 0.0, 0.0)}
+    for name in ("set", "s3dis", "hdf5"):
+        (tmp_path / name).mkdir()
+    build_dataset([source], tmp_path / "set", dataset_settings("local", chosen, "test"))
+    export_dataset(tmp_path / "set", "s3dis", tmp_path / "s3dis")
+    files = {path.name for path in tmp_path.glob("s3dis/*/*/Annotations/*.txt")}
+    assert {name.split("-")[0] for name in files} == {"deck", "pier_1.txt"}
+    export_dataset(tmp_path / "set", "hdf5", tmp_path / "hdf5")
+    with h5py.File(tmp_path / "hdf5/train.h5") as file:
+        assert {name.decode() for name in file["bridge"][:]} == {"Mühlbrücke"}  # type: ignore[index]
 
 
 def semantic_ply(path: Path, points: np.ndarray, colors: np.ndarray, labels: np.ndarray) -> Path:
@@ -149,6 +174,65 @@ def test_text_and_asprs(tmp_path: Path) -> None:
         assert found[17] == found[26] == {deck}
         assert found[2] == found[5] == found[9] == found[3] == {ground}
         assert found[0] == found[1] == found[99] == {""}
+
+
+class Notes(Silent):
+    """Remembers the notes."""
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+
+    def note(self, message: str) -> None:
+        """Remember one."""
+        self.notes.append(message)
+
+
+def test_a_scan_is_read_in_the_unit_that_it_states_or_that_is_given(tmp_path: Path) -> None:
+    """Feet of a reference system, millimeters and y up become meters, z up; angles are refused, and a guess is told."""
+    places = np.random.default_rng(2).uniform(0.0, 9.0, (40, 3))
+    record = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+    record.header.scales = np.full(3, 0.001)
+    record.x, record.y, record.z = (places / 0.3048).T
+    record.classification = np.full(40, 17, np.uint8)
+    keys = struct.pack("<12H", 1, 1, 0, 2, 1024, 0, 1, 1, 3076, 0, 1, 9002)  # projected, linear unit: foot
+    angles = struct.pack("<8H", 1, 1, 0, 1, 1024, 0, 1, 2)
+    for name, packed in (("feet.las", keys), ("angles.las", angles)):
+        record.header.vlrs.clear()
+        record.header.vlrs.append(laspy.VLR("LASF_Projection", 34735, "", packed))
+        record.write(str(tmp_path / name))
+    np.savetxt(
+        tmp_path / "a.txt", np.column_stack([places[:, [0, 2, 1]] * [1e3, 1e3, -1e3], np.zeros((40, 4))]), "%.4f"
+    )
+    table, known, told = class_table("kim2023"), read_class_map("asprs"), Notes()
+    cloud = read_labeled(tmp_path / "feet.las", known, table, told)
+    np.testing.assert_allclose(cloud.coord, places, atol=1e-3)
+    plain = read_class_map("kim2023")
+    units = ScanUnits(unit="mm", up="y")
+    np.testing.assert_allclose(
+        read_labeled(tmp_path / "a.txt", plain, table, told, units=units).coord, places, atol=1e-6
+    )
+    assert not told.notes
+    assert read_labeled(tmp_path / "a.txt", plain, table, told).coord.max() > 1000.0
+    read_labeled(tmp_path / "feet.las", known, table, told, units=ScanUnits(unit="m"))
+    assert ["meters are assumed" in told.notes[0], "yours is used" in told.notes[1]] == [True, True]
+    with pytest.raises(InputError, match="longitudes and latitudes"):
+        read_labeled(tmp_path / "angles.las", known, table)
+    assert identify(tmp_path / "a.txt", plain).digest != identify(tmp_path / "a.txt", plain, units=units).digest
+
+
+def test_scans_without_the_name_of_their_bridge_are_told(tmp_path: Path) -> None:
+    """Two scans of one bridge could be in two splits: said unless the bridges are named, or all is split at random."""
+    known, rng = read_class_map("kim2023"), np.random.default_rng(3)
+    rows = np.column_stack([rng.uniform(0, 9, (200, 3)), np.zeros((200, 3)), rng.integers(0, 4, 200)])
+    for name in ("a", "b"):
+        np.savetxt(tmp_path / f"{name}.txt", rows + (name == "b"), "%d")
+    for names, split, said in (("", ""), "bridge", True), (("x", "y"), "bridge", False), (("", ""), "random", False):
+        folder, told = tmp_path / f"{split}{names[0]}", Notes()
+        folder.mkdir()
+        sources = [Source(tmp_path / f"{file}.txt", known, name) for file, name in zip("ab", names, strict=True)]
+        settings = dataset_settings("local", {**SMALL, "fewest": 1, "split": split, "shares": (1.0, 0.0, 0.0)}, "test")
+        build_dataset(sources, folder, settings, told)
+        assert any("2 scans count as different bridges" in note for note in told.notes) == said
 
 
 def test_a_class_map_names_any_column(tmp_path: Path) -> None:

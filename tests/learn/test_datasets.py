@@ -262,6 +262,13 @@ def test_a_stratified_draw_keeps_small_classes(clouds: list[Path], tmp_path: Pat
         assert counts[counts > 0].min() >= 60
     test = StoredSplit(folder, "test")
     assert min(np.bincount(test.sample(0, 0).labels)[[12]]) < 60
+    mixed = build(
+        tmp_path / "random", clouds, kind="global", mode="paper", points=600, stratified=60, split="random", test=["b1"]
+    )
+    for row in read_facts(mixed).pieces:
+        assert (row.points > 600) == (row.split == "train")  # a training draw is made of all points
+        assert row.split == "test" or row.bridge != "b1"
+    assert "train" in {row.split for row in read_facts(mixed).pieces}
 
 
 def test_labels_follow_the_component_and_the_table() -> None:
@@ -291,6 +298,8 @@ def test_bridges_are_split_by_hash_alone(clouds: list[Path]) -> None:
     named = split_bridges(known, settings(test=["07", "11", "02"]))
     assert {bridge for bridge, split in named.items() if split == "test"} == {"02", "07", "11"}
     assert [list(named.values()).count(name) for name in ("train", "val")] == [13, 4]
+    held = split_bridges(known, settings(test=["07"], shares=(0.0, 0.0, 1.0)))
+    assert set(held.values()) == {"test"}  # nothing else is wanted
     with pytest.raises(InputError, match="exactly one bridge"):
         split_bridges(known, settings(test=["0"]))
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from falsework.cli import main
+from falsework.commands.train_verbs import _scored, _voxel
 from groundwork.errors import InputError
 from groundwork.progress import SILENT, Silent
 from learn.datasets.build import Source, build_dataset
@@ -24,7 +25,7 @@ from learn.metrics import confusion, scores
 from learn.predict.class_sum import summed_model
 from learn.sample import Sample
 from learn.scoring.table import score_lines
-from learn.trained import read_facts, read_network
+from learn.trained import ModelFacts, read_facts, read_network
 from tests.learn.toy import CLASSES, ToyBridges
 from tests.learn.toy_bridge import write_toy
 
@@ -145,15 +146,31 @@ def test_every_point_counts_once_with_the_mean_of_its_votes_as_scikit_learn_scor
         assert scored["mean_iou"] == pytest.approx(metrics.jaccard_score(truth[mine], found[mine], average="macro"))
 
 
+class Knowing:
+    """A model that knows the true class of each point."""
+
+    def probabilities(self, samples: Sequence[Sample]) -> list[np.ndarray]:
+        """Tell it with certainty."""
+        return [np.eye(4, dtype=np.float32)[sample.labels] for sample in samples]
+
+
+def test_the_command_scores_training_samples_as_they_are(overlapping: Path) -> None:
+    """A model that knows the truth has no error on train; a source of samples drawn at random has no truth."""
+    facts = ModelFacts("pointnet2-ssg", {}, (), ("x", "y", "z"), {})
+    source: Any = _scored(facts, overlapping, "train")
+    assert evaluate_model(Knowing(), source, SILENT)["mean_iou"] == 1.0
+    sample, truth = source.sample(0, 5), source.truth(0)
+    size = 10.0 * np.ptp(sample.coord, axis=0)  # 10 m are scaled to 1
+    assert np.allclose(np.ptp(truth.coord, axis=0), size, atol=1e-4)
+    with pytest.raises(InputError, match="at random"):
+        StoredSplit(overlapping, "train", augment=False).truth(0)
+
+
 def test_a_model_that_knows_the_truth_has_panoptic_quality_one(overlapping: Path) -> None:
     """Against the connected parts of the true classes every instance matches; those modelled are one a class here."""
-
-    class Knowing(StoredSplit):
-        def probabilities(self, samples: Sequence[Sample]) -> list[np.ndarray]:
-            return [np.eye(4, dtype=np.float32)[sample.labels] for sample in samples]
-
-    source = Knowing(overlapping, "test")
-    record = evaluate_model(source, source, SILENT)
+    source = StoredSplit(overlapping, "test")
+    record = evaluate_model(Knowing(), source, SILENT, _voxel(source))
+    assert record["panoptic"]["link"] == 0.6  # its points are up to two cubes of 0.3 m apart
     assert record["panoptic"]["parts"]["mean"] == record["mean_iou"] == 1.0
     assert record["calibration_error"] == 0.0
     modelled = record["panoptic"]["modelled"]["classes"]
@@ -248,3 +265,10 @@ def test_the_command_line_trains_and_evaluates(tmp_path: Path, capsys: pytest.Ca
     assert "pointnet2-ssg" in capsys.readouterr().err
     assert call("evaluate", tmp_path, data) == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_the_demo_refuses_options_that_it_would_ignore(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Recipe, batch and a frozen encoder are its own, as the other options are."""
+    for words in (("--recipe", "paper"), ("--batch", 4), ("--freeze-encoder",)):
+        assert call("train", "--demo", "-o", tmp_path / "model", *words) == 2
+        assert f"{words[0]}: not allowed with --demo" in capsys.readouterr().err

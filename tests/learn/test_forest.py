@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from safetensors.numpy import load_file, save_file
 from scipy.spatial.transform import Rotation
 from sklearn.ensemble import RandomForestClassifier
@@ -17,6 +18,7 @@ from groundwork.progress import Silent
 from learn.models.covariance import NAMES, covariance_features
 from learn.models.forest import forest_probabilities, grow_forest
 from learn.trained import LEAST_SHARE, TrainedForest, forest_inputs, read_model
+from learn.training.calibration import gather_scores
 from learn.training.forest import train_forest
 from learn.training.settings import TrainSettings
 from tests.learn.toy import ToyBridges
@@ -85,6 +87,24 @@ def test_the_confidence_of_a_forest_is_fitted_on_other_bridges(tmp_path: Path) -
     assert np.array_equal(before.argmax(axis=1)[clear], after.argmax(axis=1)[clear])
 
 
+def test_the_temperature_is_fitted_on_samples_of_the_whole_validation() -> None:
+    """Enough points are taken from samples at even distances; too few points are all taken, in their order."""
+    asked: list[int] = []
+
+    def score(row: int) -> tuple[torch.Tensor, torch.Tensor]:
+        asked.append(row)
+        return torch.full((100, 2), float(row)), torch.full((100,), row)
+
+    found = gather_scores(range(10, 74), score, most=1500)
+    assert found is not None
+    assert found[1].unique().tolist() == sorted(asked) == list(range(10, 74, 4))[: len(asked)]
+    assert len(asked) == 15
+    whole = gather_scores(range(10), score, most=1500)
+    assert whole is not None
+    assert whole[0][::100, 1].tolist() == list(range(10))
+    assert gather_scores([], score) is None
+
+
 def test_a_torn_forest_is_refused_before_it_is_walked() -> None:
     """A circle, a child outside, a column that is not there, a missing array."""
     features, labels = toy(0)
@@ -124,3 +144,13 @@ def test_features_tell_lines_planes_and_walls_apart() -> None:
     cloud = rng.random((300, 3)).astype(np.float32)
     turned = (cloud @ Rotation.from_euler("z", 0.7).as_matrix().T).astype(np.float32)
     assert np.allclose(covariance_features(cloud, (20,)), covariance_features(turned, (20,)), atol=1e-3)
+
+
+def test_repeated_points_are_no_neighbors() -> None:
+    """A draw that is filled up with repetitions has the features of its points."""
+    rng = np.random.default_rng(1)
+    cloud = rng.random((40, 3)).astype(np.float32)
+    rows = np.concatenate([rng.permutation(40) for _ in range(20)])
+    assert np.allclose(
+        covariance_features(cloud[rows], (10, 30)), covariance_features(cloud, (10, 30))[rows], atol=1e-5
+    )

@@ -109,12 +109,15 @@ def test_scores_up_to_a_threshold_leave_the_others_out() -> None:
 
 
 def test_panoptic_quality_by_hand() -> None:
-    """One column found with IoU 3/4, one missed; one deck found whole; one column invented; the rest unlabelled."""
-    true_class = np.array([1, 1, 1, 1, 1, 1, 2, 2, 255, 0])
-    true_instance = np.array([7, 7, 7, 7, 8, 8, 1, 1, 3, 0])
-    found_class = np.array([1, 1, 1, 2, 0, 1, 2, 2, 1, 0])
-    found_instance = np.array([1, 1, 1, 5, 0, 2, 9, 9, 2, 0])
-    counts = count_instances(true_class, true_instance, found_class, found_instance, 4)
+    """One column found with IoU 3/4, one missed; one deck found whole; one column invented; the rest unlabelled.
+
+    Points of columns that belong to no instance, the last two, are none together.
+    """
+    true_class = np.array([1, 1, 1, 1, 1, 1, 2, 2, 255, 0, 1, 1])
+    true_instance = np.array([7, 7, 7, 7, 8, 8, 1, 1, 3, 0, 0, 0])
+    found_class = np.array([1, 1, 1, 2, 0, 1, 2, 2, 1, 0, 1, 1])
+    found_instance = np.array([1, 1, 1, 5, 0, 2, 9, 9, 2, 0, 0, 0])
+    counts = count_instances(true_class, true_instance, found_class, found_instance, 4, (0,))
     result = panoptic_quality(counts)
     # Columns: pair 7-1 at 3/4; 8-2 shares 1 of 2, which is not more than half. One hit, one missed, one invented.
     assert result.quality[1] == pytest.approx(0.75 / 2)
@@ -134,5 +137,6 @@ def test_perfect_instances_have_quality_one_whatever_their_numbers(seed: int) ->
     """Numbers of instances are names: permuted ones are as good."""
     rng = np.random.default_rng(seed)
     of_class, instance = rng.integers(0, 3, 100), rng.integers(0, 5, 100)
-    result = panoptic_quality(count_instances(of_class, instance, of_class, rng.permutation(5)[instance], 3))
+    other = 1 + rng.permutation(5)[instance]
+    result = panoptic_quality(count_instances(of_class, instance + 1, of_class, other, 3, ()))
     assert result.mean == 1.0

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from falsework.cli import main
 from groundwork.errors import InputError
 from learn.datasets.build import Source, build_dataset
-from learn.datasets.settings import dataset_settings
+from learn.datasets.frame import Frame, choose_frame, contradiction
+from learn.datasets.settings import TileSettings, dataset_settings
 from learn.datasets.stored import StoredSplit
+from learn.datasets.voxels import add_points, empty_cloud, lay_grid
 from learn.instances import connected_parts
 from learn.predict.class_sum import sum_classes
-from learn.predict.frame import Frame, choose_frame, contradiction
-from learn.predict.predict import predict_scan
+from learn.predict.predict import predict_scan, vote
 from learn.predict.settings import PredictSettings
 from recon.formats.laz import write_laz
 from recon.formats.ply import write_ply
@@ -239,9 +240,9 @@ def test_classes_are_summed_kept_and_doubted(tmp_path: Path) -> None:
     model = ColorModel(("ground", "column", "pier_cap", "deck_slab"), "falsework")
     table = np.array([[0.1, 0.3, 0.3, 0.3]], np.float32)
     total = sum_classes(model.classes, "falsework", "asprs", ())
-    ids, sure = total.decide(table, 0.0)
+    ids, sure = total.decide(table @ total.matrix, 0.0)
     assert (int(ids[0]), float(sure[0])) == (26, pytest.approx(0.6))
-    assert int(total.decide(table, 0.7)[0][0]) == 255
+    assert int(total.decide(table @ total.matrix, 0.7)[0][0]) == 255
     names = dict(zip(total.names, total.ids.tolist(), strict=True))
     assert set(total.background) == {names["ground"], names["unclassified"], names["noisy_point"]}
     coarse = sum_classes(("background", "column", "noisy_point"), "falsework", "asprs", ())
@@ -265,6 +266,18 @@ def test_classes_are_summed_kept_and_doubted(tmp_path: Path) -> None:
         sum_classes(("deck",), "kim2023", "kim", ())
     with pytest.raises(InputError, match=r"no such class .*'girder'"):
         sum_classes(("deck",), "kim2023", "", ("girder",))
+
+
+def test_votes_are_held_in_the_classes_of_the_file() -> None:
+    """Summed when they are given, they have the columns of the table and the sums of the model's classes."""
+    coord, color = lattice(400)
+    model = ColorModel(("ground", "column", "pier_cap", "deck_slab"), "falsework", tile=TileSettings(voxel=0.3))
+    grid = lay_grid(coord.min(axis=0), coord.max(axis=0), model.tile.voxel)
+    cloud = add_points(empty_cloud(grid), coord, {"color": color})
+    matrix = sum_classes(model.classes, "falsework", "kim2020", ()).matrix
+    found = vote(cloud, model, 8, matrix=matrix)
+    assert found.shape == (len(cloud), matrix.shape[1])
+    assert np.allclose(found, vote(cloud, model, 8) @ matrix, atol=1e-6)
 
 
 def test_connected_parts_are_those_of_a_brute_force() -> None:
@@ -306,6 +319,10 @@ def test_boxes_hold_their_instances(tmp_path: Path) -> None:
         assert set(np.asarray(las["predicted_class"])[mine]) == {row["class_id"]}
         assert row["class"] == ("background", "column", "pier_cap", "deck")[row["class_id"]]
     assert {row["class"] for row in stored["instances"]} == {"column", "pier_cap", "deck"}
+    coarse = ColorModel(tile=TileSettings(voxel=0.5))  # more than the usual 0.3 m: twice that by default
+    chosen = [PredictSettings(), PredictSettings(link=1.0)]
+    made = [predict_scan(tmp_path / "a.las", tmp_path / "c.las", coarse, one).instances for one in chosen]
+    assert made[0] == made[1] > 0
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -176,6 +177,16 @@ def test_a_training_begins_with_a_model_and_leaves_its_encoder_alone(trained: Pa
     assert after["head.2.weight"].shape[0] == 4
     with pytest.raises(InputError, match="the --init model has other inputs"):
         begin_with(torch.nn.Identity(), trained, ("red", "green", "blue"), classes)
+    with pytest.raises(InputError, match="random, and would stay so"):
+        train(tmp_path / "random", chosen)
+    scaled = tmp_path / "scaled"
+    shutil.copytree(trained, scaled)
+    stored = json.loads((scaled / FACTS).read_text())
+    stored["data"] = {"scaling": {"kind": "constant", "length": 10.0}}
+    (scaled / FACTS).write_text(json.dumps(stored))
+    data = TrainingData(ToyBridges(6), facts={"scaling": {"kind": "constant", "length": 5.0}})
+    with pytest.raises(InputError, match="another scale than those of the model's training"):
+        train_network(data, settings(), tmp_path / "other", Silent(), init=scaled)
 
 
 def test_a_model_is_refused_where_it_does_not_fit(trained: Path, tmp_path: Path) -> None:

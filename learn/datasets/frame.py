@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from learn.predict.settings import UNITS, PredictSettings
+from learn.datasets.scan_units import UNITS, ScanUnits
 
 F64 = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ class Frame:
         return (normal @ self.turn.T).astype(np.float32)
 
 
-def choose_frame(said: float | None, settings: PredictSettings, where: object) -> Frame:
+def choose_frame(said: float | None, settings: ScanUnits, where: object) -> Frame:
     """Choose the unit: the user's setting takes precedence over the scan's record; one of them is required.
 
     Args:

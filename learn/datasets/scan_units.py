@@ -1,0 +1,27 @@
+"""Unit and up axis of a scan's coordinates, as a user states them."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from groundwork.settings import Settings
+
+Up = Literal["x", "-x", "y", "-y", "z", "-z"]
+Unit = Literal["m", "cm", "mm", "ft", "us-ft"]
+UNITS: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200.0 / 3937.0}  # [m]
+
+
+class ScanUnits(Settings):
+    """How the coordinates of a scan are to be read."""
+
+    unit: Unit | None = Field(default=None, description="Unit of the coordinates; left out: as the scan states")
+    scale: float | None = Field(
+        default=None,
+        gt=0.0,
+        allow_inf_nan=False,
+        description="Length of one unit of the coordinates, if it is not one of `unit` [m]",
+    )
+    up: Up = Field(default="z", description="Axis of the scan that points up")
+
+
+AS_STATED = ScanUnits()
