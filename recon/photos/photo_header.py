@@ -37,7 +37,7 @@ class PhotoHeader:
     Attributes:
         size: Width and height of the stored pixels [px].
         focal_px: Focal length [px], or None if the file does not state it.
-        place: Latitude [deg], longitude [deg], height [m], or None.
+        place: Latitude [deg], longitude [deg], height [m] or None, or None.
         place_sigma: Its horizontal error as stated by the receiver [m], or None.
         quarter_turns: Turns by 90 degrees clockwise that make the stored picture upright, 0 to 3.
         drone: Further facts that drones write.
@@ -45,7 +45,7 @@ class PhotoHeader:
 
     size: tuple[int, int]
     focal_px: float | None = None
-    place: tuple[float, float, float] | None = None
+    place: tuple[float, float, float | None] | None = None
     place_sigma: float | None = None
     quarter_turns: int = 0
     drone: DroneFacts = _SILENT
@@ -179,15 +179,22 @@ def _focal(lens: Mapping[int, Values], size: tuple[int, int]) -> float | None:
     return equivalent / _FILM * (size[0] ** 2 + size[1] ** 2) ** 0.5 if equivalent else None
 
 
-def _place(gps: Mapping[int, Values]) -> tuple[float, float, float] | None:
+def _place(gps: Mapping[int, Values]) -> tuple[float, float, float | None] | None:
     angles = [_degrees(gps.get(tag, ()), gps.get(tag - 1, "")) for tag in (0x0002, 0x0004)]
     if angles[0] is None or angles[1] is None or (angles[0] == 0.0 and angles[1] == 0.0):
         return None  # no fix yet: receivers write zeros
     if abs(angles[0]) > 90.0 or abs(angles[1]) > 180.0:
         return None
-    below = gps.get(0x0005, (0.0,))
-    height = _number(gps, 0x0006) or 0.0
-    return angles[0], angles[1], -height if below == (1.0,) else height
+    return angles[0], angles[1], _height(gps)
+
+
+def _height(gps: Mapping[int, Values]) -> float | None:
+    """Find the height [m]; None where it is absent, text or 0, which receivers without a height write."""
+    values = gps.get(0x0006, ())
+    if not isinstance(values, tuple) or not values or values[0] == 0.0:
+        return None
+    below = gps.get(0x0005, (0.0,)) in ((1.0,), (3.0,))
+    return -abs(values[0]) if below else values[0]  # some programs write a negative number, with or without the sign
 
 
 def _degrees(parts: Values, side: Values) -> float | None:

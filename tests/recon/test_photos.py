@@ -73,7 +73,7 @@ def test_our_own_exif_comes_back(tmp_path: Path) -> None:
     assert header.size == (64, 48)
     assert header.focal_px == pytest.approx(24.0 * 80.0 / 43.266615)
     assert header.place is not None
-    np.testing.assert_allclose(header.place, geodetic((30.0, -20.0, 5.0), ORIGIN), atol=1e-8)
+    np.testing.assert_allclose(np.array(header.place, np.float64), geodetic((30.0, -20.0, 5.0), ORIGIN), atol=1e-8)
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
