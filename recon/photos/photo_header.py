@@ -23,6 +23,7 @@ _BARE = frozenset(range(0xD0, 0xD9)) | {0x01}  # JPEG markers without a length
 _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}  # of the focal plane's resolution: inch, cm, mm, µm
 _QUARTER_TURNS = {3: 2, 6: 1, 8: 3}  # by Exif's orientation; no camera writes mirrored ones
 _FILM = 43.266615  # [mm] diagonal of 36 x 24
+_DISAGREE = 0.2  # [1] far beyond the rounding of the equivalent; photographs are halved rather than shrunk by a tenth
 _PNG = b"\x89PNG\r\n\x1a\n"
 
 _SILENT = DroneFacts()
@@ -167,16 +168,19 @@ def _number(directory: Mapping[int, Values], tag: int) -> float | None:
 
 
 def _focal(lens: Mapping[int, Values], size: tuple[int, int]) -> float | None:
-    """Find the focal length [px]: from the pitch of the pixels where it is stated, else from the 35 mm equivalent.
+    """Find the focal length [px]: from the pitch of the pixels, or from the 35 mm equivalent.
 
-    The equivalent compares diagonals. Source: CIPA DCG-001, 3.1.
+    The pitch is exact, but programs that resize photographs may leave it as it was and change the stated width; so the
+    equivalent decides where the two disagree. It compares diagonals. Source: CIPA DCG-001, 3.1.
     """
     length, pitch, unit = (_number(lens, tag) for tag in (0x920A, 0xA20E, 0xA210))
     taken = _number(lens, 0xA002) or float(size[0])  # the pitch is that of the photograph before it was resized
-    if length and pitch:
-        return length * pitch / _MM_PER_UNIT.get(int(unit or 2), 25.4) * size[0] / taken
-    equivalent = _number(lens, 0xA405)
-    return equivalent / _FILM * (size[0] ** 2 + size[1] ** 2) ** 0.5 if equivalent else None
+    exact = length * pitch / _MM_PER_UNIT.get(int(unit or 2), 25.4) * size[0] / taken if length and pitch else None
+    film = _number(lens, 0xA405)
+    equivalent = film / _FILM * (size[0] ** 2 + size[1] ** 2) ** 0.5 if film else None
+    if exact and equivalent and abs(exact / equivalent - 1.0) > _DISAGREE:
+        return equivalent
+    return exact or equivalent
 
 
 def _place(gps: Mapping[int, Values]) -> tuple[float, float, float | None] | None:
