@@ -4,10 +4,15 @@ import struct
 from pathlib import Path
 
 import numpy as np
+import pycolmap
 import pytest
 
+from groundwork.progress import SILENT
 from recon.photos.photo_header import read_header
 from recon.photos.photos import fix_sigmas, open_photographs
+from recon.settings import SparseSettings
+from recon.sfm.database import DATABASE
+from recon.sfm.extraction import extract
 from recon.sfm.mapping import _fixes
 from tests.recon.test_photos import jpeg, tiff, with_exif
 
@@ -54,3 +59,16 @@ def test_a_place_without_height_is_no_place_at_sea_level(tmp_path: Path) -> None
     for name in "bc":
         (tmp_path / f"{name}.jpg").unlink()
     assert open_photographs(tmp_path).facts["origin"] == {"latitude": 46.0, "longitude": 7.0, "height": 0.0}
+
+
+def test_every_position_has_its_own_error_in_the_mapper(tmp_path: Path) -> None:
+    """The covariances of COLMAP's priors are the errors of each photograph; an unknown height has a large one."""
+    tall = (6, 5, struct.pack("<2I", 500, 1))
+    errors = [(0x1F, 5, struct.pack("<2I", *error)) for error in ((1, 50), (5, 1))]
+    for name, entries in (("a", [tall, errors[0]]), ("b", [tall, errors[1]]), ("c", errors[1:])):
+        (tmp_path / f"{name}.jpg").write_bytes(with_exif(jpeg(), gps_of(*entries)))
+    extract(open_photographs(tmp_path), tmp_path, SparseSettings(threads=1), SILENT)
+    with pycolmap.Database.open(tmp_path / DATABASE) as database:
+        rows = sorted(database.read_all_pose_priors(), key=lambda prior: prior.corr_data_id.id)
+        found = [np.sqrt(np.diag(prior.position_covariance)) for prior in rows]
+    np.testing.assert_allclose(found, [[0.02, 0.02, 0.03], [5.0, 5.0, 7.5], [5.0, 5.0, 1e4]])
