@@ -18,7 +18,7 @@ from render.capture import Capture
 _VERSION = 4  # format of what the step writes
 _CHILD = "recon.dense.dense_child"
 _SLACK = 120.0  # [s] beside the time per image
-_BYTES_PER_PIXEL = 44  # [bytes per pixel] on disk: image 3, depth 4, fate 1, point up to 36
+_BYTES_PER_PIXEL = 46  # [bytes per pixel] on disk: image 3, depth 4, marks 2, fate 1, point up to 36
 
 
 def run_dense(

@@ -64,7 +64,7 @@ def serve(request: dict[str, Any], progress: Progress) -> object:
     count = write_points(out, _fuse_all(views, maps, settings, progress))
     if not count:
         raise RejectedSceneError("no_depth", _why_nothing(views, known, settings))
-    write_fates(out, maps.fates)
+    write_fates(out, (maps.marks(row)[1] for row in range(len(views))))
     maps.clear()
     return {
         "method": method,
@@ -93,11 +93,10 @@ def choose_method(settings: DenseSettings) -> str:
 
 
 class DepthMaps:
-    """Working images and depth maps on disk, with the most recently used in memory.
+    """Working images, depth maps and the marks of fusion on disk, with the most recently used in memory.
 
     Attributes:
         camera: Their camera.
-        fates: What becomes of each pixel, numbers of `PIXEL_FATES`, shape (I, H, W), uint8; fusion sets them.
     """
 
     def __init__(self, folder: Path, model: SparseModel, camera: WorkingCamera) -> None:
@@ -112,9 +111,9 @@ class DepthMaps:
         self._images, self._depths = folder / "images", folder / "depth"
         for path in (self._images, self._depths):
             path.mkdir(parents=True, exist_ok=True)
-        shape = (camera.pinhole.height, camera.pinhole.width)
-        self._used = np.zeros((len(model.names), *shape), bool)
-        self.fates = np.full((len(model.names), *shape), NO_DEPTH, np.uint8)
+        self._shape = shape = (camera.pinhole.height, camera.pinhole.width)
+        self._marks = folder / "marks"
+        self._unmark(len(model.names))
         self._views: OrderedDict[int, DepthView] = OrderedDict()
         self._room = max(1, int(_CACHE // (shape[0] * shape[1] * 19)))
 
@@ -122,6 +121,29 @@ class DepthMaps:
         """Delete all of them from the disk."""
         for path in (self._images, self._depths):
             shutil.rmtree(path)
+        self._marks.unlink()
+
+    def marks(self, row: int) -> tuple[Mask, NDArray[np.uint8]]:
+        """Map the marks that fusion sets: pixels that are part of a point, and fates, numbers of `PIXEL_FATES`.
+
+        They are in a file, because their size grows with the number of images; all maps of one row share their bytes.
+
+        Args:
+            row: Row of the image.
+
+        Returns:
+            Used pixels, shape (H, W), bool; fates, shape (H, W), uint8.
+        """
+        size = self._shape[0] * self._shape[1]
+        both = np.asarray(np.memmap(self._marks, np.uint8, "r+", 2 * size * row, (2, *self._shape)))
+        return both[0].view(bool), both[1]
+
+    def _unmark(self, count: int) -> None:
+        blank = np.zeros((2, *self._shape), np.uint8)
+        blank[1] = NO_DEPTH
+        with self._marks.open("wb") as file:  # inside an atomic folder
+            for _ in range(count):  # in full: a map of a file with holes would crash on a full disk
+                file.write(blank.data)
 
     def has(self, row: int) -> bool:
         """Tell whether a depth map exists, perhaps from an interrupted run."""
@@ -164,7 +186,8 @@ class DepthMaps:
             self._views.move_to_end(row)
             return self._views[row]
         depth, normal = smooth(self.depth(row), intrinsics(self.camera))
-        view = DepthView(row, depth, normal, self.image(row), self._used[row], self.poses[row], self.fates[row])
+        used, fate = self.marks(row)
+        view = DepthView(row, depth, normal, self.image(row), used, self.poses[row], fate)
         self._views[row] = view
         while len(self._views) > self._room:
             self._views.popitem(last=False)
@@ -231,7 +254,7 @@ def _fuse_all(
             uv = maps.camera.to_photograph(found.uv.astype(np.float64)).astype(np.float32)
             yield replace(found, uv=uv)
         else:
-            maps.fates[view.row][maps.depth(view.row) > 0] = TOO_FEW  # colmap measures these, too
+            maps.marks(view.row)[1][maps.depth(view.row) > 0] = TOO_FEW  # colmap measures these, too
         progress.advance(view.row + 1)
 
 

@@ -1,5 +1,6 @@
 """Fate of every pixel of the depth maps: part of a point, or the reason why not."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,12 +51,12 @@ class PixelFates:
         return np.floor(self.camera.to_photograph(centers)).astype(np.int64)
 
 
-def write_fates(folder: Path, fates: NDArray[np.uint8]) -> None:
+def write_fates(folder: Path, fates: Iterable[NDArray[np.uint8]]) -> None:
     """Write the fates of all depth maps, one file for each.
 
     Args:
         folder: Folder of the step; gains a folder `fates`.
-        fates: Numbers of `PIXEL_FATES`, shape (I, H, W), uint8.
+        fates: Numbers of `PIXEL_FATES` of each depth map, shape (H, W), uint8.
     """
     place = folder / FOLDER
     place.mkdir(exist_ok=True)

@@ -23,6 +23,7 @@ _BARE = frozenset(range(0xD0, 0xD9)) | {0x01}  # JPEG markers without a length
 _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}  # of the focal plane's resolution: inch, cm, mm, µm
 _QUARTER_TURNS = {3: 2, 6: 1, 8: 3}  # by Exif's orientation; no camera writes mirrored ones
 _FILM = 43.266615  # [mm] diagonal of 36 x 24
+_DISAGREE = 0.2  # [1] far beyond the rounding of the equivalent; photographs are halved rather than shrunk by a tenth
 _PNG = b"\x89PNG\r\n\x1a\n"
 
 _SILENT = DroneFacts()
@@ -37,7 +38,7 @@ class PhotoHeader:
     Attributes:
         size: Width and height of the stored pixels [px].
         focal_px: Focal length [px], or None if the file does not state it.
-        place: Latitude [deg], longitude [deg], height [m], or None.
+        place: Latitude [deg], longitude [deg], height [m] or None, or None.
         place_sigma: Its horizontal error as stated by the receiver [m], or None.
         quarter_turns: Turns by 90 degrees clockwise that make the stored picture upright, 0 to 3.
         drone: Further facts that drones write.
@@ -45,7 +46,7 @@ class PhotoHeader:
 
     size: tuple[int, int]
     focal_px: float | None = None
-    place: tuple[float, float, float] | None = None
+    place: tuple[float, float, float | None] | None = None
     place_sigma: float | None = None
     quarter_turns: int = 0
     drone: DroneFacts = _SILENT
@@ -167,27 +168,37 @@ def _number(directory: Mapping[int, Values], tag: int) -> float | None:
 
 
 def _focal(lens: Mapping[int, Values], size: tuple[int, int]) -> float | None:
-    """Find the focal length [px]: from the pitch of the pixels where it is stated, else from the 35 mm equivalent.
+    """Find the focal length [px]: from the pitch of the pixels, or from the 35 mm equivalent.
 
-    The equivalent compares diagonals. Source: CIPA DCG-001, 3.1.
+    The pitch is exact, but programs that resize photographs may leave it as it was and change the stated width; so the
+    equivalent decides where the two disagree. It compares diagonals. Source: CIPA DCG-001, 3.1.
     """
     length, pitch, unit = (_number(lens, tag) for tag in (0x920A, 0xA20E, 0xA210))
     taken = _number(lens, 0xA002) or float(size[0])  # the pitch is that of the photograph before it was resized
-    if length and pitch:
-        return length * pitch / _MM_PER_UNIT.get(int(unit or 2), 25.4) * size[0] / taken
-    equivalent = _number(lens, 0xA405)
-    return equivalent / _FILM * (size[0] ** 2 + size[1] ** 2) ** 0.5 if equivalent else None
+    exact = length * pitch / _MM_PER_UNIT.get(int(unit or 2), 25.4) * size[0] / taken if length and pitch else None
+    film = _number(lens, 0xA405)
+    equivalent = film / _FILM * (size[0] ** 2 + size[1] ** 2) ** 0.5 if film else None
+    if exact and equivalent and abs(exact / equivalent - 1.0) > _DISAGREE:
+        return equivalent
+    return exact or equivalent
 
 
-def _place(gps: Mapping[int, Values]) -> tuple[float, float, float] | None:
+def _place(gps: Mapping[int, Values]) -> tuple[float, float, float | None] | None:
     angles = [_degrees(gps.get(tag, ()), gps.get(tag - 1, "")) for tag in (0x0002, 0x0004)]
     if angles[0] is None or angles[1] is None or (angles[0] == 0.0 and angles[1] == 0.0):
         return None  # no fix yet: receivers write zeros
     if abs(angles[0]) > 90.0 or abs(angles[1]) > 180.0:
         return None
-    below = gps.get(0x0005, (0.0,))
-    height = _number(gps, 0x0006) or 0.0
-    return angles[0], angles[1], -height if below == (1.0,) else height
+    return angles[0], angles[1], _height(gps)
+
+
+def _height(gps: Mapping[int, Values]) -> float | None:
+    """Find the height [m]; None where it is absent, text or 0, which receivers without a height write."""
+    values = gps.get(0x0006, ())
+    if not isinstance(values, tuple) or not values or values[0] == 0.0:
+        return None
+    below = gps.get(0x0005, (0.0,)) in ((1.0,), (3.0,))
+    return -abs(values[0]) if below else values[0]  # some programs write a negative number, with or without the sign
 
 
 def _degrees(parts: Values, side: Values) -> float | None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from groundwork.errors import InputError, MissingError
 from groundwork.output_reading import reading
 from recon.photos.photo_header import PhotoHeader, read_header
-from render.capture import CAMERAS, CalibrationPrior, Capture, CaptureImage, read_capture
+from render.capture import CAMERAS, CalibrationPrior, Capture, CaptureImage, Triple, read_capture
 
 F64 = NDArray[np.float64]
 
@@ -19,6 +19,7 @@ _GUESS = 1.2  # focal length over the longer side: 55 degrees; COLMAP's own gues
 _SIGMA = (2.0, 2.0, 3.0)  # [m] if the receiver states none: within one flight, and the offset of the whole flight
 _UPWARDS = 1.5  # ratio of a receiver's vertical to its horizontal error
 _UNKNOWN = (None, None, None)
+Place = tuple[float, float, float | None]
 _SAME_LENS = 0.1  # greatest relative difference of focal lengths that share one calibration
 _EARTH_A, _EARTH_E2 = 6_378_137.0, 6.694_379_990_14e-3  # WGS 84
 
@@ -27,7 +28,8 @@ def open_photographs(folder: Path) -> Capture:
     """Open a capture, or a folder of plain photographs.
 
     Only the photographs in the folder itself are used; if there are none, those in its folder `images`. Positions
-    become metres east, north and up of the first photograph that has one; `facts` keeps that origin.
+    become metres east, north and up of the first photograph that has one; `facts` keeps that origin. A position without
+    height gets the usual height of the others, and null as its deviation up in `gps_sigmas`.
 
     Args:
         folder: With `cameras.json`, or with JPEG or PNG files.
@@ -62,7 +64,10 @@ def _open_photographs(folder: Path) -> Capture:
     sigmas = [_sigma(header) for header in headers]
     sigma = _usual([told for told in sigmas if told is not None])
     if origin is not None:
-        facts["gps_sigmas"] = {path.stem: told or sigma for path, told in zip(paths, sigmas, strict=True)}
+        facts["gps_sigmas"] = {
+            path.stem: _without_height(told or sigma) if header.place and header.place[2] is None else told or sigma
+            for path, header, told in zip(paths, headers, sigmas, strict=True)
+        }
         facts["gps_bias"] = sigma  # the shared error is as large, and cannot be estimated from the positions
         facts["origin"] = {"latitude": origin[0], "longitude": origin[1], "height": origin[2]}
     images = tuple(
@@ -70,6 +75,22 @@ def _open_photographs(folder: Path) -> Capture:
         for path, place in zip(paths, places, strict=True)
     )
     return Capture(folder, PHOTOGRAPHS, size, prior, sigma, facts, images)
+
+
+def fix_sigmas(capture: Capture) -> F64:
+    """List the stated standard deviation of each position.
+
+    Args:
+        capture: Photographs.
+
+    Returns:
+        East, north and up [m], shape (N, 3), float64, one row per image; infinite where no height was measured.
+    """
+    told = capture.facts.get("gps_sigmas")
+    if not isinstance(told, dict):
+        return np.tile(np.array(capture.gps_sigma), (len(capture.images), 1))
+    sigmas = np.array([np.array(told[image.name], np.float64) for image in capture.images], np.float64)
+    return np.where(np.isnan(sigmas), np.inf, sigmas)
 
 
 def local_position(place: tuple[float, float, float], origin: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -157,13 +178,23 @@ def _prior(
     return prior, FOCAL_FROM_EXIF if told else FOCAL_GUESSED
 
 
-def _local_places(
-    headers: list[PhotoHeader],
-) -> tuple[list[tuple[float, float, float] | None], tuple[float, float, float] | None]:
-    origin = next((header.place for header in headers if header.place is not None), None)
+def _local_places(headers: list[PhotoHeader]) -> tuple[list[Triple | None], Triple | None]:
+    told = [header.place[2] for header in headers if header.place is not None and header.place[2] is not None]
+    usual = float(np.median(told)) if told else 0.0
+    places = [None if header.place is None else _with_height(header.place, usual) for header in headers]
+    origin = next((place for place in places if place is not None), None)
     if origin is None:
         return [None] * len(headers), None
-    return [local_position(header.place, origin) if header.place else None for header in headers], origin
+    return [local_position(place, origin) if place else None for place in places], origin
+
+
+def _with_height(place: Place, usual: float) -> Triple:
+    latitude, longitude, height = place
+    return latitude, longitude, usual if height is None else height
+
+
+def _without_height(sigma: Triple) -> tuple[float, float, None]:
+    return sigma[0], sigma[1], None
 
 
 def _sigma(header: PhotoHeader) -> tuple[float, float, float] | None:

@@ -29,7 +29,8 @@ class Target:
         centers: Camera centres [m], shape (N, 3), float64, one row per image of the capture; NaN where unknown.
         rotations: Camera-to-world rotations [1], shape (N, 3, 3), float64, or None when only positions are known.
         center_limit: Distance above which a centre is an outlier [m].
-        sigmas: Stated standard deviation of each centre along x, y, z [m], shape (N, 3), float64, or None.
+        sigmas: Stated standard deviation of each centre along x, y, z [m], shape (N, 3), float64, or None; infinite for
+            a height that was not measured.
         bias: Standard deviation of the error that all centres share [m], shape (3,), float64.
         gimbal: Up direction in each camera's axes from its gimbal [1], shape (N, 3), float64, NaN where unknown; or
             None.

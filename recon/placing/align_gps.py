@@ -45,7 +45,8 @@ def align_to_fixes(poses: F64, rows: NDArray[np.int64], target: Target, rng: np.
         return replace(upright, unfixed=errors.unfixed(), errors=errors)
     agreeing, far = np.zeros(len(target.centers), bool), np.full(len(target.centers), np.nan)
     agreeing[used] = fit.agreeing
-    far[used] = np.linalg.norm(fit.similarity.move(source) - goal, axis=1)
+    away = np.where(np.isfinite(sigmas[used]), fit.similarity.move(source) - goal, 0.0)
+    far[used] = np.linalg.norm(away, axis=1)
     resting = goal[fit.agreeing]
     return replace(
         upright,

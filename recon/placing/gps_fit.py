@@ -28,7 +28,7 @@ Mask = NDArray[np.bool_]
 
 _TRIPLE = 3
 _TRIPLES = 300
-_LEVEL = 2.366  # median of the square of a normal vector of three
+_LEVEL, _FLAT_LEVEL = 2.366, 1.386  # median of the square of a normal vector of three, and of two
 _FAR = 21.1  # one valid fix in ten thousand has a larger value
 _ROUNDS, _STEPS = 15, 30
 _NEAR, _SETTLED = 1e-4, 1e-10
@@ -53,6 +53,8 @@ class Fit:
             sources of errors (of fixes: horizontal, vertical, and gravity), shape (E, 7, 7), float64.
         freedom: Degrees of freedom of each of these [1], shape (E,), float64.
         twofold: Whether a very different rotation fits equally well; then the limits are invalid.
+        heightless: Whether no height was measured; then the height is arbitrary, and its covariance 0.
+        tilted: Angle to the up direction of another rotation that fits nearly as well, where heights are missing [rad].
     """
 
     similarity: Similarity
@@ -62,6 +64,8 @@ class Fit:
     covariances: F64
     freedom: F64
     twofold: bool = False
+    heightless: bool = False
+    tilted: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -85,8 +89,8 @@ def fit_to_fixes(
     Args:
         source: Camera centres [model units], shape (N, 3), float64, in the order in which they were flown.
         goal: Their measured positions [m], shape (N, 3), float64.
-        sigma: Stated standard deviation of each along x, y, z [m], shape (N, 3), float64; a factor for horizontal and
-            one for vertical are estimated from the residuals.
+        sigma: Stated standard deviation of each along x, y, z [m], shape (N, 3), float64; infinite along z where no
+            height was measured. A factor for horizontal and one for vertical are estimated from the residuals.
         levels: Cues of the photographs for the up direction.
         rng: Source of the initial triples.
         flown: Whether they were measured one after the other, so that errors may repeat.
@@ -96,9 +100,13 @@ def fit_to_fixes(
     """
     if len(source) < _TRIPLE or not min(np.ptp(source, axis=0).max(), np.ptp(goal, axis=0).max()) > 0.0:
         return None
-    found = [_settle(source, goal, sigma, levels, start) for start in _starts(source, goal, sigma, rng)]
-    level = min(_level(_squares(similarity, source, goal, sigma)) for similarity in found)
+    found = [_settle(source, goal, sigma, levels, start) for start in _starts(source, goal, sigma, levels, rng)]
+    flat = np.isinf(sigma[:, 2])
+    level = min(_level(_squares(similarity, source, goal, sigma), flat) for similarity in found)
     costs = [_cost(similarity, source, goal, sigma * level, levels) for similarity in found]
+    if flat.any():
+        found.append(_settle(source, goal, sigma, levels, _mirrored(found[int(np.argmin(costs))], source)))
+        costs.append(_cost(found[-1], source, goal, sigma * level, levels))
     best = found[int(np.argmin(costs))]
     rivals = [other.rotation for other, cost in zip(found, costs, strict=True) if cost < min(costs) + _SURE]
     unlike = bool((angles(np.array(rivals), best.rotation) > _UNLIKE).any())
@@ -111,11 +119,15 @@ def fit_to_fixes(
             break
         agreeing = again
         fit = _adjust(fit.similarity, fixes, levels, agreeing, flown)
-    return replace(fit, twofold=unlike)
+    tilts = np.arccos(np.clip(np.array(rivals)[:, 2] @ best.rotation[2], -1.0, 1.0))
+    return replace(fit, twofold=unlike, tilted=float(tilts.max()) if flat.any() else 0.0)
 
 
-def _starts(source: F64, goal: F64, sigma: F64, rng: np.random.Generator) -> list[Similarity]:
-    """Propose initial similarities: from all fixes, from the best triple by least median, and both upside down."""
+def _starts(source: F64, goal: F64, sigma: F64, levels: GravityCues, rng: np.random.Generator) -> list[Similarity]:
+    """Propose initial similarities: from all fixes, from the best triple by least median, and both upside down.
+
+    Where heights are missing, also from gravity and the horizontal positions.
+    """
     count = len(source)
     keys = rng.random((_TRIPLES, count))
     triples = np.argpartition(keys, _TRIPLE - 1, axis=1)[:, :_TRIPLE] if count > _TRIPLE else np.arange(3)[None]
@@ -128,6 +140,8 @@ def _starts(source: F64, goal: F64, sigma: F64, rng: np.random.Generator) -> lis
     starts = [Similarity(float(whole[0]), whole[1], whole[2])]
     if np.isfinite(squares[best]).all():
         starts.append(Similarity(float(scale[best]), rotation[best], shift[best]))
+    if np.isinf(sigma[:, 2]).any() and len(levels.heights):
+        starts.append(_upright(source, goal, levels))
     starts = [start for start in starts if np.isfinite(start.scale) and start.scale > 0.0]
     rolled = []
     for start in starts:  # on a straight flight the fixes do not determine the roll about the path
@@ -139,12 +153,37 @@ def _starts(source: F64, goal: F64, sigma: F64, rng: np.random.Generator) -> lis
     return starts + rolled
 
 
+def _upright(source: F64, goal: F64, levels: GravityCues) -> Similarity:
+    """Propose the similarity whose up direction is that of gravity, by least squares of the horizontal positions."""
+    up = np.linalg.lstsq(levels.directions / levels.sigmas[:, None], levels.heights / levels.sigmas)[0]
+    axes = np.linalg.svd(up[None])[2][[1, 2, 0]]
+    axes[2] = up / max(float(np.linalg.norm(up)), 1e-300)
+    axes[1] = np.cross(axes[2], axes[0])
+    moved, middle = source @ axes.T, goal.mean(axis=0)
+    planes = (moved - moved.mean(axis=0), goal - middle)
+    before, after = (plane[:, 0] + 1j * plane[:, 1] for plane in planes)
+    turn = np.vdot(before, after) / max(float(np.vdot(before, before).real), 1e-300)
+    scale, rotation = float(np.abs(turn)), rotation_by(np.array([0.0, 0.0, np.angle(turn)])) @ axes
+    return Similarity(scale, rotation, middle - scale * rotation @ source.mean(axis=0))
+
+
+def _mirrored(similarity: Similarity, source: F64) -> Similarity:
+    """Propose the opposite slope: from above, cameras in a plane look the same on it."""
+    moved = similarity.move(source)
+    middle = moved.mean(axis=0)
+    normal = np.linalg.svd(moved - middle, full_matrices=False)[2][2]
+    axis = np.cross(normal, [0.0, 0.0, 1.0]) * np.sign(normal[2])  # its length is the sine of the slope
+    sine = float(np.linalg.norm(axis))
+    turn = rotation_by(axis * 2.0 * np.arcsin(min(sine, 1.0)) / max(sine, 1e-300))
+    return Similarity(similarity.scale, turn @ similarity.rotation, turn @ (similarity.translation - middle) + middle)
+
+
 def _settle(source: F64, goal: F64, sigma: F64, levels: GravityCues, start: Similarity) -> Similarity:
     """Refine a start by iteratively reweighted least squares: a fix with a larger residual has a smaller weight."""
     similarity = start
     for _ in range(_STEPS):
         squares = _squares(similarity, source, goal, sigma)
-        level = _level(squares)
+        level = _level(squares, np.isinf(sigma[:, 2]))
         robust = 1.0 / (1.0 + squares / level**2 / 3.0)
         weights = robust[:, None] / (sigma * level) ** 2
         similarity, moved = _step(similarity, source, goal, weights, levels)
@@ -165,6 +204,8 @@ def _step(
     turning = levels.derivatives(similarity.rotation)
     normal = np.einsum("nki,nk,nkj->ij", jacobian, weights, jacobian)
     normal[1:4, 1:4] += (turning * pull[:, None]).T @ turning
+    if not weights[:, 2].any():
+        normal[6, 6] = 1.0  # no height is known: it stays as it is
     right = np.einsum("nki,nk,nk->i", jacobian, weights, residual)
     right[1:4] += turning.T @ (pull * (levels.heights - levels.directions @ ups))
     size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
@@ -190,7 +231,8 @@ def _adjust(start: Similarity, fixes: _Fixes, levels: GravityCues, agreeing: Mas
             if moved < _SETTLED:
                 break
         residual = (goal - similarity.move(source)) / stated
-        serial_correlation = _serial_correlation(residual / factors[[0, 0, 1]]) if flown else 0.0
+        measured = int(np.isfinite(stated).sum())
+        serial_correlation = _serial_correlation(residual / factors[[0, 0, 1]], measured) if flown else 0.0
         again, freedom = _components(similarity, fixes, factors, levels, serial_correlation)
         change = np.abs(np.log(again / factors)).max()
         factors = again
@@ -207,6 +249,7 @@ def _adjust(start: Similarity, fixes: _Fixes, levels: GravityCues, agreeing: Mas
         middle,
         covariances,
         np.append(np.maximum(freedom * slow, 1.0), 1e6),
+        heightless=bool(np.isinf(stated[:, 2]).all()),
     )
 
 
@@ -232,7 +275,7 @@ def _left_over(jacobian: F64, inverse: F64, serial_correlation: float) -> float:
     for axis in range(jacobian.shape[1]):
         part = jacobian[:, axis]
         used += np.einsum("ij,jk,ik->", part, inverse, _alike(part, serial_correlation))
-    return float(max(jacobian.shape[0] * jacobian.shape[1] - used, 0.0))
+    return float(max(np.count_nonzero(jacobian.any(axis=2)) - used, 0.0))  # a height that is unknown has no weight
 
 
 def _covariances(
@@ -255,11 +298,13 @@ def _information(whitened: F64, similarity: Similarity, levels: GravityCues) -> 
     """Sum up the information of fixes and of gravity, shape (7, 7)."""
     turning, pull = levels.derivatives(similarity.rotation), levels.weights(similarity.rotation.T[:, 2])
     total = np.einsum("nki,nkj->ij", whitened, whitened)
+    if not whitened[:, 2].any():
+        total[6, 6] = 1.0  # no height is known; its covariance is 0, because no error is propagated to it
     total[1:4, 1:4] += (turning * pull[:, None]).T @ turning
     return total
 
 
-def _serial_correlation(whitened: F64) -> float:
+def _serial_correlation(whitened: F64, measured: int | None = None) -> float:
     """Estimate the correlation of the error of a fix with that of the one before it.
 
     The fit removes slow variations, and with them some of the correlation; the correction is tuned by simulation
@@ -268,9 +313,9 @@ def _serial_correlation(whitened: F64) -> float:
     if len(whitened) < _LONG:
         return _USUAL
     raw = float((whitened[1:] * whitened[:-1]).sum() / (whitened**2).sum())
-    count = len(whitened)
-    freed = raw + (1.0 + 6.0 * max(raw, 0.0)) * PARAMETERS / (3.0 * count)
-    return float(np.clip(freed, 0.0, _ALIKE)) if freed > 2.0 / np.sqrt(3.0 * count) else 0.0
+    count = float(whitened.size if measured is None else measured)
+    freed = raw + (1.0 + 6.0 * max(raw, 0.0)) * PARAMETERS / count
+    return float(np.clip(freed, 0.0, _ALIKE)) if freed > 2.0 / np.sqrt(count) else 0.0
 
 
 def _alike(columns: F64, serial_correlation: float) -> F64:
@@ -286,11 +331,17 @@ def _squares(similarity: Similarity, source: F64, goal: F64, sigma: F64) -> F64:
     return (((goal - similarity.move(source)) / sigma) ** 2).sum(axis=1)
 
 
-def _level(squares: F64) -> float:
-    """Estimate the factor by which the stated errors are too small, from the better half; at least a tenth."""
+def _level(squares: F64, flat: Mask | None = None) -> float:
+    """Estimate the factor by which the stated errors are too small, from the better half; at least a tenth.
+
+    `flat` fixes have no height; their squares are smaller.
+    """
     count = len(squares)
     half = min((count + _TRIPLE + 2) // 2, count) - 1
-    free = max(1.0 - PARAMETERS / (3.0 * count), 0.2)
+    missing = 0 if flat is None else int(flat.sum())
+    if flat is not None and missing:
+        squares = np.where(flat, squares * (_LEVEL / _FLAT_LEVEL), squares)
+    free = max(1.0 - PARAMETERS / (3.0 * count - missing), 0.2)
     return float(max(np.sqrt(np.partition(squares, half)[half] / _LEVEL / free), 0.1))
 
 

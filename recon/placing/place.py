@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from groundwork.errors import InputError
 from groundwork.progress import Progress
+from recon.photos.photos import fix_sigmas
 from recon.placing.align import OK, UNREGISTERED, Alignment, Target, align, center_limit, check_share, stand_upright
 from recon.placing.align_control import POINTS, align_to_control
 from recon.placing.align_gps import align_to_fixes
@@ -248,9 +249,6 @@ def _target(capture: Capture, truth: Truth | None, settings: AlignmentSettings) 
         return Target("truth", centers, truth.poses[:, :3, :3], center_limit(centers, kind, settings))
     centers = np.array([image.gps or (np.nan,) * 3 for image in capture.images])
     turns, gimbal = _by_name(capture, "quarter_turns"), _by_name(capture, "gimbal")
-    sigmas = _by_name(capture, "gps_sigmas")
-    if sigmas is None:
-        sigmas = np.tile(np.array(capture.gps_sigma), (len(centers), 1))
     east, north, up = _numbers(capture.facts.get("gps_bias", capture.gps_sigma))
     kind = "gps" if np.isfinite(centers).all(axis=1).any() else "none"
     return Target(
@@ -258,7 +256,7 @@ def _target(capture: Capture, truth: Truth | None, settings: AlignmentSettings) 
         centers,
         None,
         np.inf,
-        np.maximum(sigmas, _LEAST_SIGMA),
+        np.maximum(fix_sigmas(capture), _LEAST_SIGMA),
         (east, north, up),
         gimbal,
         None if turns is None else turns.astype(np.int64),

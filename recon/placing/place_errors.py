@@ -26,6 +26,7 @@ class PlaceErrors:
         place: Distance of the centroid of what was fitted from its true position: of the cameras that have a fix, or of
             the control points [m].
         twofold: Whether a very different rotation fits equally well; then the limits are invalid.
+        heightless: Whether no height was measured; then `place` is horizontal, and the height is unknown.
     """
 
     scale: float
@@ -33,6 +34,7 @@ class PlaceErrors:
     heading: float
     place: float
     twofold: bool = False
+    heightless: bool = False
 
     def unfixed(self) -> str:
         """Describe in words what is too uncertain for the model to be placed; empty if nothing is."""
@@ -61,6 +63,8 @@ class PlaceErrors:
             )
             if np.isfinite(value)
         ]
+        if self.heightless:
+            known.append("height unknown")
         return f"{', '.join(known)} (95 %)"
 
     def facts(self) -> dict[str, Any]:
@@ -71,7 +75,8 @@ class PlaceErrors:
             "heading_deg": self.heading,
             "place_m": self.place,
         }
-        return {"share": SHARE} | {key: value if np.isfinite(value) else None for key, value in values.items()}
+        known = {key: value if np.isfinite(value) else None for key, value in values.items()}
+        return {"share": SHARE} | known | ({"height": "unknown"} if self.heightless else {})
 
 
 def expected_errors(fit: Fit, bias: F64) -> PlaceErrors:
@@ -85,12 +90,15 @@ def expected_errors(fit: Fit, bias: F64) -> PlaceErrors:
     shared = np.diag(np.asarray(bias, np.float64) ** 2)
     scale = _limit(fit.covariances[:, :1, :1], freedom)
     place = np.concatenate([fit.covariances[:, 4:, 4:], shared[None]])
+    if fit.heightless:
+        place = place[:, :2, :2]
     return PlaceErrors(
         100.0 * float(np.expm1(min(scale, 50.0))),
-        float(np.degrees(_limit(fit.covariances[:, 1:3, 1:3], freedom))),
+        float(np.degrees(_limit(fit.covariances[:, 1:3, 1:3], freedom) + fit.tilted)),
         float(np.degrees(_limit(fit.covariances[:, 3:4, 3:4], freedom))),
         _limit(place, np.append(freedom, 1e6)),
         fit.twofold,
+        fit.heightless,
     )
 
 

@@ -7,12 +7,13 @@ import numpy as np
 import pycolmap
 
 from groundwork.progress import Progress
-from recon.photos.photos import FOCAL_GUESSED
+from recon.photos.photos import FOCAL_GUESSED, fix_sigmas
 from recon.settings import LONGEST_SIDE, SparseSettings
 from recon.sfm.database import DATABASE
 from render.capture import Capture, load_image
 
 _LEAST_SIGMA = 0.01  # [m] a deviation of 0 would give the prior infinite weight
+_MOST_SIGMA = 1e4  # [m] for a height that was not measured
 
 
 def extract(capture: Capture, folder: Path, settings: SparseSettings, progress: Progress) -> dict[str, Any]:
@@ -71,8 +72,8 @@ def _reader(capture: Capture) -> pycolmap.ImageReaderOptions:
 def _write_gps(capture: Capture, database: pycolmap.Database, rows: dict[str, pycolmap.Image]) -> None:
     """Replace the positions read from EXIF by those of the capture, in its local frame."""
     database.clear_pose_priors()
-    sigma = np.maximum(np.array(capture.gps_sigma), _LEAST_SIGMA)
-    for image in sorted(capture.images, key=lambda image: image.file):
+    sigmas = np.clip(fix_sigmas(capture), _LEAST_SIGMA, _MOST_SIGMA)
+    for image, sigma in sorted(zip(capture.images, sigmas, strict=True), key=lambda pair: pair[0].file):
         if image.gps is not None and image.file in rows:
             database.write_pose_prior(
                 pycolmap.PosePrior(

@@ -11,7 +11,7 @@ import numpy as np
 import pycolmap
 
 from groundwork.progress import Progress
-from recon.photos.photos import FOCAL_GUESSED
+from recon.photos.photos import FOCAL_GUESSED, fix_sigmas
 from recon.settings import SparseSettings
 from recon.sfm.colmap_model import check_whole
 from recon.sfm.database import DATABASE
@@ -107,7 +107,9 @@ def _doubtful_pairs(capture: Capture, database: Path, progress: Progress) -> set
 
 
 def _fixes(capture: Capture) -> Fixes:
-    return {image.file: image.gps for image in capture.images if image.gps is not None}
+    """List the positions that were measured with their height; the others would contradict the model."""
+    known = np.isfinite(fix_sigmas(capture)[:, 2]).tolist()
+    return {image.file: image.gps for image, kept in zip(capture.images, known, strict=True) if kept and image.gps}
 
 
 def _registered(model: pycolmap.Reconstruction) -> set[str]:

@@ -159,7 +159,7 @@ def _extract(capture: Capture, work: Path, settings: ReconSettings, progress: Pr
         capture.prior,
         capture.facts.get("focal"),
         [image.gps for image in capture.images],
-        capture.gps_sigma,
+        capture.facts.get("gps_sigmas", capture.gps_sigma),
         sparse.peak_threshold,
         sparse.max_features,
         settings.seed,

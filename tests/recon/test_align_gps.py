@@ -176,6 +176,33 @@ def test_better_fixes_weigh_more() -> None:
     assert off[0] < 0.03 < 0.3 < off[1]
 
 
+@pytest.mark.parametrize("known", [0, 6])
+def test_fixes_without_height_say_nothing_of_it(known: int) -> None:
+    """A flight up a slope of 12 %, with no height or some: upright within the limit; what is put there is ignored."""
+    rng = np.random.default_rng(6)
+    angle = np.linspace(0.0, 2 * np.pi, 40)
+    ring = 40 * np.column_stack([np.cos(angle), np.sin(angle)])
+    true, model, world = level_flight(rng, np.column_stack([ring, 30 + 0.12 * ring[:, 0]]))
+    fixes = fixes_of(true[:, :3, 3] + rng.normal(0, 1.0, (40, 3)))
+    assert fixes.sigmas is not None
+    fixes.sigmas[known:, 2] = np.inf
+    places = []
+    for height in (0.0, -25.0):
+        fixes.centers[known:, 2] = height
+        found = align_to_fixes(model, np.arange(40), fixes, np.random.default_rng(1))
+        assert found.errors is not None
+        assert tilt_of(found.similarity, world) < min(found.errors.tilt, 4.0)
+        assert found.similarity.scale == pytest.approx(world.scale, rel=found.errors.scale / 100.0)
+        assert np.nanmax(found.center_errors) < 6.0
+        assert found.errors.heightless == (known == 0)
+        assert ("height unknown" in found.errors.in_words()) == ("height" in found.errors.facts()) == (known == 0)
+        middle = found.similarity.move(model[:, :3, 3]).mean(axis=0) - true[:, :3, 3].mean(axis=0)
+        assert np.linalg.norm(middle[: 3 if known else 2]) < found.errors.place < 10.0
+        places.append(found.similarity)
+    np.testing.assert_allclose(places[0].rotation, places[1].rotation, atol=1e-6)
+    assert places[0].scale == pytest.approx(places[1].scale, rel=1e-6)
+
+
 def test_the_scale_is_not_that_of_the_noise() -> None:
     """Noise as large as a third of the flight leaves the scale unbiased; a ratio of spreads makes it larger."""
     found, ratio = [], []
