@@ -54,7 +54,7 @@ def train(
     Args:
         dataset: Folder that falsework dataset has written.
         output: Folder to write: a model.
-        demo: Train for a few minutes on thinned clouds of twenty-two bridges of the package, and print the scores on
+        demo: Train for a few minutes on thinned clouds of eighteen bridges of the package, and print the scores on
             four others; takes no further options but --seed and --epochs.
         model: pointnet2-ssg, pointnet2-msg, pointnext-s, pointnext-b, randlanet, or forest, which has no epochs;
             default: that of --init, else pointnet2-ssg.

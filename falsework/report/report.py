@@ -140,8 +140,10 @@ def _plan(capture: Capture, truth: Truth | None, cloud: "Cloud | None", outline:
     places = _centers(capture, truth)
     if not len(places):
         return None
-    statuses = ["ok"] * len(places) if cloud is None else [str(camera["status"]) for camera in cloud.cameras]
-    statuses = statuses if len(statuses) == len(places) else ["ok"] * len(places)
+    shown = [truth is not None or image.gps is not None for image in capture.images]
+    rows = () if cloud is None else cloud.cameras
+    statuses = [str(row["status"]) for row in rows] if len(rows) == len(shown) else ["ok"] * len(shown)
+    statuses = [status for status, place in zip(statuses, shown, strict=True) if place]
     bridge = np.zeros((0, 3)) if outline is None else outline.columns["coord"]
     return flight_figure(places, statuses, bridge, "registered" if cloud is not None else "images")
 

@@ -157,7 +157,10 @@ def _scaled(
     stated = (
         PlaceErrors(100.0 * unsure, np.nan, np.nan, np.nan) if errors is None else replace(errors, scale=100.0 * unsure)
     )
-    far = np.linalg.norm(similarity.move(model.poses[:, :3, 3]) - target.centers[rows], axis=1)
+    away = similarity.move(model.poses[:, :3, 3]) - target.centers[rows]
+    if target.sigmas is not None:
+        away = np.where(np.isfinite(target.sigmas[rows]), away, 0.0)  # a fix without a height says nothing about it
+    far = np.linalg.norm(away, axis=1)
     center_errors = base.center_errors.copy()
     center_errors[rows] = np.where(np.isnan(center_errors[rows]), np.nan, far)
     return replace(base, similarity=similarity, method=BARS, errors=stated, unfixed="", center_errors=center_errors)
