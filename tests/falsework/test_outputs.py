@@ -36,7 +36,7 @@ def test_an_export_does_not_replace_what_it_is_made_from(tmp_path: Path) -> None
     photographs.mkdir()
     for out in (cloud, cloud / "laz", photographs / "laz", tmp_path):
         with pytest.raises(InputError, match="an input of this command"):
-            export_folder(cloud, "laz", out, SILENT, photographs)
+            export_folder(cloud, "colmap", out, SILENT, photographs)
     assert sorted(path.name for path in cloud.iterdir()) == [".falsework", "cloud.json"]
 
 
