@@ -9,5 +9,8 @@ def least_link(voxel: float) -> float:
 
     Args:
         voxel: Side of the cubes of the thinning [m]; 0 without thinning.
+
+    Returns:
+        The side [m].
     """
     return max(LINK, 2.0 * voxel)

@@ -49,7 +49,7 @@ def local(
         class_map: Meaning of the class numbers of a scan: a map of the package, or a .toml or .json file.
         bridge: Name of the bridge of each source, if it does not state one; once for each source, in their order.
         unit: Unit of the coordinates of the scans; overrides the unit that a scan states.
-        scale: Meters per unit, for scans without a scale.
+        scale: Length of one unit of scans without a scale [m].
         up: Axis of the scans that points up.
         seed: Seed of splits and draws.
         set: A further setting, such as `points=2048` or `tile.size=8.0`; may be given more than once.
@@ -95,7 +95,7 @@ def whole(
         class_map: Meaning of the class numbers of a scan: a map of the package, or a .toml or .json file.
         bridge: Name of the bridge of each source, if it does not state one; once for each source, in their order.
         unit: Unit of the coordinates of the scans; overrides the unit that a scan states.
-        scale: Meters per unit, for scans without a scale.
+        scale: Length of one unit of scans without a scale [m].
         up: Axis of the scans that points up.
         seed: Seed of splits and draws.
         set: A further setting, such as `points=32768` or `noisy=0.03`; may be given more than once.
