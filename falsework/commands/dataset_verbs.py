@@ -56,14 +56,8 @@ def local(
         as_json: Print one JSON object instead of lines.
     """
     values = {"mode": mode, "table": table, "split": split, "seed": seed}
-    return _build(
-        "local",
-        _Clouds(sources, class_map, bridge, {"unit": unit, "scale": scale, "up": up}),
-        output,
-        values,
-        set,
-        as_json,
-    )
+    clouds = _Clouds(sources, class_map, bridge, {"unit": unit, "scale": scale, "up": up})
+    return _build("local", clouds, output, values, set, as_json)
 
 
 def whole(
@@ -102,14 +96,8 @@ def whole(
         as_json: Print one JSON object instead of lines.
     """
     values = {"mode": mode, "table": table, "split": split, "seed": seed, "stratified": stratified}
-    return _build(
-        "global",
-        _Clouds(sources, class_map, bridge, {"unit": unit, "scale": scale, "up": up}),
-        output,
-        values,
-        set,
-        as_json,
-    )
+    clouds = _Clouds(sources, class_map, bridge, {"unit": unit, "scale": scale, "up": up})
+    return _build("global", clouds, output, values, set, as_json)
 
 
 def export(

@@ -96,7 +96,8 @@ def read_system(text: str) -> MapSystem | None:
     if unit == 0.0 or number in _GEOGRAPHIC or "+proj=longlat" in plain or "+proj=latlong" in plain:
         return MapSystem(text, 0, up_unit=up_unit)
     if code or "+proj=" in plain or re.match(r"(PROJ(CS|CRS)|COMPD ?CS|COMPOUNDCRS)\b", plain, re.IGNORECASE):
-        return MapSystem(text, None, unit, up_unit, assumed=stated is None and "+proj=" not in plain)
+        silent = "+proj=" in plain and "+units=" not in plain  # PROJ's own default is metres
+        return MapSystem(text, None, unit, up_unit, assumed=stated is None and not silent)
     if re.match(r"(LOCAL ?CS|LOCAL|NONE)\b", plain, re.IGNORECASE):
         return MapSystem(text, None, unit, up_unit)
     return MapSystem(text, 0) if plain.upper() in ("WGS84", "WGS 84") else None

@@ -121,10 +121,10 @@ def mark_variances(places: list[MarkedPlace]) -> F64:
     """
     freedom = np.array([2 * place.images - 3 for place in places], np.float64)
     squares = np.array([place.images * place.pixels**2 for place in places])
-    usual = float(np.median(squares / chi2.ppf(0.5, freedom)))
+    usual = max(float(np.median(squares / chi2.ppf(0.5, freedom))), _LEAST_NOISE**2)
     sound = squares <= usual * chi2.ppf(1.0 - _RARE, freedom)
     common = max(float(squares[sound].sum() / freedom[sound].sum()), _LEAST_NOISE**2)
-    return np.where(sound, common, squares / freedom)
+    return np.where(sound, common, np.maximum(squares / freedom, common))
 
 
 def _covariance(lines: F64, focal: float) -> F64:

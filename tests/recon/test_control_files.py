@@ -18,6 +18,11 @@ def test_degrees_are_not_metres(tmp_path: Path) -> None:
     path.write_text("EPSG:25832\n11.5 48.1 500 3 4 a.jpg P\n", encoding="utf-8")
     with pytest.raises(InputError, match="look like longitude and latitude"):
         read_ground_control(path)
+    assert [getattr(read_system(f"+proj=lcc {unit}"), "assumed", None) for unit in ("", "+units=ft", "+units=ch")] == [
+        False,
+        False,
+        True,
+    ]
     path.write_text("label,lon,lat,altitude\nP,11.5,48.1,500\n", encoding="utf-8")
     assert read_ground_control(path).system.zone == 0
 

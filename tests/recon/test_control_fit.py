@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from recon.placing.control_fit import SurveyedPoints, fit_to_points
 from recon.placing.gravity import GravityCues
+from recon.placing.marked_places import MarkedPlace, mark_variances
 from recon.placing.similarity import Similarity, derivatives
 from tests.recon.test_align import random_rotations
 
@@ -50,6 +51,16 @@ def test_the_optimum_is_that_of_a_general_solver() -> None:
         fit.similarity.rotation, Rotation.from_rotvec(best.x[1:4]).as_matrix() @ known.rotation, atol=1e-8
     )
     np.testing.assert_allclose(fit.similarity.translation, best.x[4:], atol=1e-6)
+
+
+def test_exact_marks_have_the_least_noise_alike() -> None:
+    """Rounding makes no point heavier than others, and no point with a wrong mark lighter than its residuals."""
+    exact = [MarkedPlace(np.zeros(3), 5, pixels, np.eye(3)) for pixels in (1e-9, 3e-9, 1e-8, 0.0, 2e-9)]
+    assert np.ptp(mark_variances(exact)) == 0.0
+    wrong = MarkedPlace(np.zeros(3), 5, 60.0, np.eye(3))
+    variances = mark_variances([*exact, wrong])
+    assert variances[-1] == 5 * 60.0**2 / 7
+    assert variances[0] == mark_variances(exact)[0]
 
 
 def test_covariances_are_those_of_repeated_draws() -> None:
