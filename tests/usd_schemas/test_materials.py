@@ -231,7 +231,7 @@ def test_missing_texture_is_grey(tmp_path: Path) -> None:
     scene, material = read_one(tmp_path, body)
     assert material.base_texture is None
     assert material.base_color == (0.5, 0.5, 0.5)
-    assert scene.warnings == ("/Mat: no texture ./gone.png for diffuseColor: drawn plain grey",)
+    assert scene.warnings == ("/Mat: no texture ./gone.png for diffuseColor: drawn plain gray",)
 
 
 def test_unknown_surface_falls_back(tmp_path: Path) -> None:

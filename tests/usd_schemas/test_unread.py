@@ -83,4 +83,4 @@ def test_nothing_is_said_of_a_plain_stage(tmp_path: Path) -> None:
     """A mesh, a light and a camera that say nothing unusual cost no line of this kind."""
     plain = 'def Shader "S" {\n uniform token info:id = "UsdPreviewSurface"\n float inputs:ior = 1.5\n}\n'
     scene = read_body(tmp_path, MESH + 'def DistantLight "Sun" {}\ndef Camera "C" {}\n' + plain)
-    assert scene.warnings == ("1 parts have no material: drawn in displayColor or grey",)
+    assert scene.warnings == ("1 parts have no material: drawn in displayColor or gray",)

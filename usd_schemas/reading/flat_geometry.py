@@ -244,7 +244,7 @@ class _Materials:
         self.sets = self._share_sets(placements, warn)
         unbound = {prim.GetPath() for prim, material in zip(prims, bound, strict=True) if not material}
         if unbound:
-            warn(f"{len(unbound)} parts have no material: drawn in displayColor or grey")
+            warn(f"{len(unbound)} parts have no material: drawn in displayColor or gray")
 
     def _add(self, material: Material) -> int:
         row = len(self.flat)

@@ -29,7 +29,7 @@ class ReadMaterial:
     """A material, and the primvars that it reads.
 
     Attributes:
-        material: The flat material; None where only displayColor or grey can replace it.
+        material: The flat material; None where only displayColor or gray can replace it.
         uv_names: Primvar names of its first and second UV set; empty where it names none.
         color_name: Primvar of colors that it reads.
     """
@@ -65,7 +65,7 @@ def read_material(material: UsdShade.Material, warn: Warn) -> ReadMaterial:
         others = (material.ComputeSurfaceSource(context)[0] for context in _CONTEXTS)
         names = (other.GetShaderId() or other.GetPrim().GetName() for other in others if other)
         named = kind or next(names, "no surface")
-        warn(f"{path}: a material without a UsdPreviewSurface ({named}): drawn in displayColor or grey")
+        warn(f"{path}: a material without a UsdPreviewSurface ({named}): drawn in displayColor or gray")
         return ReadMaterial(None)
     return _read_preview(path, material, surface, warn)
 
@@ -136,7 +136,7 @@ def _read_color(source: Source, note: Warn) -> tuple[_Sampled | None, tuple[floa
     if sampled and sampled.output in ("rgb", ""):
         return sampled, GRAY, ""
     if sampled:
-        note(f"diffuseColor from output {sampled.output} of a texture is left out: drawn plain grey")
+        note(f"diffuseColor from output {sampled.output} of a texture is left out: drawn plain gray")
     return None, GRAY, ""
 
 
@@ -197,7 +197,7 @@ def _read_texture(source: Source, is_color: bool, name: str, note: Warn) -> _Sam
     value = find_source(shader, "file").value
     file = asset_file(value)
     if not file:
-        note(f"no texture {value.path if isinstance(value, Sdf.AssetPath) else '(none)'} for {name}: drawn plain grey")
+        note(f"no texture {value.path if isinstance(value, Sdf.AssetPath) else '(none)'} for {name}: drawn plain gray")
         return None
     gain, bias = _gain_and_bias(shader)
     told = [str(find_source(shader, edge).value or "") for edge in ("wrapS", "wrapT")]
