@@ -41,27 +41,32 @@ def flown(slab: Drawn) -> CameraPath:
     return plan_survey(MEMBERS, slab.subject, 1)
 
 
+SHORT = "slab"  # the one family of which `make test` flies a bridge
+EACH = [pytest.param(name, marks=() if name == SHORT else pytest.mark.proof_only) for name in sorted(FAMILIES)]
+
+
+@pytest.mark.parametrize("family", EACH)
 def test_everything_that_can_be_seen_is_seen(
-    slab: Drawn, flown: CameraPath, proof_count: Count, record_proof: RecordProof
+    family: str, slab: Drawn, flown: CameraPath, proof_count: Count, record_proof: RecordProof
 ) -> None:
     """Every class has three views of 50 pixels of at least 80 % of its instances that any free place can see."""
-    families = sorted(FAMILIES)
-    bridges = proof_count(1, 30)
+    bridges = proof_count(1, 5)
     rows, images, hidden, missed, clearances = [], [], [], [], []
-    for number in range(bridges):
-        family, settings, drawn, path = "slab", MEMBERS, slab, flown
+    for number in range(sorted(FAMILIES).index(family), 6 * bridges, 6):
+        settings, drawn, path = MEMBERS, slab, flown
         if bridges > 1:
-            family, settings = families[number % 6], InspectionSettings(kind="inspection", cover="surface")
+            settings = InspectionSettings(kind="inspection", cover="surface")
             drawn = draw_bridge(family, 100 + number)
             path = plan_survey(settings, drawn.subject, number)
         shown = shown_by(drawn, path)
         rows.append(min(shown.by_class.values()))
-        images.append(f"{family} {len(path.poses)}")
-        hidden += [f"{family} {number}: {name}" for name in shown.hidden]
-        missed += [f"{family} {number}: {name}" for name in shown.missed]
+        images.append(len(path.poses))
+        hidden += [f"{number}: {name}" for name in shown.hidden]
+        missed += [f"{number}: {name}" for name in shown.missed]
         clearances.append(true_clearance(path.poses[:, :3, 3], drawn.corners, settings.safety + 0.5))
-        assert rows[-1] >= 0.8, (family, number, shown)
+        assert rows[-1] >= 0.8, (number, shown)
         assert clearances[-1] >= settings.safety - 1e-4
+    assert len(rows) == bridges
     figures = {
         "least_class_share": min(rows),
         "images": images,
@@ -69,7 +74,7 @@ def test_everything_that_can_be_seen_is_seen(
         "missed": missed,
         "least_clearance_m": min(clearances),
     }
-    record_proof("surveys/inspection flights show every class", bridges, 100, figures)
+    record_proof(f"surveys/inspection flights show every class, {family}", bridges, 100, figures)
 
 
 def test_an_inspection_is_steady_and_obeys_its_gimbal(slab: Drawn) -> None:
