@@ -9,7 +9,10 @@ FIGURE = "images/architecture.svg"
 
 # Lowest first: each room imports only from those above it in this table.
 ROOMS: dict[str, tuple[str, dict[str, str]]] = {
-    "groundwork": ("errors, settings, progress, child processes, files and folders that are written atomically", {}),
+    "groundwork": (
+        "errors, settings, progress, locks, child processes, files that are written atomically",
+        {"output": "output files and folders: claimed, locked, replaced as a whole, read consistently"},
+    ),
     "usd_schemas": (
         "the content of a stage: names, component and class tables, camera convention, a stage as flat arrays",
         {

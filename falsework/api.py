@@ -294,7 +294,7 @@ def save_cloud(cloud: Cloud, out: str | PathLike[str]) -> None:
     Example:
         >>> falsework.save_cloud(cloud, "copy")
     """
-    from groundwork.output_folder import fresh_output
+    from groundwork.output.folder import fresh_output
     from recon.cloud import write_cloud
 
     fresh_output(path_of(out, "out"), "cloud", lambda folder: write_cloud(folder, cloud))

@@ -105,7 +105,7 @@ def gallery(
         count,
         {"--family": (family, "families"), "--world": (world, "worlds"), "--look": (look, "")},
     )
-    from groundwork.output_folder import fresh_output
+    from groundwork.output.folder import fresh_output
 
     def write(folder: Path) -> None:
         if subject == "worlds":

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json, write_bytes, write_json
 from groundwork.foreign_file import check_regular
-from groundwork.output_reading import reading
+from groundwork.output.reading import reading
 from usd_schemas.components import NOISY_POINT, ClassRow
 
 FORMAT = "falsework.cloud"

@@ -11,7 +11,7 @@ from pydantic import Field
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json
 from groundwork.foreign_file import is_regular
-from groundwork.output_reading import reading
+from groundwork.output.reading import reading
 from groundwork.settings import Settings, parse_settings
 from render.images import image_files
 from render.images.truth_checks import check_bands, check_camera, check_image, check_poses, check_tables, read_surface

@@ -8,7 +8,7 @@ from authoring.exchange.glb import write_glb
 from authoring.exchange.package import package_scene
 from authoring.scenes.inventory import scene_files
 from groundwork.errors import InputError
-from groundwork.output_file import fresh_file
+from groundwork.output.file import fresh_file
 from usd_schemas.guard.layer_walk import Warn
 
 

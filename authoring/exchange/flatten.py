@@ -8,7 +8,7 @@ from authoring.foreign.prototypes import name_prototypes
 from authoring.foreign.textures import copy_texture
 from authoring.layers.layer import export
 from groundwork.errors import InputError
-from groundwork.output_file import SIGNATURE, fresh_file
+from groundwork.output.file import SIGNATURE, fresh_file
 
 SUFFIXES = (".usda", ".usdc", ".usd")
 _GENERATOR = "generator"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
 from groundwork.foreign_file import check_regular
-from groundwork.output_file import SIGNATURE
+from groundwork.output.file import SIGNATURE
 from usd_schemas.flat_scene import FlatScene, Material, Texture
 from usd_schemas.guard.layer_walk import Warn
 from usd_schemas.reading.stage_reader import read_stage

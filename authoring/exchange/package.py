@@ -6,7 +6,7 @@ from pathlib import Path
 
 from authoring.scenes.own_files import used_files
 from groundwork.files import write_bytes
-from groundwork.output_file import SIGNATURE
+from groundwork.output.file import SIGNATURE
 
 ALIGNMENT = 64  # [byte] where the content of each entry starts, so that it can be mapped into memory
 _PADDING_ID = 0x1986  # header of the extra field used as padding

@@ -4,8 +4,8 @@ import shutil
 from pathlib import Path
 
 from groundwork.errors import MissingError
-from groundwork.output_folder import fresh_output
-from groundwork.output_reading import reading
+from groundwork.output.folder import fresh_output
+from groundwork.output.reading import reading
 from groundwork.slug import inside
 
 ROOT = "scene.usda"

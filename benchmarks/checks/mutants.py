@@ -90,7 +90,7 @@ SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ),
     ),
     "files": (
-        ("groundwork/files.py", "groundwork/output_swap.py"),
+        ("groundwork/files.py", "groundwork/output/swap.py"),
         (
             "tests/groundwork/test_files.py",
             "tests/groundwork/test_output_folder.py",

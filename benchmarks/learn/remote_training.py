@@ -61,7 +61,7 @@ def experiment_here(
     from falsework.commands.comparison import open_experiment
     from falsework.commands.dataset_verbs import nested
     from falsework.commands.given_settings import given_settings
-    from groundwork.output_folder import claim_run
+    from groundwork.output.folder import claim_run
     from learn.compare.experiment import experiment_settings
 
     settings = experiment_settings(preset, nested(given_settings(tuple(changed))))

@@ -25,7 +25,7 @@ from falsework.commands.console import ConsoleProgress
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from groundwork.files import read_json, write_text
-from groundwork.output_folder import fresh_output
+from groundwork.output.folder import fresh_output
 from learn.datasets.build import Source, build_dataset
 from learn.datasets.settings import DatasetSettings, dataset_settings
 from learn.trained import FACTS, FOREST, WEIGHTS, read_facts, read_weights, write_model

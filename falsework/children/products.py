@@ -5,7 +5,7 @@ from typing import Any
 
 from groundwork.child import answer_parent, run_child
 from groundwork.errors import ChildError, InputError
-from groundwork.output_reading import reading
+from groundwork.output.reading import reading
 from groundwork.progress import SILENT, Progress
 
 TIME_LIMIT = 120.0  # [s] composing a malicious stage may never end

@@ -47,7 +47,7 @@ def import_background(
     """
     if file.is_file() and file.suffix.lower() not in _SUFFIXES:
         raise InputError("no city model", where=file, value=file.suffix, allowed=", ".join(_SUFFIXES))
-    from groundwork.output_folder import fresh_output
+    from groundwork.output.folder import fresh_output
 
     said = {name: text for name, text in (("attribution", attribution), ("license", license)) if text}
     request = {"file": str(file.absolute()), "name": output.absolute().name, "said": said}

@@ -13,9 +13,9 @@ from falsework.commands.given_files import need_folder
 from falsework.commands.given_settings import given_settings
 from groundwork.errors import InputError
 from groundwork.files import write_json, write_text
-from groundwork.output_file import SIGNATURE, check_output_file, write_fresh_file
-from groundwork.output_folder import check_run, claim_run
-from groundwork.output_reading import reading
+from groundwork.output.file import SIGNATURE, check_output_file, write_fresh_file
+from groundwork.output.folder import check_run, claim_run
+from groundwork.output.reading import reading
 
 if TYPE_CHECKING:
     from falsework.commands.comparison import Experiment

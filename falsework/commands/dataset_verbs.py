@@ -12,8 +12,8 @@ from falsework.commands.given_files import need_folder
 from falsework.commands.given_settings import given_settings
 from falsework.commands.origins import origin_of
 from groundwork.errors import InputError, MissingError
-from groundwork.output_folder import fresh_output
-from groundwork.output_reading import reading
+from groundwork.output.folder import fresh_output
+from groundwork.output.reading import reading
 from groundwork.settings import parse_settings
 from learn.datasets.scan_units import AS_STATED, ScanUnits, Unit, Up
 

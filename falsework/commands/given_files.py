@@ -55,7 +55,7 @@ def need_folder(place: Path, wanted: str, field: str | None = None, mark: str | 
         raise MissingError("no such folder", where=place, field=field, hint=f"Name {wanted}")
     if not place.is_dir():
         raise InputError("is a file, not a folder", where=place, field=field, hint=f"Name {wanted}")
-    from groundwork.output_reading import reading
+    from groundwork.output.reading import reading
 
     with reading(place):  # finishes an interrupted replacement
         there = mark is None or (place / mark).is_file()
@@ -103,7 +103,7 @@ def stage_file(stage: Path) -> Path:
         InputError: Not a USD file.
     """
     from authoring.scenes.checkout import find_root_layer
-    from groundwork.output_reading import reading
+    from groundwork.output.reading import reading
 
     with reading(stage):
         if stage.is_dir():

@@ -11,7 +11,7 @@ from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import need_folder
 from groundwork.errors import InputError, MissingError
-from groundwork.output_place import output_place
+from groundwork.output.place import output_place
 from groundwork.settings import parse_settings
 from learn.datasets.scan_units import Unit, Up
 from learn.device import Device

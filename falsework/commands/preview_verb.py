@@ -56,8 +56,8 @@ def preview(
         raise InputError("not a PNG", field="--output", value=str(output), allowed="a name that ends in .png")
     need_scenario(scenario)
     from falsework.scenario import given_files, load_scenario, values_of
-    from groundwork.output_file import check_output_file, write_fresh_file
-    from groundwork.output_reading import reading
+    from groundwork.output.file import check_output_file, write_fresh_file
+    from groundwork.output.reading import reading
 
     loaded = load_scenario(scenario)
     if not 0 <= scene < loaded.scenes:

@@ -10,8 +10,8 @@ from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import need_page
 from falsework.execution.run_folder import is_run
 from groundwork.errors import InputError, MissingError
-from groundwork.output_file import fresh_file
-from groundwork.output_reading import reading
+from groundwork.output.file import fresh_file
+from groundwork.output.reading import reading
 
 Sources = tyro.conf.Positional[Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FOLDER ...")]]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]

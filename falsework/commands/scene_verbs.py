@@ -15,8 +15,8 @@ from falsework.commands.edit_verbs import import_edits
 from falsework.commands.given_files import stage_file
 from groundwork.child import run_child
 from groundwork.errors import InputError
-from groundwork.output_place import output_place
-from groundwork.output_reading import reading
+from groundwork.output.place import output_place
+from groundwork.output.reading import reading
 from groundwork.progress import Progress
 
 WORKER = "falsework.children.scene_work"

@@ -63,7 +63,7 @@ def clean(
         as_json: Print one JSON object instead of lines.
     """
     from groundwork.marks import MARK, read_listing
-    from groundwork.output_place import RUN
+    from groundwork.output.place import RUN
 
     need_folder(output, OF_A_RUN)
     if not (output / MARK).is_file() or read_listing(output / MARK).kind != RUN:

@@ -14,7 +14,7 @@ from falsework.commands.given_files import stage_file
 from falsework.commands.given_settings import given_settings
 from falsework.report.flight_verdicts import ENOUGH_LINKED, ENOUGH_OVERLAP, PARTLY, WELL, coverage_word, judged
 from groundwork.errors import InputError
-from groundwork.output_file import check_output_file, fresh_file
+from groundwork.output.file import check_output_file, fresh_file
 
 WORKER = "falsework.children.survey_work"
 NAMED = 12  # ids in a line

@@ -13,9 +13,9 @@ from falsework.commands.given_settings import given_settings
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from groundwork.files import read_json
-from groundwork.output_file import SIGNATURE, check_output_file, write_fresh_file
-from groundwork.output_folder import fresh_output
-from groundwork.output_reading import reading
+from groundwork.output.file import SIGNATURE, check_output_file, write_fresh_file
+from groundwork.output.folder import fresh_output
+from groundwork.output.reading import reading
 from groundwork.settings import parse_settings
 from learn.device import Device
 

@@ -9,9 +9,9 @@ from falsework.children.products import read_safely, surveys_of
 from falsework.commands.given_files import need_folder, stage_file
 from falsework.stages import STAGES, clouds_of
 from groundwork.errors import InputError, MissingError
-from groundwork.output_file import fresh_file
-from groundwork.output_folder import fresh_output
-from groundwork.output_reading import reading
+from groundwork.output.file import fresh_file
+from groundwork.output.folder import fresh_output
+from groundwork.output.reading import reading
 from groundwork.progress import DistinctNotes, Progress
 from groundwork.settings import Settings, read_toml
 from groundwork.slug import inside

@@ -9,8 +9,8 @@ import tyro
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import need_page
 from groundwork.errors import InputError
-from groundwork.output_file import fresh_file
-from groundwork.output_reading import reading
+from groundwork.output.file import fresh_file
+from groundwork.output.reading import reading
 
 PORTS = (1024, 65535)
 

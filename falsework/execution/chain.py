@@ -14,8 +14,8 @@ from falsework.stages import SEVERAL, STAGES
 from falsework.store.store import Task
 from groundwork.canonical import digest, file_digest, folder_digest
 from groundwork.errors import InputError
-from groundwork.output_place import RUN
-from groundwork.output_reading import reading
+from groundwork.output.place import RUN
+from groundwork.output.reading import reading
 from groundwork.progress import Progress
 from groundwork.slug import slug
 from recon.sampling.sampler_settings import AnySample

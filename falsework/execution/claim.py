@@ -5,12 +5,12 @@ import re
 from pathlib import Path
 
 from falsework.scenario import Scenario, given_files
-from groundwork import output_folder
 from groundwork.errors import InputError
 from groundwork.files import space_errors, write_text
 from groundwork.foreign_file import is_regular, read_regular
 from groundwork.locks import hold_lock
 from groundwork.marks import MARK, TEMPORARY
+from groundwork.output import folder as output_folder
 
 _FOLDERS = ("store", "work", "run", "failed", "scenes", "evicted", "foreign")  # that a run makes
 _FILES = ("scenario.toml", "run/report.html")

@@ -14,7 +14,7 @@ from falsework.execution.scene import RunOptions, SceneRun, run_scene
 from falsework.scenario import Scenario
 from falsework.stages import STAGES
 from falsework.store.store import Store, Task
-from groundwork.output_folder import check_run
+from groundwork.output.folder import check_run
 from groundwork.progress import SILENT, Progress
 
 NOWHERE = Path(os.devnull) / "run"  # a path that cannot exist

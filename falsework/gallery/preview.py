@@ -9,7 +9,7 @@ from typing import Any
 
 from falsework.children.products import ADDRESS_LIMIT, read_safely
 from groundwork.child import answer_parent
-from groundwork.output_file import SIGNATURE
+from groundwork.output.file import SIGNATURE
 from groundwork.progress import Progress
 
 TIME_LIMIT = 1800.0  # [s]

@@ -16,7 +16,7 @@ import jinja2
 from markupsafe import Markup
 
 from groundwork.files import write_text
-from groundwork.output_file import SIGNATURE
+from groundwork.output.file import SIGNATURE
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json, write_json
-from groundwork.output_file import check_output_file, fresh_file
+from groundwork.output.file import check_output_file, fresh_file
 from groundwork.progress import SILENT, Progress
 from learn.datasets.build import tile_patch
 from learn.datasets.draws import count_draws, exhaustive_draw

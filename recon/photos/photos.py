@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError, MissingError
-from groundwork.output_reading import reading
+from groundwork.output.reading import reading
 from recon.photos.photo_header import PhotoHeader, read_header
 from render.capture import CAMERAS, CalibrationPrior, Capture, CaptureImage, Triple, read_capture
 

@@ -22,7 +22,7 @@ from authoring.scenes.validate import surfaces, validate_scene
 from authoring.variants.add import set_choices
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
-from groundwork.output_lock import sole_writer
+from groundwork.output.lock import sole_writer
 from tests.authoring.small_scene import file_bytes
 from usd_schemas.flat_scene import world_triangles
 from usd_schemas.reading.stage_reader import read_stage

@@ -8,7 +8,7 @@ from falsework.cli import main
 from falsework.commands.verbs import export_folder, report_scene
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
-from groundwork.output_folder import claim_run, fresh_output
+from groundwork.output.folder import claim_run, fresh_output
 from groundwork.progress import SILENT
 
 

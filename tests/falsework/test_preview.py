@@ -11,7 +11,7 @@ import tomli_w
 from falsework.cli import main
 from falsework.gallery.preview import signed_png
 from falsework.gallery.viewpoint import VIEWS, best_view, subject_of
-from groundwork.output_file import is_signed
+from groundwork.output.file import is_signed
 from render.images.image_files import encode_png
 from tests.authoring.small_scene import SMALL
 from tests.render.scenes import SceneBuilder, placed

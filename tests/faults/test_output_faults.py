@@ -10,13 +10,14 @@ from typing import Any
 
 import pytest
 
-from groundwork import files, output_swap
+from groundwork import files
 from groundwork.errors import InputError, OutOfSpaceError
 from groundwork.marks import MARK, NEXT
-from groundwork.output_file import SIGNATURE, write_fresh_file
-from groundwork.output_folder import fresh_output
-from groundwork.output_reading import reading
-from groundwork.output_swap import FILES, READY
+from groundwork.output import swap as output_swap
+from groundwork.output.file import SIGNATURE, write_fresh_file
+from groundwork.output.folder import fresh_output
+from groundwork.output.reading import reading
+from groundwork.output.swap import FILES, READY
 
 CALLS = ("mkdir", "open", "write", "fsync", "replace", "rename", "unlink", "rmdir")
 OLD = {"a": "old a", "gone/b": "old b", "turns": "was a file", "into/c": "was in a folder"}

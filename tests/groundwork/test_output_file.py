@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from groundwork.errors import InputError
-from groundwork.output_file import SIGNATURE, check_output_file, fresh_file, write_fresh_file
+from groundwork.output.file import SIGNATURE, check_output_file, fresh_file, write_fresh_file
 
 FORMER = "<html><title>Scene 0000 · Falsework</title></html>".encode()  # of the version before signatures
 PAGE = f"<html>{SIGNATURE}</html>".encode()

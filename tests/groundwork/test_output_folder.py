@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from groundwork import output_lock
 from groundwork.canonical import folder_digest
 from groundwork.errors import InputError, RejectedSceneError
 from groundwork.files import MANIFEST
 from groundwork.marks import MARK, NEXT, content_files, read_listing
-from groundwork.output_folder import claim_run, fresh_output
-from groundwork.output_reading import reading
+from groundwork.output import lock as output_lock
+from groundwork.output.folder import claim_run, fresh_output
+from groundwork.output.reading import reading
 
 
 def writes(*texts: str) -> Callable[[Path], None]:

@@ -14,6 +14,20 @@ from tests.house.test_imports import imported_names
 # The order of each room, lowest first: folders, and the modules beside them, which end in `.py`. Each imports only from
 # those before it. Beside the folders stand the conductor, the settings, and what several folders share.
 FLOORS: dict[str, tuple[str, ...]] = {
+    "groundwork": (
+        "errors.py",
+        "progress.py",
+        "user_cache.py",
+        "foreign_file.py",
+        "locks.py",
+        "slug.py",
+        "settings.py",
+        "marks.py",
+        "canonical.py",
+        "child.py",
+        "files.py",
+        "output",
+    ),
     "usd_schemas": (
         "tokens.py",
         "components.py",

@@ -14,7 +14,7 @@ from pathlib import Path
 from groundwork.errors import InputError
 from groundwork.files import sync, sync_tree, write_bytes
 from groundwork.marks import MARK, NEXT, TEMPORARY, Listing, list_folder, read_listing
-from groundwork.output_lock import LOCK
+from groundwork.output.lock import LOCK
 
 FILES = "files"  # content of the new output
 READY = f"{TEMPORARY}ready"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from groundwork.errors import InputError
 from groundwork.files import space_errors, whole_file
-from groundwork.output_place import output_place
+from groundwork.output.place import output_place
 
 SIGNATURE = "made by falsework"  # signature in every single file that we write, if its format has room for it
 _FORMER = "· Falsework</title>"  # in pages before signatures were introduced

@@ -8,8 +8,8 @@ from pathlib import Path
 from groundwork.errors import InputError
 from groundwork.files import space_errors
 from groundwork.marks import MARK, NEXT, is_work, read_listing
-from groundwork.output_lock import leave, lock_if_free
-from groundwork.output_swap import discard, is_ready, roll_forward
+from groundwork.output.lock import leave, lock_if_free
+from groundwork.output.swap import discard, is_ready, roll_forward
 
 _Stamp = tuple[int, int, int]
 

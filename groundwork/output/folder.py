@@ -10,9 +10,9 @@ from groundwork.canonical import digest
 from groundwork.errors import InputError, RejectedSceneError
 from groundwork.files import space_errors, sweep, sync, write_bytes
 from groundwork.marks import MARK, NEXT, Listing, is_mark, list_folder, read_listing
-from groundwork.output_lock import sole_writer
-from groundwork.output_place import RUN, output_place
-from groundwork.output_swap import FILES, discard, is_ready, make_ready, roll_forward
+from groundwork.output.lock import sole_writer
+from groundwork.output.place import RUN, output_place
+from groundwork.output.swap import FILES, discard, is_ready, make_ready, roll_forward
 
 _NOBODYS = {"lost+found"}  # at the top of a file system
 _RESUMES = " resumes"  # kinds of unfinished work that another command must not discard
