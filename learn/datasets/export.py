@@ -56,6 +56,7 @@ def write_s3dis(folder: Path, facts: DatasetFacts, out: Path) -> list[str]:
         What to open.
     """
     names = [slug(name.replace("_", "")) for name in facts.classes]
+    names = [f"{name}-{number}" if names.count(name) > 1 else name for number, name in enumerate(names)]
     for row in facts.pieces:
         patch = read_piece(folder, row, [name for name in facts.inputs if name == "color"])
         color = patch.inputs.get("color", np.zeros((len(patch), 3), np.uint8))

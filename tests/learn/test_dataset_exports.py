@@ -81,13 +81,14 @@ def test_s3dis_holds_the_pieces(dataset: Path, tmp_path: Path) -> None:
 
 
 def test_names_from_elsewhere_can_be_exported(tmp_path: Path) -> None:
-    """A bridge with an umlaut, and a class whose name is no file name."""
+    """A bridge with an umlaut, a class whose name is no file name, and two that only an underscore tells apart."""
     (tmp_path / "m.toml").write_text(
         'title = "x"\n[[code]]\nid = 1\nname = "deck/slab"\nparts = ["deck_slab"]\n'
-        '[[code]]\nid = 2\nname = "pier"\nparts = ["column"]\n'
+        '[[code]]\nid = 2\nname = "pier_cap"\nparts = ["column"]\n'
+        '[[code]]\nid = 3\nname = "piercap"\nparts = ["pier_cap"]\n'
     )
     rng = np.random.default_rng(3)
-    rows = np.column_stack([rng.uniform(0, 9, (300, 3)), np.zeros((300, 3)), rng.integers(1, 3, 300)])
+    rows = np.column_stack([rng.uniform(0, 9, (300, 3)), np.zeros((300, 3)), rng.integers(1, 4, 300)])
     np.savetxt(tmp_path / "a.txt", rows, "%.3f %.3f %.3f %d %d %d %d")
     source = Source(tmp_path / "a.txt", read_class_map(str(tmp_path / "m.toml")), "Mühlbrücke")
     chosen = {**SMALL, "fewest": 1, "table": "own", "split": "random", "shares": (1.0, 0.0, 0.0)}
@@ -96,7 +97,8 @@ def test_names_from_elsewhere_can_be_exported(tmp_path: Path) -> None:
     build_dataset([source], tmp_path / "set", dataset_settings("local", chosen, "test"))
     export_dataset(tmp_path / "set", "s3dis", tmp_path / "s3dis")
     files = {path.name for path in tmp_path.glob("s3dis/*/*/Annotations/*.txt")}
-    assert {name.split("-")[0] for name in files} == {"deck", "pier_1.txt"}
+    assert {name.split("-")[0] for name in files} == {"deck", "piercap"}
+    assert len(files) == 3
     export_dataset(tmp_path / "set", "hdf5", tmp_path / "hdf5")
     with h5py.File(tmp_path / "hdf5/train.h5") as file:
         assert {name.decode() for name in file["bridge"][:]} == {"Mühlbrücke"}  # type: ignore[index]
