@@ -161,11 +161,12 @@ def read_sources(scenario: Scenario, progress: Progress) -> Sources:
             value=min(both),
             hint="Give it another id",
         )
-    with reading(path, *roots):  # identified by content, with all files beside it and in the roots, except runs
-        found, home = folder_digest(path.parent, without=RUN), os.path.realpath(path.parent)
-        apart = [root for root in roots if not Path(os.path.realpath(root)).is_relative_to(home)]
-        if apart:
-            found = digest([found, *(folder_digest(root, without=RUN) for root in apart)])
+    # Identified by its name and the content of all files beside it and in the roots, except runs. Where the path is a
+    # link, what it loads lies beside the file that it leads to.
+    real = Path(os.path.realpath(path))
+    with reading(real, *roots):
+        apart = [root for root in roots if not Path(os.path.realpath(root)).is_relative_to(real.parent)]
+        found = digest([real.name, *(folder_digest(folder, without=RUN) for folder in (real.parent, *apart))])
     return Sources(tuple(surveys), {FOREIGN_STAGE: path}, {FOREIGN_STAGE: found})
 
 

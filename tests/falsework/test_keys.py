@@ -120,6 +120,31 @@ def test_work_is_done_with_the_settings_of_the_user(mode: Any, tmp_path: Path, m
         assert cloud.dense.threads == base.dense.threads
 
 
+def test_a_stage_counts_by_its_name_and_the_files_that_it_loads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two stages of one folder have two results; a link to a stage has its results, and changes with its files."""
+    monkeypatch.setattr(chain, "sample_platform", lambda: {"cpu": "none"})
+    for name in ("in", "links"):
+        (tmp_path / name).mkdir()
+    for name in ("bridge", "other"):
+        (tmp_path / f"in/{name}.usda").write_text("#usda 1.0\n")
+    (tmp_path / "links/mine.usda").symlink_to(tmp_path / "in/bridge.usda")
+
+    def names(path: str) -> set[str]:
+        stage = {"path": str(tmp_path / path)}
+        scenario = tiny_scenario(survey=[], sample=[{"kind": "mesh"}], stage=stage)
+        found = scene_chain(scenario, 0, read_sources(scenario, SILENT))
+        return {step.task.key for step in (*found.steps, found.report())}
+
+    before = names("in/bridge.usda")
+    assert not before & names("in/other.usda")
+    assert names("links/mine.usda") == before
+    (tmp_path / "in/rust.png").write_bytes(b"rust")
+    assert not before & names("links/mine.usda")
+    assert names("links/mine.usda") == names("in/bridge.usda")
+
+
 def test_files_of_further_roots_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A change in a folder of `allow_root` renames all results; one beside the stage is no news."""
     monkeypatch.setattr(chain, "sample_platform", lambda: {"cpu": "none"})
