@@ -128,10 +128,13 @@ def read_ground_control(path: Path) -> GroundControl:
 
 
 def _refuse_degrees(control: GroundControl) -> None:
-    """Refuse coordinates that are not plausible in the plane system of the file, but as longitude and latitude."""
+    """Refuse coordinates that are not plausible in the plane system of the file, but as longitude and latitude.
+
+    Those of UTM are hundreds of kilometers; a plane system of the user's own may have small ones.
+    """
     places = [point.position for point in control.points if point.position is not None]
-    plane = control.system.zone is None and control.system.assumed
-    if plane and places and all(abs(east) <= _MOST_EAST and abs(north) <= _MOST_NORTH for east, north, _ in places):
+    large = bool(control.system.zone) or control.system.assumed or "utm" in control.system.name.lower()
+    if large and places and all(abs(east) <= _MOST_EAST and abs(north) <= _MOST_NORTH for east, north, _ in places):
         raise InputError(
             "the coordinates look like longitude and latitude, but the file states another system",
             where=control.file,
