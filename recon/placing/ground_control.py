@@ -22,7 +22,10 @@ Triple = tuple[float, float, float]
 _SIGMA = 0.03  # [m] error of a point surveyed by satellite, where the file states none
 _BAR_SIGMA = 0.001  # [m]
 _MOST_EAST, _MOST_NORTH = 180.0, 90.0  # [deg]
-_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".dng")
+_PICTURES = (
+    "jpg jpeg png tif tiff dng heic heif webp bmp jp2 exr jxl arw cr2 cr3 nef orf raf rw2"  # some are converted first
+)
+_SUFFIXES = tuple(f".{kind}" for kind in _PICTURES.split())
 _LONGEST = 5_000_000  # [bytes] files of marks are far shorter
 _HEADS: Mapping[str, tuple[str, ...]] = {
     "camera": ("camera", "image", "photo", "camera_label", "image_name", "photo_name"),
