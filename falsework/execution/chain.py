@@ -162,11 +162,16 @@ def read_sources(scenario: Scenario, progress: Progress) -> Sources:
             hint="Give it another id",
         )
     with reading(path, *roots):  # identified by content, with all files beside it and in the roots, except runs
-        found, home = folder_digest(path.parent, without=RUN), os.path.realpath(path.parent)
+        found, home = _digest(path.parent, (path.parent, *roots)), os.path.realpath(path.parent)
         apart = [root for root in roots if not Path(os.path.realpath(root)).is_relative_to(home)]
         if apart:
-            found = digest([found, *(folder_digest(root, without=RUN) for root in apart)])
+            found = digest([found, *(_digest(root, (path.parent, *roots)) for root in apart)])
     return Sources(tuple(surveys), {FOREIGN_STAGE: path}, {FOREIGN_STAGE: found})
+
+
+def _digest(root: Path, roots: tuple[Path, ...]) -> str:
+    """Hash what a stage may read in one of its roots; files elsewhere, also those behind links, are refused to it."""
+    return file_digest(root) if root.is_file() else folder_digest(root, without=RUN, within=roots)
 
 
 def scene_chain(scenario: Scenario, index: int, sources: Sources) -> Chain:
