@@ -53,13 +53,14 @@ def file_digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def folder_digest(folder: Path, without: str = "") -> str:
+def folder_digest(folder: Path, without: str = "", within: tuple[Path, ...] | None = None) -> str:
     """Hash every file below a folder, including names, in sorted order; marks of outputs are ignored.
 
     Args:
         folder: Folder to read; links are followed. A linked folder that is hashed already, or in which the link is,
             counts by its name.
         without: Kind of the outputs below it that are ignored, such as `run`; empty for none.
+        within: Folders in which linked folders must be to count; None: all count.
 
     Returns:
         SHA-256 in 64 hexadecimal digits.
@@ -75,6 +76,8 @@ def folder_digest(folder: Path, without: str = "") -> str:
             if not apart.isdisjoint((link, *link.parents)):
                 continue
             inner, real = name / link.relative_to(place), Path(os.path.realpath(link))
+            if within is not None and not any(real.is_relative_to(os.path.realpath(top)) for top in within):
+                continue
             if known := _known_name(real, Path(os.path.realpath(link.parent)), entered):
                 found[inner.as_posix()] = f"-> {known}"
             else:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.looks.encode import encode_raw, encode_srgb
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
 from groundwork.foreign_file import check_regular
@@ -100,13 +101,13 @@ def _mesh(
     if texture is None:
         settings["baseColorFactor"] = [*(round(value * 255) for value in material.base_color), 255]
     else:
-        cut_out = material.opacity_threshold > 0.0 and not texture.alpha
+        cut_out = material.opacity_threshold > 0.0
         if (texture, cut_out) not in pictures:
             pictures[texture, cut_out] = _Picture(texture, keeps_alpha=cut_out)
         settings["baseColorTexture"] = pictures[texture, cut_out]
         if cut_out:  # leaves are cards with a cut-out texture
             settings |= {"alphaMode": "MASK", "alphaCutoff": float(material.opacity_threshold)}
-        if not texture.is_plain:  # GLB has a factor, but no offset
+        if not texture.is_plain and not texture.alpha:  # GLB has a factor, but no offset
             settings["baseColorFactor"] = [*(round(min(value, 1.0) * 255) for value in texture.gain), 255]
         uv = _placed((geometry.st1 if texture.uv_set else geometry.st)[vertices], texture)
     visual = TextureVisuals(uv=uv, material=PBRMaterial(**settings))
@@ -135,10 +136,10 @@ class _Picture:
 
         self.format = "PNG" if keeps_alpha else "JPEG"
 
-        check_regular(Path(texture.file))
-        image = cv2.imread(texture.file, cv2.IMREAD_UNCHANGED if keeps_alpha else cv2.IMREAD_COLOR)
-        if image is None:
-            raise InputError("not readable as an image", where=texture.file)
+        if texture.alpha:
+            image = _composed(texture)
+        else:
+            image = _read(texture.file, cv2.IMREAD_UNCHANGED if keeps_alpha else cv2.IMREAD_COLOR)
         if texture.uv_set == 0 and max(image.shape) > MOST_TEXELS:
             image = cv2.resize(image, (MOST_TEXELS, MOST_TEXELS), interpolation=cv2.INTER_AREA)
         ending, quality = (".png", []) if keeps_alpha else (".jpg", [cv2.IMWRITE_JPEG_QUALITY, 90])
@@ -156,3 +157,34 @@ class _Picture:
             format: JPEG, or PNG where it is a cut-out.
         """
         file.write(self._data)
+
+
+def _read(file: str, flags: int) -> Any:
+    """Read an image as OpenCV does: blue, green, red."""
+    import cv2
+
+    check_regular(Path(file))
+    image = cv2.imread(file, flags)
+    if image is None:
+        raise InputError("not readable as an image", where=file)
+    return image
+
+
+def _composed(texture: Texture) -> NDArray[np.uint8]:
+    """Join a color and the opacity of a file or channel of its own, each with scale and bias; shape (H, W, 4)."""
+    import cv2
+
+    color = _read(texture.file, cv2.IMREAD_COLOR)[..., ::-1].astype(np.float32) / 255
+    if texture.srgb:
+        color = np.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4)
+    color = encode_srgb((color * np.array(texture.gain) + np.array(texture.bias)).astype(np.float32))
+    mask = _read(texture.alpha, cv2.IMREAD_UNCHANGED)
+    whole = 65535.0 if mask.dtype == np.uint16 else 255.0
+    if mask.ndim == 3:  # blue, green, red, opacity
+        channel = (2, 1, 0, 3)[texture.alpha_channel]
+        mask = mask[..., channel] if channel < mask.shape[2] else np.full(mask.shape[:2], whole)
+    elif texture.alpha_channel == 3:
+        mask = np.full(mask.shape, whole)
+    told = mask.astype(np.float32) / whole * texture.alpha_gain + texture.alpha_bias
+    opacity = cv2.resize(encode_raw(told), color.shape[1::-1], interpolation=cv2.INTER_AREA)
+    return np.dstack([color[..., ::-1], opacity]).astype(np.uint8, copy=False)

@@ -36,7 +36,7 @@ def repair(root: Path, progress: Progress) -> list[str]:
         return []
     refuse_in_use(root, unknown=False)
     scenario = load_scenario(root / "scenario.toml")
-    scenes = sorted(int(path.name) for path in (root / "scenes").glob("*") if path.name.isdigit())
+    scenes = sorted(int(path.name) for path in (root / "scenes").glob("*") if path.name.isdecimal())
     scenes = [index for index in scenes if index < scenario.scenes]
     with space_errors(root):
         for place, true in findings.misplaced.items():
@@ -46,13 +46,18 @@ def repair(root: Path, progress: Progress) -> list[str]:
         for path in findings.foreign:
             move_away(root, path)
         unlinked = {path.relative_to(root).as_posix() for path in findings.foreign}
+        forgotten = {path.stem for path in findings.broken if path.parent.name == "failed"}
         findings = inspect(root)
         ours = _made_here(scenario, scenes, Store(root), progress)
         gone = _with_descendants(findings) & {place for made in ours.values() for place in made}
         former = {place: findings.manifests[place]["files"] for place in gone if place in findings.manifests}
         for place in sorted(gone):
             _clear(root, place, findings)
-    incomplete = [index for index, made in ours.items() if gone & made.keys() or unlinked & set(made.values())]
+    incomplete = [
+        index
+        for index, made in ours.items()
+        if gone & made.keys() or unlinked & set(made.values()) or forgotten & {place[-64:] for place in made}
+    ]
     if incomplete:  # others may be of an earlier version, and a run would remake them all
         run_scenario(scenario, root, progress, incomplete)
     after = inspect(root)

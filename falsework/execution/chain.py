@@ -166,8 +166,13 @@ def read_sources(scenario: Scenario, progress: Progress) -> Sources:
     real = Path(os.path.realpath(path))
     with reading(real, *roots):
         apart = [root for root in roots if not Path(os.path.realpath(root)).is_relative_to(real.parent)]
-        found = digest([real.name, *(folder_digest(folder, without=RUN) for folder in (real.parent, *apart))])
+        found = digest([real.name, *(_digest(place, (real.parent, *roots)) for place in (real.parent, *apart))])
     return Sources(tuple(surveys), {FOREIGN_STAGE: path}, {FOREIGN_STAGE: found})
+
+
+def _digest(root: Path, roots: tuple[Path, ...]) -> str:
+    """Hash what a stage may read in one of its roots; files elsewhere, also those behind links, are refused to it."""
+    return file_digest(root) if root.is_file() else folder_digest(root, without=RUN, within=roots)
 
 
 def scene_chain(scenario: Scenario, index: int, sources: Sources) -> Chain:

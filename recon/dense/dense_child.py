@@ -32,6 +32,7 @@ from render.capture import Capture, load_image
 Mask = NDArray[np.bool_]
 
 _CACHE = 400e6  # [bytes] of depth maps that the fusion keeps in memory
+_MOST_VIEWS = 250  # each keeps a file open, and a process has 1,024 files at most on many machines
 
 
 def serve(request: dict[str, Any], progress: Progress) -> object:
@@ -115,7 +116,7 @@ class DepthMaps:
         self._marks = folder / "marks"
         self._unmark(len(model.names))
         self._views: OrderedDict[int, DepthView] = OrderedDict()
-        self._room = max(1, int(_CACHE // (shape[0] * shape[1] * 19)))
+        self._room = min(max(1, int(_CACHE // (shape[0] * shape[1] * 19))), _MOST_VIEWS)
 
     def clear(self) -> None:
         """Delete all of them from the disk."""

@@ -179,8 +179,10 @@ def _origin(capture: Capture, control: GroundControl, coordinates: F64) -> tuple
 
 
 def _origin_facts(control: GroundControl, origin: tuple[float, float, float]) -> dict[str, float]:
-    names = ("east", "north", "up") if control.system.zone is None else ("latitude", "longitude", "height")
-    return dict(zip(names, origin, strict=True))
+    """Describe the origin [m], or [deg] and [m]: the cloud is in meters, whatever the unit of the file."""
+    if control.system.zone is None:
+        return {"east": origin[0] * control.system.unit, "north": origin[1] * control.system.unit, "up": origin[2]}
+    return dict(zip(("latitude", "longitude", "height"), origin, strict=True))
 
 
 def _bar_facts(similarity: Similarity, places: Mapping[str, MarkedPlace], control: GroundControl) -> dict[str, Any]:

@@ -22,7 +22,10 @@ Triple = tuple[float, float, float]
 _SIGMA = 0.03  # [m] error of a point surveyed by satellite, where the file states none
 _BAR_SIGMA = 0.001  # [m]
 _MOST_EAST, _MOST_NORTH = 180.0, 90.0  # [deg]
-_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".dng")
+_PICTURES = (
+    "jpg jpeg png tif tiff dng heic heif webp bmp jp2 exr jxl arw cr2 cr3 nef orf raf rw2"  # some are converted first
+)
+_SUFFIXES = tuple(f".{kind}" for kind in _PICTURES.split())
 _LONGEST = 5_000_000  # [bytes] files of marks are far shorter
 _HEADS: Mapping[str, tuple[str, ...]] = {
     "camera": ("camera", "image", "photo", "camera_label", "image_name", "photo_name"),
@@ -128,10 +131,13 @@ def read_ground_control(path: Path) -> GroundControl:
 
 
 def _refuse_degrees(control: GroundControl) -> None:
-    """Refuse coordinates that are not plausible in the plane system of the file, but as longitude and latitude."""
+    """Refuse coordinates that are not plausible in the plane system of the file, but as longitude and latitude.
+
+    Those of UTM are hundreds of kilometers; a plane system of the user's own may have small ones.
+    """
     places = [point.position for point in control.points if point.position is not None]
-    plane = control.system.zone is None and control.system.assumed
-    if plane and places and all(abs(east) <= _MOST_EAST and abs(north) <= _MOST_NORTH for east, north, _ in places):
+    large = bool(control.system.zone) or control.system.assumed or "utm" in control.system.name.lower()
+    if large and places and all(abs(east) <= _MOST_EAST and abs(north) <= _MOST_NORTH for east, north, _ in places):
         raise InputError(
             "the coordinates look like longitude and latitude, but the file states another system",
             where=control.file,

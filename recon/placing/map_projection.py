@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recon.photos.photos import local_position
-from recon.placing.wkt_unit import FOOT, US_FOOT, unit_of_wkt
+from recon.placing.wkt_unit import FOOT, US_FOOT, is_wkt, unit_of_wkt
 
 F64 = NDArray[np.float64]
 
@@ -16,6 +16,7 @@ _GEOGRAPHIC = frozenset(  # EPSG codes of longitude and latitude, all within two
     (4326, 4979, 4258, 4937, 4269, 4152, 6318, 6319, 4617, 4674, 4283, 7844, 7843, 4167, 4619, 4612, 6668, 4490, 4171)
 )
 _UNITS = {"m": 1.0, "us-ft": US_FOOT, "ft": FOOT, "km": 1000.0, "cm": 0.01, "mm": 0.001}  # [m]
+_ANGLES = re.compile(r"\+proj=(longlat|latlong)\b")
 _EAST, _SOUTH = 500_000.0, 10_000_000.0  # [m] false easting, and false northing south of the equator
 
 
@@ -78,25 +79,25 @@ def read_system(text: str) -> MapSystem | None:
         The system; None where the text names none.
     """
     plain = " ".join(text.replace('"', " ").replace("_", " ").split())
-    wkt = "[" in text
-    code = None if wkt else re.search(r"\bEPSG:?\s*(\d{4,6})\b", plain, re.IGNORECASE)
+    code = None if is_wkt(text) else re.search(r"\bEPSG[\s:,]*(\d{4,6})\b", plain, re.IGNORECASE)
     number = int(code.group(1)) if code else 0
     if 32601 <= number <= 32660 or 32701 <= number <= 32760:
         return MapSystem(text, number % 100 if number < 32700 else -(number % 100))
     stated = _stated_unit(text)
     unit, up_unit = stated or (1.0, 1.0)
+    unknown = ("+units=" in text or "+to_meter=" in text) and stated is None
     utm = re.search(r"\bUTM(?: zone)?\s*=?\s*(\d{1,2})\s*([NS])?\b", plain, re.IGNORECASE)
     wgs = re.search(r"WGS ?(19)?84", plain, re.IGNORECASE) is not None
     if "+proj=utm" in plain and (zone := re.search(r"\+zone=(\d{1,2})", plain)):
         number = -int(zone.group(1)) if "+south" in plain else int(zone.group(1))
-        return MapSystem(text, number if wgs else None, unit, up_unit)
+        return MapSystem(text, number if wgs else None, unit, up_unit, assumed=unknown)
     if utm and wgs and 1 <= int(utm.group(1)) <= 60:
         number = -int(utm.group(1)) if (utm.group(2) or "N").upper() == "S" else int(utm.group(1))
         return MapSystem(text, number, unit, up_unit)
-    if unit == 0.0 or number in _GEOGRAPHIC or "+proj=longlat" in plain or "+proj=latlong" in plain:
+    if unit == 0.0 or number in _GEOGRAPHIC:
         return MapSystem(text, 0, up_unit=up_unit)
     if code or "+proj=" in plain or re.match(r"(PROJ(CS|CRS)|COMPD ?CS|COMPOUNDCRS)\b", plain, re.IGNORECASE):
-        silent = "+proj=" in plain and "+units=" not in plain  # PROJ's own default is metres
+        silent = "+proj=" in plain and not unknown  # PROJ's own default is metres
         return MapSystem(text, None, unit, up_unit, assumed=stated is None and not silent)
     if re.match(r"(LOCAL ?CS|LOCAL|NONE)\b", plain, re.IGNORECASE):
         return MapSystem(text, None, unit, up_unit)
@@ -108,19 +109,30 @@ def _stated_unit(text: str) -> tuple[float, float] | None:
 
     Heights of which nothing is said have the unit of the others, and of longitude and latitude metres.
     """
-    if "[" in text:
+    if is_wkt(text):
         unit = unit_of_wkt(text)
-        vertical = re.search(
-            r"\bVERT(?:_CS|CRS)\s*\[.*?\b(?:LENGTH)?UNIT\s*\[\s*\"[^\"]*\"\s*,\s*([\d.eE+-]+)", text, re.S
-        )
-        return None if unit is None else (unit, float(vertical.group(1)) if vertical else unit or 1.0)
+        form = r"\bVERT(?:_CS|CRS)\s*\[.*?\b(?:LENGTH)?UNIT\s*\[\s*\"[^\"]*\"\s*,\s*([^],\s]+)"
+        vertical = re.search(form, text[:100_000], re.S)
+        up = _length(vertical.group(1)) if vertical else None
+        return None if unit is None or not 0.0 <= unit < np.inf else (unit, up or unit or 1.0)
     lengths = []
     for factor, name in (("to_meter", "units"), ("vto_meter", "vunits")):
-        number = re.search(rf"\+{factor}=([\d.]+)", text)
-        unit = re.search(rf"\+{name}=([\w-]+)", text)
-        lengths.append(float(number.group(1)) if number else _UNITS.get(unit.group(1)) if unit else None)
+        number, unit = re.search(rf"\+{factor}=(\S+)", text), re.search(rf"\+{name}=(\S+)", text)
+        lengths.append(_length(number.group(1)) if number else _UNITS.get(unit.group(1)) if unit else None)
     horizontal, up = lengths
-    return None if horizontal is None else (horizontal, horizontal if up is None else up)
+    if _ANGLES.search(text):
+        return 0.0, up or 1.0
+    return None if horizontal is None else (horizontal, up or horizontal)
+
+
+def _length(text: str) -> float | None:
+    """Read the length of a unit [m], maybe a fraction as PROJ allows; None if it is none."""
+    top, _, bottom = text.partition("/")
+    try:
+        value = float(top) / float(bottom or "1")
+    except (ValueError, ZeroDivisionError):
+        return None
+    return value if 0.0 < value < np.inf else None
 
 
 def _from_utm(easting: F64, northing: F64, zone: int) -> tuple[F64, F64]:

@@ -11,6 +11,16 @@ _LINEAR = ("UNIT", "LENGTHUNIT")
 _PROJECTED = ("PROJCS", "PROJCRS", "PROJECTEDCRS", "LOCAL_CS", "ENGCRS")
 _GEOGRAPHIC = ("GEOGCS", "GEOGCRS", "GEODCRS", "GEODETICCRS")
 _COMPOUND = ("COMPD_CS", "COMPOUNDCRS")
+_ROOT = re.compile(r"\s*(PROJ|GEO[CDG]|LOCAL_|COMP|ENG|BOUND)\w*\s*[\[(]", re.IGNORECASE)
+
+
+def is_wkt(text: str) -> bool:
+    """Tell whether a text is well-known text, and not a name with something in brackets.
+
+    Args:
+        text: Description of a coordinate reference system.
+    """
+    return _ROOT.match(text) is not None
 
 
 def unit_of_wkt(text: str) -> float | None:

@@ -78,8 +78,8 @@ class SurfaceLook:
             color = _linear(found[:, :3]) if material.base_texture.srgb else found[:, :3].astype(np.float32) / 255
             gain, bias = np.array([material.base_texture.gain, material.base_texture.bias], np.float32)
             color = np.clip(color * gain + bias, 0.0, 1.0)
-            if found.shape[1] == 4 and material.opacity_threshold > 0:
-                solid = found[:, 3] >= 255 * material.opacity_threshold
+            if material.opacity_threshold > 0:
+                solid = self._opacity(material.base_texture, found, placed) >= material.opacity_threshold
         elif material.use_display_color:
             color = blend(self._geometry.colors).astype(np.float32)
         else:
@@ -94,6 +94,17 @@ class SurfaceLook:
         if macro is not None:
             color *= 2.0 * _nearest(macro, st1)[:, :3].astype(np.float32) / 255
         return np.clip(color, 0.0, _BRIGHTEST).astype(np.float32), solid
+
+    def _opacity(self, texture: Texture, found: U8, placed: F64) -> F32:
+        """Look up the opacity of a texture, which may be a channel of another file; shape (N,)."""
+        other = self._read(Texture(texture.alpha, srgb=False))
+        texels = found if other is None else _nearest(other, placed)
+        channel = 3 if other is None else texture.alpha_channel
+        if channel >= texels.shape[1]:  # without opacity a picture is opaque
+            told = np.ones(len(texels), np.float32)
+        else:
+            told = texels[:, channel].astype(np.float32) / 255
+        return told * np.float32(texture.alpha_gain) + np.float32(texture.alpha_bias)
 
     def _read(self, texture: Texture | None) -> U8 | None:
         """Read texels in RGB order, shape (H, W, 3 or 4), uint8; None if there is no texture or it is unreadable."""

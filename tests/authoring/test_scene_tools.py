@@ -238,17 +238,37 @@ def test_glb_cuts_out_what_the_stage_cuts_out(tmp_path: Path) -> None:
     pixels[:, :3, 3] = 0
     cv2.imwrite(str(tmp_path / "leaf.png"), pixels)
     (tmp_path / "leaf.usda").write_text(LEAF)
-    write_glb(tmp_path / "leaf.usda", tmp_path / "leaf.glb", print)
-    data = _bytes(tmp_path / "leaf.glb")
+    np.testing.assert_array_equal(_cut_out(tmp_path / "leaf.usda"), pixels)
+
+
+def test_glb_cuts_out_by_a_mask(tmp_path: Path) -> None:
+    """A leaf of one color, and an inverted mask in the green of another file: both are in the picture, not black."""
+    mask = np.zeros((8, 8, 3), np.uint8)
+    mask[:, :3, 1] = 255
+    cv2.imwrite(str(tmp_path / "leaf.png"), mask)
+    text = LEAF.replace("diffuseColor.connect = </Leaf/T.outputs:rgb>", "diffuseColor = (0, 1, 0)")
+    text = text.replace("T.outputs:a>", "T.outputs:g>").replace("float outputs:a", "float outputs:g")
+    inverted = "float4 inputs:scale = (-1, -1, -1, -1)\nfloat4 inputs:bias = (1, 1, 1, 1)\nfloat3 outputs:rgb"
+    (tmp_path / "leaf.usda").write_text(text.replace("float3 outputs:rgb", inverted))
+    expected = np.full((8, 8, 4), (0, 255, 0, 255), np.uint8)
+    expected[:, :3, 3] = 0
+    np.testing.assert_array_equal(_cut_out(tmp_path / "leaf.usda"), expected)
+
+
+def _cut_out(stage: Path) -> np.ndarray:
+    """Write a stage of one material as GLB, and read its picture: blue, green, red, opacity."""
+    write_glb(stage, stage.with_suffix(".glb"), print)
+    data = _bytes(stage.with_suffix(".glb"))
     length = struct.unpack_from("<I", data, 12)[0]
     document = json.loads(data[20 : 20 + length])
     (material,), (image,) = document["materials"], document["images"]
     assert (material["alphaMode"], material["alphaCutoff"]) == ("MASK", 0.5)
+    assert "baseColorFactor" not in material["pbrMetallicRoughness"]
     assert image["mimeType"] == "image/png"
     view = document["bufferViews"][image["bufferView"]]
     start = 20 + length + 8 + view.get("byteOffset", 0)
     picture = np.frombuffer(data[start : start + view["byteLength"]], np.uint8)
-    np.testing.assert_array_equal(cv2.imdecode(picture, cv2.IMREAD_UNCHANGED), pixels)
+    return np.asarray(cv2.imdecode(picture, cv2.IMREAD_UNCHANGED))
 
 
 def test_glb_is_byte_reproducible(stored_scene: Path, own_scene: Path, tmp_path: Path) -> None:

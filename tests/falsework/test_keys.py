@@ -164,3 +164,25 @@ def test_files_of_further_roots_count(tmp_path: Path, monkeypatch: pytest.Monkey
     (tmp_path / "library/bridge.usda").write_text("#usda 1.0\n# changed\n")
     assert names() == plain
     assert not names("library") & (before | plain)
+
+
+def test_files_that_a_stage_must_not_read_do_not_count(tmp_path: Path) -> None:
+    """A link beside the stage to an archive of terabytes is not followed; a root may be a single file."""
+    for name in ("in", "archive"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "bridge.usda").write_text("#usda 1.0\n")
+    texture = tmp_path / "archive/texture.png"
+    texture.write_bytes(b"first")
+
+    def found(*roots: Path) -> str:
+        stage = {"path": str(tmp_path / "in/bridge.usda"), "allow_root": [str(root) for root in roots]}
+        scenario = tiny_scenario(survey=[], sample=[{"kind": "mesh"}], stage=stage)
+        return read_sources(scenario, SILENT).digests[chain.FOREIGN_STAGE]
+
+    plain, with_root = found(), found(texture)
+    (tmp_path / "in/archive").symlink_to(tmp_path / "archive")
+    assert found() == plain
+    assert len({plain, found(tmp_path / "archive")}) == 2
+    (tmp_path / "in/archive").unlink()
+    texture.write_bytes(b"second")
+    assert found(texture) != with_root

@@ -196,6 +196,18 @@ def test_no_repair_beside_a_run(run: Run, tmp_path: Path) -> None:  # noqa: F811
     assert contents(out) == whole
 
 
+def test_repair_brings_records_of_failures_back(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    """The task of a damaged record is done again, and fails again; a folder with a strange number is none of ours."""
+    out = tmp_path / "out"
+    run(2, faults={"cloud:1": "reject"})
+    (record,) = (out / "failed").iterdir()
+    former = json.loads(record.read_text())
+    record.write_text("damaged")
+    (out / "scenes/²").mkdir()
+    assert repair(out, SILENT) == []
+    assert json.loads(record.read_text())["inputs"] == former["inputs"]
+
+
 def test_report_without_a_rejected_variant_is_remade(run: Run, tmp_path: Path) -> None:  # noqa: F811
     """Its key differs from that of a scene whose clouds all exist."""
     out = tmp_path / "out"

@@ -167,3 +167,18 @@ def test_linked_folders_count(tmp_path: Path) -> None:
     for folder in (top, outside):
         shutil.copytree(folder, tmp_path / "elsewhere" / folder.name, symlinks=True)
     assert folder_digest(tmp_path / "elsewhere/top") == seen[-1]
+
+
+def test_linked_folders_elsewhere_do_not_count_where_that_is_asked(tmp_path: Path) -> None:
+    """What a link leads to is not even listed, unless it is in one of the given folders."""
+    top, library, archive = (tmp_path / name for name in ("top", "library", "archive"))
+    for folder in (top, library / "textures", archive):
+        folder.mkdir(parents=True)
+        (folder / "file").write_text("first")
+    plain = folder_digest(top)
+    (top / "archive").symlink_to(archive)
+    assert folder_digest(top, within=(top, library)) == plain != folder_digest(top)
+    (top / "textures").symlink_to(library / "textures")
+    before = folder_digest(top, within=(top, library))
+    (library / "textures/file").write_text("second")
+    assert len({plain, before, folder_digest(top, within=(top, library))}) == 3

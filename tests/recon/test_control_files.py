@@ -15,9 +15,10 @@ from tests.recon.test_ground_control import CORNERS, flown, marked
 def test_degrees_are_not_metres(tmp_path: Path) -> None:
     """Degrees under the name of a plane system are refused before anything is computed; short headers name degrees."""
     path = tmp_path / "gcp.txt"
-    path.write_text("EPSG:25832\n11.5 48.1 500 3 4 a.jpg P\n", encoding="utf-8")
-    with pytest.raises(InputError, match="look like longitude and latitude"):
-        read_ground_control(path)
+    for name in ("EPSG:25832", "EPSG:32632", "WGS84 UTM 32N", "+proj=utm +zone=32 +ellps=GRS80 +units=m"):
+        path.write_text(f"{name}\n11.5 48.1 500 3 4 a.jpg P\n", encoding="utf-8")
+        with pytest.raises(InputError, match="look like longitude and latitude"):
+            read_ground_control(path)
     assert [getattr(read_system(f"+proj=lcc {unit}"), "assumed", None) for unit in ("", "+units=ft", "+units=ch")] == [
         False,
         False,
@@ -36,7 +37,7 @@ def test_names_of_photographs_with_dots_and_spaces(tmp_path: Path) -> None:
     path.write_text("#Camera,Label,x,y\nframe.000,P,4,5\nframe.011,P,6,7\n", encoding="utf-8")
     (point,) = read_ground_control(path).points
     assert len(point.marks) == 2
-    assert image_key("frame.000.jpg") == image_key("frame.000") == "frame.000"
+    assert {image_key(f"frame.000{suffix}") for suffix in ("", ".jpg", ".NEF", ".heic")} == {"frame.000"}
 
 
 def test_both_forms_say_the_same(tmp_path: Path) -> None:
@@ -81,6 +82,8 @@ def test_both_forms_say_the_same(tmp_path: Path) -> None:
         ("WGS84 UTM 10N", 10),
         ("WGS84 UTM 17S", -17),
         ("EPSG:4326", 0),
+        ("urn:ogc:def:crs:EPSG::32633", 33),
+        ("ETRS89 / UTM zone 32N [EPSG:25832]", None),
         ("+proj=utm +zone=15 +ellps=WGS84 +datum=WGS84 +units=m +no_defs", 15),
         ("EPSG:25832", None),
         ("EPSG:4258", 0),
@@ -96,6 +99,24 @@ def test_systems_by_their_names(name: str, zone: int | None) -> None:
     assert found is not None
     assert found.zone == zone
     assert read_system("481367 5782936 100 3 4 a.jpg") is None
+
+
+@pytest.mark.parametrize(
+    ("name", "units"),
+    [
+        ("+proj=tmerc +to_meter=1200/3937 +vto_meter=1e-2", (1200.0 / 3937.0, 0.01, False)),
+        ("+proj=tmerc +to_meter=1/0", (1.0, 1.0, True)),
+        ("+proj=utm +zone=32 +datum=WGS84 +units=us-in", (1.0, 1.0, True)),
+        ("+proj=longlat +datum=WGS84 +vunits=ft", (1.0, 0.3048, False)),
+        ('COMPD_CS["a",PROJCS["x",UNIT["foot",0.3048]],VERT_CS["h",UNIT["bad",e]]]', (0.3048, 0.3048, False)),
+        ('PROJCS["x",UNIT["metre",-1]]', (1.0, 1.0, True)),
+    ],
+)
+def test_units_by_their_lengths(name: str, units: tuple[float, float, bool]) -> None:
+    """Fractions and powers as PROJ allows them; what is no length is none, and meters are assumed."""
+    found = read_system(name)
+    assert found is not None
+    assert (found.unit, found.up_unit, found.assumed) == units
 
 
 def test_utm_against_colmap() -> None:

@@ -1,14 +1,18 @@
 """Fusion against its plain twin, and what becomes of planes, floating points and narrow angles."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from recon.dense.dense_child import DepthMaps
 from recon.dense.fuse import DepthView, fuse_view
 from recon.dense.pixel_fates import PIXEL_FATES
 from recon.dense.smooth import smooth
+from recon.dense.undistort import working_camera
+from tests.recon.test_undistort import model_with
 from tests.recon.wavy_plane import WavyPlane
 from usd_schemas.pinhole import Pinhole, look_at, project, unproject
 
@@ -218,3 +222,16 @@ def test_thin_members_stay() -> None:
             steady, _ = smooth(wall, LENS)
             seen = (steady if upright else steady.T) == 5.0
             assert np.flatnonzero(seen[10]).tolist() == kept
+
+
+def test_views_of_small_images_keep_few_files_open(tmp_path: Path) -> None:
+    """Thousands of small maps fit into the memory, but a process has no thousand files."""
+    model = replace(model_with((8.0, 4.0, 4.0, 0.0)), names=("a",) * 400, poses=np.tile(np.eye(4), (400, 1, 1)))
+    maps = DepthMaps(tmp_path, model, working_camera(model, (8, 8), 1))
+    height, width = maps.marks(0)[0].shape
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    for row in range(400):
+        maps.put_image(row, np.zeros((height, width, 3), np.uint8))
+        maps.put_depth(row, np.zeros((height, width), np.float32))
+        maps.depth_view(row)
+    assert len(list(Path("/proc/self/fd").iterdir())) - before < 300

@@ -235,16 +235,18 @@ def test_one_wrong_mark_leaves_the_limits_of_the_others() -> None:
     "system", ["+proj=lcc +lat_1=35 +units=us-ft +no_defs", 'PROJCS["x",UNIT["US survey foot",0.3048006096]]']
 )
 def test_feet_become_metres(system: str) -> None:
-    """A plane system in feet: the scale is that of metres."""
+    """A plane system in feet: the scale is that of metres, and so is the origin."""
     _, _, known, true = flown()
     feet = tuple(
-        replace(point, position=tuple((np.array(point.position) / US_FOOT).tolist())) for point in marked(CORNERS, true)
+        replace(point, position=tuple((np.array(point.position) / US_FOOT + [2e6, 5e5, 0.0]).tolist()))
+        for point in marked(CORNERS, true)
     )
     read = read_system(system)
     assert read is not None
     assert not read.assumed
     found, _ = placed(GroundControl(FILE, read, feet))
     assert found.alignment.similarity.scale == pytest.approx(known.scale, rel=1e-5)
+    assert found.facts["origin"]["east"] == pytest.approx(2e6 * US_FOOT, abs=100.0)
     utm = read_system("+proj=utm +zone=10 +ellps=WGS84 +units=us-ft")
     assert utm is not None
     metres = MapSystem("", 10).geographic(np.array([[5e5, 4e6, 30.0]]))

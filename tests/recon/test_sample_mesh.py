@@ -246,6 +246,19 @@ def test_colours_are_those_of_the_texels(tmp_path: Path) -> None:
     )
     np.testing.assert_array_equal(columns["color"], expected)
     assert not ((x > 0.5) & (y < 0.5)).any()
+    mask = np.array([[[0, 255, 0], [0, 255, 0]], [[0, 255, 0], [0, 0, 0]]], np.uint8)
+    cv2.imwrite(str(tmp_path / "mask.png"), mask)
+    inverted = {"alpha_gain": -1.0, "alpha_bias": 1.0}
+    for hole, opacity in (
+        (True, {"alpha": str(tmp_path / "mask.png"), "alpha_channel": 1}),
+        (False, {"alpha": str(tmp_path / "mask.png"), "alpha_channel": 1, **inverted}),
+        (False, {"alpha": str(tmp_path / "t.png"), **inverted}),
+    ):
+        other = dataclasses.replace(material, base_texture=Texture(str(tmp_path / "t.png"), True, **opacity))
+        cut = with_materials(scene, (other,))
+        weights = np.array([[0.2, 0.6, 0.2], [0.1, 0.2, 0.7]])  # x 0.8, y 0.2: the fourth texel; and x 0.9, y 0.7
+        solid = SurfaceLook(cut, lay_out(cut)).at(np.zeros(2, np.int64), weights)[1]
+        assert solid.tolist() == [not hole, hole]
     missing = with_materials(scene, (Material("m", (0.2, 0.2, 0.2), base_texture=Texture("/nowhere.png", True)),))
     look = SurfaceLook(missing, lay_out(missing))
     color, solid = look.at(np.array([0]), np.full((1, 3), 1 / 3))

@@ -233,3 +233,24 @@ def test_a_network_that_is_more_than_one_texture_is_named(tmp_path: Path) -> Non
     scene, material = read_one(tmp_path, standard("color3f inputs:base_color.connect = </Mat/A.outputs:out>", nodes))
     assert material.base_texture is None
     assert scene.warnings == ("/Mat: base_color comes from ND_multiply_color3, which is not read",)
+
+
+def test_a_texture_cuts_a_standard_surface_of_one_color(tmp_path: Path) -> None:
+    """Its silhouette is that of the opacity, as of a preview surface; the weight multiplies its color."""
+    inputs = """
+        float inputs:base = 0.5
+        color3f inputs:base_color = (0.25, 0.5, 0.25)
+        color3f inputs:opacity.connect = </Mat/A.outputs:out>
+    """
+    nodes = """
+        def Shader "A" {
+            uniform token info:id = "ND_image_color3"
+            asset inputs:file = @./a.png@
+            color3f outputs:out
+        }
+    """
+    scene, material = read_one(tmp_path, standard(inputs, nodes))
+    file = str(tmp_path / "a.png")
+    gain, bias = (0.0, 0.0, 0.0), (0.125, 0.25, 0.125)
+    assert material.base_texture == Texture(file, False, gain=gain, bias=bias, alpha=file, alpha_channel=0)
+    assert (material.opacity_threshold, material.blends, scene.warnings) == (0.5, True, ())

@@ -210,7 +210,10 @@ def _read_mtlx(path: str, shader: UsdShade.Shader, names: _Surface, note: Callab
     glow *= names.glow_unit
     base, emission = texture(names.color, True), texture(names.emission, True) if glow else None
     rough, metal, normal = (texture(name, False) for name in (names.roughness, names.metallic, names.normal))
-    opacity, cut = _see_through(shader, source, names, note)
+    opacity, cut, cut_by = _see_through(shader, source, names, note)
+    if base is None and cut is not None:  # a constant color with the silhouette of a texture
+        base = replace(cut, gain=(0.0, 0.0, 0.0), bias=_color_of(source(names.color), names.color_default))
+        placed[names.color] = cut_by
     used = [name for name in dict.fromkeys(placed.values()) if name]
     second = used[1] if len(used) > 1 else ""
     for name in used[2:]:
@@ -237,9 +240,9 @@ def _read_mtlx(path: str, shader: UsdShade.Shader, names: _Surface, note: Callab
         emissive_texture=numbered(
             names.emission, emission and replace(emission, gain=_times(emission.gain, _gray(glow)))
         ),
-        opacity_threshold=_SOLID if cut is not None and base is not None else 0.0,
+        opacity_threshold=0.0 if cut is None else _SOLID,
         opacity=opacity,
-        blends=opacity < 1.0 or (cut is not None and base is not None),
+        blends=opacity < 1.0 or cut is not None,
     ), (used[0] if used else "", second)
 
 
@@ -258,8 +261,8 @@ def _constant(source: Source) -> Source:
 
 def _see_through(
     shader: UsdShade.Shader, source: Callable[[str], Source], names: _Surface, note: Callable[[str], None]
-) -> tuple[float, Texture | None]:
-    """Find the opacity of a surface, and the texture of it if there is one."""
+) -> tuple[float, Texture | None, str]:
+    """Find the opacity of a surface, and if there is one its texture, with the primvar of its coordinates."""
     sent = number_of(source(names.transmission), 0.0)
     told = source(names.opacity)
     if names.opacity == "alpha" and int(number_of(find_source(shader, "alpha_mode"), 0.0)) == 0:
@@ -269,10 +272,10 @@ def _see_through(
         note(f"its transmission is drawn as opacity {opacity:.2g}")
     if told.shader is not None:
         found = _image(told, False, names.opacity, note)
-        return opacity, found and found[0]
+        return (opacity, None, "") if found is None else (opacity, *found)
     value = told.value
     own = 1.0 if value is None else float(value) if isinstance(value, int | float) else sum(value) / 3
-    return opacity * min(max(own, 0.0), 1.0), None
+    return opacity * min(max(own, 0.0), 1.0), None, ""
 
 
 def _image(source: Source, is_color: bool, name: str, note: Callable[[str], None]) -> tuple[Texture, str] | None:
