@@ -46,15 +46,26 @@ def move_away(root: Path, path: Path) -> None:
         return
     target = os.path.relpath(path.parent / path.readlink(), home.parent)
     with space_errors(home):
-        home.parent.mkdir(parents=True, exist_ok=True)
+        _make_folder(home.parent)
         _free_name(home).symlink_to(target)
         path.unlink()
 
 
 def _move(path: Path, home: Path) -> None:
     with space_errors(home):
-        home.parent.mkdir(parents=True, exist_ok=True)
+        _make_folder(home.parent)
         path.rename(_free_name(home))
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        raise InputError(
+            "a file is where a folder for your files must be made",
+            where=folder,
+            hint=f"Rename the file {FOREIGN}, or the one below it",
+        ) from None
 
 
 def _listed(manifest: Path) -> set[str] | None:

@@ -251,6 +251,10 @@ def test_repair_moves_files_of_the_user(run: Run, tmp_path: Path) -> None:  # no
     (out / "scenes/0000/my_link").symlink_to("../../../photos/mine.txt")
     for name in ("scenes/my_link", "evicted/my_link"):
         (out / name).symlink_to(photos)
+    (out / "foreign").write_text("a file of the user in the way")
+    with pytest.raises(InputError, match=r"a file is where a folder .*foreign"):
+        repair(out, SILENT)
+    (out / "foreign").unlink()
     assert repair(out, SILENT) == ["scenes/my_link: foreign", "evicted/my_link: foreign"]
     assert {path.relative_to(out / "foreign").as_posix() for path in (out / "foreign").rglob("m*")} == {
         "failed/notes/mine.txt",
