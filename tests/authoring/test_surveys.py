@@ -306,7 +306,7 @@ def test_pixels_agree_with_the_pinhole() -> None:
 
 def test_every_class_is_well_seen(proof_count: Count, record_proof: RecordProof) -> None:
     """On drawn bridges every class has enough large views, bearings included, and neighbours overlap."""
-    seeds = range(proof_count(1, 30))
+    seeds = range(proof_count(2, 30))
     seen: dict[str, list[float]] = {}
     overlaps, counts = [], []
     for seed in seeds:

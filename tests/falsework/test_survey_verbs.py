@@ -52,7 +52,7 @@ def test_plan_adds_a_flight_that_score_judges(scene: Path, tmp_path: Path, capsy
         "--set",
         "spacing=0.4",
         "--set",
-        "images=[20, 120]",
+        "images=[20, 40]",
     )
     assert _run(capsys, *words)[0] == 0
     flown = read_stage(scene, survey="local").cameras[0].poses
@@ -60,7 +60,7 @@ def test_plan_adds_a_flight_that_score_judges(scene: Path, tmp_path: Path, capsy
     first = (scene.parent / "surveys/local.usdc").read_bytes()
     assert _run(capsys, *words)[0] == 0
     assert (scene.parent / "surveys/local.usdc").read_bytes() == first
-    code, out, _ = _run(capsys, "plan", scene, "--kind", "grid", "--name", "rows", "--set", "sampling=0.01")
+    code, out, _ = _run(capsys, "plan", scene, "--kind", "grid", "--name", "rows", "--set", "sampling=0.02")
     assert code == 0
     assert out.startswith("survey      rows: ")
     assert {product.name for product in read_stage(scene).products} == before | {"local", "rows"}
