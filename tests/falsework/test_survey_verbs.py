@@ -41,7 +41,6 @@ def _run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, s
 def test_plan_adds_a_flight_that_score_judges(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A grid and a local flight join the authored one; the same words give the same cameras; a page is written."""
     scene = Path(shutil.copytree(scene.parent, tmp_path / "flown")) / "scene.usda"  # the others want one flight
-    before = {product.name for product in read_stage(scene).products}
     words = (
         "plan",
         scene,
@@ -52,18 +51,20 @@ def test_plan_adds_a_flight_that_score_judges(scene: Path, tmp_path: Path, capsy
         "--set",
         "spacing=0.4",
         "--set",
-        "images=[20, 40]",
+        "images=[20, 120]",
     )
     assert _run(capsys, *words)[0] == 0
-    flown = read_stage(scene, survey="local").cameras[0].poses
-    assert 0.3 < np.linalg.norm(np.diff(flown[:, :3, 3], axis=0), axis=1).max() <= 0.4001  # every --set counts
     first = (scene.parent / "surveys/local.usdc").read_bytes()
     assert _run(capsys, *words)[0] == 0
     assert (scene.parent / "surveys/local.usdc").read_bytes() == first
     code, out, _ = _run(capsys, "plan", scene, "--kind", "grid", "--name", "rows", "--set", "sampling=0.02")
     assert code == 0
     assert out.startswith("survey      rows: ")
-    assert {product.name for product in read_stage(scene).products} == before | {"local", "rows"}
+    flat = read_stage(scene)
+    assert {product.name for product in flat.products} == {"global", "local", "rows"}
+    (row,) = {product.camera for product in flat.products if product.name == "local"}
+    flown = flat.cameras[row].poses
+    assert 0.3 < np.linalg.norm(np.diff(flown[:, :3, 3], axis=0), axis=1).max() <= 0.4001  # every --set counts
     page = tmp_path / "flight.html"
     code, out, _ = _run(capsys, "score", scene, "--survey", "local", "-o", page, "--json")
     (row,) = json.loads(out)["surveys"]

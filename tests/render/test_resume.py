@@ -26,11 +26,11 @@ from tests.render.prepared_here import prepared_here, rendered_here
 from tests.render.scenes import random_scene
 from tests.render.test_frames import STAGE
 
-FRAMES = 24
+FRAMES = 40
 
 
 def flight(folder: Path) -> Path:
-    """Write a stage whose camera flies for many frames."""
+    """Write a stage whose camera flies for forty frames."""
     samples = ", ".join(f"{frame}: ({frame / 10 - 2}, -9, 4)" for frame in range(FRAMES))
     text = STAGE.format(texture="absent").replace("{ 0: (0, -9, 4), 1: (1, -9, 4), 2: (2, -9, 5) }", f"{{ {samples} }}")
     path = folder / "scene.usda"
