@@ -118,7 +118,8 @@ def orthophoto(folder: Path, recipe: MaterialRecipe) -> F32:
 def _overlaps(level: F32) -> F32:
     """Sums of products of a picture with itself, for every shift."""
     size = (2 * len(level), 2 * len(level))
-    return np.asarray(fft.irfft2(np.abs(fft.rfft2(level, size)) ** 2), np.float32)
+    spectrum = np.asarray(fft.rfft2(level, size))
+    return np.asarray(fft.irfft2(np.abs(spectrum) ** 2), np.float32)
 
 
 @cache

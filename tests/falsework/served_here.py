@@ -31,6 +31,6 @@ def served_here() -> Iterator[None]:
 def _serve(module: str, request: dict[str, Any], *, progress: Progress = SILENT, **limits: float) -> Any:
     """Answer as the child would: words go to it and come from it as JSON."""
     assert module.startswith("falsework.children.")
-    work = importlib.import_module(module)
-    answer = vars(work).get("_answer", vars(work).get("sample"))(json.loads(canonical_json(request)), progress)
+    serves = "sample" if module == "falsework.children.sample_work" else "_answer"
+    answer = getattr(importlib.import_module(module), serves)(json.loads(canonical_json(request)), progress)
     return json.loads(canonical_json(answer))

@@ -119,8 +119,8 @@ def plate_corner(ids: NDArray[np.uint32], camera: Pinhole, distortion: Distortio
     """
 
     def straight(rows: I64, columns: I64) -> F64:
-        bent = np.stack([(columns + 0.5 - camera.cx) / camera.fx, (rows + 0.5 - camera.cy) / camera.fy], axis=-1)
-        return distortion.undistort(bent)
+        pixels = np.stack([columns, rows], axis=-1).astype(np.float64) + 0.5
+        return distortion.undistort((pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy])
 
     inside = ids > 0
     rows = np.flatnonzero(inside.any(axis=1) & ~inside.all(axis=1))
