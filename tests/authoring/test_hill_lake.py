@@ -1,6 +1,7 @@
 """The worlds `lakeside` and `hillside`: they join the site, leave it empty, and their water and houses lie right."""
 
 import time
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -52,6 +53,12 @@ def make(name: str, crossing: Literal["river", "road"], seed: int, settings: Bac
     return name, site, build_background(name, settings, site, stream(seed, "background"))
 
 
+@cache
+def small_world(name: str, seed: int) -> World:
+    """A site over a river with a small world round it, made once."""
+    return make(name, "river", seed, FEW)
+
+
 @pytest.fixture(
     scope="module",
     params=[("lakeside", "river", 7), ("lakeside", "road", 3), ("hillside", "river", 7), ("hillside", "road", 4)],
@@ -92,11 +99,14 @@ def heights_below(soup: F64, places: F64) -> F64:
     found = np.full(len(places), np.nan)
     low, high = soup[:, :, :2].min(axis=1), soup[:, :, :2].max(axis=1)
     for row, place in enumerate(places):
-        for a, b, c in soup[((low <= place) & (high >= place)).all(axis=1)]:
-            sides = np.column_stack([b - a, c - a])[:2]
-            share = np.linalg.solve(sides, place - a[:2]) if abs(np.linalg.det(sides)) > 1e-12 else np.array([-1.0, 0])
-            if share.min() > -1e-9 and share.sum() < 1 + 1e-9:
-                found[row] = a[2] + share @ np.array([b[2] - a[2], c[2] - a[2]])
+        a, b, c = np.moveaxis(soup[((low <= place) & (high >= place)).all(axis=1)], 1, 0)
+        one, two, away = (b - a).T, (c - a).T, (place - a[:, :2]).T
+        area = one[0] * two[1] - one[1] * two[0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            first, second = (away[0] * two[1] - away[1] * two[0]) / area, (one[0] * away[1] - one[1] * away[0]) / area
+        under = (np.abs(area) > 1e-12) & (first > -1e-9) & (second > -1e-9) & (first + second < 1 + 1e-9)
+        if under.any():
+            found[row] = (a[:, 2] + first * one[2] + second * two[2])[under][-1]
     return found
 
 
@@ -278,7 +288,7 @@ def test_shapes_are_sound_and_few(world: World) -> None:
 
 def test_walls_hold_terraces() -> None:
     """Every terrace of the hillside is level across, and a retaining wall stands at its lower edge."""
-    _, _, pieces = make("hillside", "river", 5, FEW)
+    _, _, pieces = small_world("hillside", 5)
     walls = [part for part in solids(pieces) if "TerraceWall" in part.name]
     tops = [part for part in solids(pieces) if "_Terrace_" in part.name]
     assert len(tops) == len(walls) > 12
@@ -292,7 +302,7 @@ def test_walls_hold_terraces() -> None:
 @pytest.mark.parametrize("name", ["lakeside", "hillside"])
 def test_a_seed_is_a_world(name: str) -> None:
     """A seed fixes the bytes; another seed makes another world."""
-    one, other, again = (make(name, "river", seed, FEW)[2] for seed in (2, 9, 2))
+    one, other, again = small_world(name, 5)[2], small_world(name, 9)[2], make(name, "river", 5, FEW)[2]
     for first, second in zip(one, again, strict=True):
         assert first.name == second.name
         if isinstance(first, Component) and isinstance(second, Component):

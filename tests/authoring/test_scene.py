@@ -18,7 +18,7 @@ from groundwork.errors import InputError
 from groundwork.files import read_json
 from groundwork.progress import SILENT
 from groundwork.settings import parse_settings
-from tests.conftest import RecordProof
+from tests.conftest import Count, RecordProof
 from usd_schemas import tokens
 from usd_schemas.pinhole import USD_FROM_CAMERA
 
@@ -28,6 +28,10 @@ SMALL: dict[str, object] = {
     "light": {"sky_height": 64},
     "site": {"half_width": 40, "run_out": 40, "scatter": {"tufts": 100, "stones": 40, "shrubs": 20, "reeds": 20}},
     "background": {"countryside": {"reach": 400, "buildings": 2, "trees": 20, "hedge_bushes": 10}},
+}
+PLAIN: dict[str, object] = {
+    "bridge": {"family": "beam", "service": "road", "beam": {"spans": [12.0, 14.0]}},
+    "survey": [{"kind": "global", "images": 8, "spacing": 30.0}],
 }
 EARLY = ("site", "bridge/geometry.usdc", "bridge/semantics.usda", "bridge/bridge.usda", "surveys", "render.usda")
 
@@ -42,9 +46,15 @@ author_scene(AuthoringSettings.model_validate(json.loads(sys.argv[2])), int(sys.
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def small(proof_count: Count) -> dict[str, object]:
+    """Settings of a scene with small textures: of a drawn bridge with --proof, else of a short one and few cameras."""
+    return SMALL if proof_count(0, 1) else {**SMALL, **PLAIN}
+
+
+@pytest.fixture(scope="module")
+def scene(small: dict[str, object], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Author one scene with small textures."""
-    return _author(tmp_path_factory.mktemp("scene"), SMALL)
+    return _author(tmp_path_factory.mktemp("scene"), small)
 
 
 CHANGES: dict[str, dict[str, str]] = {
@@ -54,9 +64,12 @@ CHANGES: dict[str, dict[str, str]] = {
 }
 
 
-def test_another_process_writes_the_same_bytes(scene: Path, tmp_path: Path, record_proof: RecordProof) -> None:
+def test_another_process_writes_the_same_bytes(
+    scene: Path, small: dict[str, object], tmp_path: Path, record_proof: RecordProof
+) -> None:
     """Another folder, process, hash seed, worker count and set of vector instructions change no byte of any file."""
-    files = _files(_author_elsewhere(tmp_path, {name: text for one in CHANGES.values() for name, text in one.items()}))
+    changes = {name: text for one in CHANGES.values() for name, text in one.items()}
+    files = _files(_author_elsewhere(tmp_path, small, changes))
     unequal = len(set(files.items()) ^ set(_files(scene).items()))
     assert unequal == 0
     name = "stage/determinism: bytes across folder, process, hash seed, worker count and CPU features"
@@ -66,10 +79,10 @@ def test_another_process_writes_the_same_bytes(scene: Path, tmp_path: Path, reco
 @pytest.mark.proof_only
 @pytest.mark.parametrize("change", [*CHANGES, "folder and process"])
 def test_each_of_them_alone_writes_the_same_bytes(
-    scene: Path, tmp_path: Path, change: str, record_proof: RecordProof
+    scene: Path, small: dict[str, object], tmp_path: Path, change: str, record_proof: RecordProof
 ) -> None:
     """Each of them by itself, so that no two of them make up for one another."""
-    files = _files(_author_elsewhere(tmp_path / "an other/folder", CHANGES.get(change, {})))
+    files = _files(_author_elsewhere(tmp_path / "an other/folder", small, CHANGES.get(change, {})))
     unequal = len(set(files.items()) ^ set(_files(scene).items()))
     assert unequal == 0
     record_proof(f"stage/determinism: bytes across {change}", len(files), SEED, {"unequal_files": unequal})
@@ -114,15 +127,14 @@ def test_layers_lie_where_the_design_says(scene: Path) -> None:
     assert stage.GetMetadata("renderSettingsPrimPath") == tokens.RENDER_SETTINGS
 
 
-def test_no_layer_knows_where_it_was_made(scene: Path) -> None:
+def test_no_layer_knows_where_it_was_made(scene: Path, small: dict[str, object]) -> None:
     """No file holds the folder's path; the manifest holds the recipe."""
     needle = str(scene).encode()
     assert [path for path in scene.rglob("*") if path.is_file() and needle in path.read_bytes()] == []
     manifest = read_json(scene / "manifest.json")
     assert manifest["seed"] == SEED
-    assert parse_settings(AuthoringSettings, manifest["settings"], "manifest") == AuthoringSettings.model_validate(
-        SMALL
-    )
+    told = parse_settings(AuthoringSettings, manifest["settings"], "manifest")
+    assert told == AuthoringSettings.model_validate(small)
 
 
 def test_every_role_is_filled_in_both_looks(scene: Path) -> None:
@@ -163,9 +175,11 @@ def test_every_role_is_filled_in_both_looks(scene: Path) -> None:
         ),
     ],
 )
-def test_sections_draw_alone(scene: Path, tmp_path: Path, change: dict[str, object], stays: tuple[str, ...]) -> None:
+def test_sections_draw_alone(
+    scene: Path, small: dict[str, object], tmp_path: Path, change: dict[str, object], stays: tuple[str, ...]
+) -> None:
     """Another look, background, light or survey leaves the files of all other layers byte-equal."""
-    before, after = _files(scene), _files(_author(tmp_path, {**SMALL, **change}))
+    before, after = _files(scene), _files(_author(tmp_path, {**small, **change}))
     assert before != after
     kept = {name for name in before if any(name == stem or name.startswith(f"{stem}/") for stem in stays)}
     assert kept
@@ -207,14 +221,14 @@ def _author(folder: Path, settings: dict[str, object]) -> Path:
     return folder
 
 
-def _author_elsewhere(folder: Path, change: dict[str, str]) -> Path:
+def _author_elsewhere(folder: Path, scenario: dict[str, object], change: dict[str, str]) -> Path:
     """Author in a process of its own, with some of its environment changed."""
     folder.mkdir(parents=True, exist_ok=True)
     known = {name: text for name, text in os.environ.items() if name != "PYTHONHASHSEED"}
     environment = {**known, **change}
     if "NPY_DISABLE_CPU_FEATURES" in change:
         environment["NPY_DISABLE_CPU_FEATURES"] = _slow_numpy()
-    settings = AuthoringSettings.model_validate(SMALL).model_dump_json()
+    settings = AuthoringSettings.model_validate(scenario).model_dump_json()
     command = [sys.executable, "-c", AUTHOR, str(folder), settings, str(SEED)]
     subprocess.run(command, env=environment, check=True, cwd=Path(__file__).parents[2])
     return folder

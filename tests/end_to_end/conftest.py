@@ -10,6 +10,7 @@ from falsework.scenario import Scenario
 from groundwork.locks import hold_lock
 from groundwork.progress import SILENT
 from groundwork.settings import parse_settings
+from tests.conftest import Count
 
 TINY = {
     "seed": 3,
@@ -20,12 +21,32 @@ TINY = {
         "beam": {"spans": [12.0]},
     },
     "background": {"name": "none"},
-    "look": {"texels": 512},
+    "look": {"texels": 256},
     "light": {"sky_height": 64},
+    "site": {"half_width": 40, "run_out": 40, "scatter": {"tufts": 60, "stones": 40, "shrubs": 5, "reeds": 5}},
+    # as few photographs, pairs and keypoints as leave every camera registered: close by, and near one another
+    "survey": [
+        {
+            "kind": "local",
+            "id": "global",
+            "images": [16, 18],
+            "spacing": 0.8,
+            "near": 4.0,
+            "station": 0.0,
+            "length": 12.0,
+            "width": 400,
+            "height": 300,
+        }
+    ],
+    "render": {"quality": "fast"},
+    "recon": {"mode": "sparse", "sparse": {"neighbours": 5, "max_features": 600}},
+}
+# What --proof measures: a loop round the whole bridge, with finer textures.
+LOOP = {
+    **TINY,
+    "look": {"texels": 512},
     "site": {"half_width": 40, "run_out": 40, "scatter": {"tufts": 200, "stones": 100, "shrubs": 10, "reeds": 5}},
     "survey": [{"kind": "global", "images": 24, "spacing": 4.0, "width": 480, "height": 360}],
-    "render": {"quality": "fast"},
-    # as few pairs and keypoints as leave every camera registered
     "recon": {"mode": "sparse", "sparse": {"neighbours": 6, "max_features": 1000}},
 }
 
@@ -46,9 +67,9 @@ class Chain:
 
 
 @pytest.fixture(scope="session")
-def chain(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Chain:
+def chain(tmp_path_factory: pytest.TempPathFactory, worker_id: str, proof_count: Count) -> Chain:
     """Run the whole chain once, on real parts, as small as it goes; the first process that needs it runs it."""
-    scenario = parse_settings(Scenario, TINY, "tiny")
+    scenario = parse_settings(Scenario, (TINY, LOOP)[proof_count(0, 1)], "tiny")
     base = tmp_path_factory.getbasetemp()
     shared = (base if worker_id == "master" else base.parent) / "chain"
     shared.mkdir(exist_ok=True)

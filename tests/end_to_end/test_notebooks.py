@@ -16,6 +16,7 @@ from falsework.api import reconstruct
 from tests.end_to_end.conftest import TINY, Chain
 from tests.end_to_end.test_pages import falsework as command
 from tests.end_to_end.test_pages import small_demo
+from tests.falsework.served_here import served_here
 from tests.render.prepared_here import rendered_here
 
 SMALL = {key: TINY[key] for key in ("look", "light", "site")}
@@ -39,7 +40,7 @@ def test_authoring_and_swapping(
     monkeypatch.chdir(tmp_path)
     small = {'"images": 12, "width": 640, "height": 480': '"images": 8, "spacing": 40.0, "width": 160, "height": 120'}
     names: dict[str, Any] = {"small": SMALL}
-    with rendered_here():
+    with rendered_here(), served_here():
         run_cells("author_and_swap", names, {**small, '"variants": {': '**small, "variants": {'})
     assert sorted(names["flights"]) == ["clean", "weathered"]
     assert "truth is the same: True · different first photographs: 2" in capsys.readouterr().out

@@ -7,6 +7,7 @@ import shlex
 import shutil
 import subprocess
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,9 @@ from learn.datasets.class_map import read_class_map
 from learn.demo import clouds, demo
 from learn.demo.clouds import thin_cloud
 from tests.end_to_end.conftest import TINY, Chain
+from tests.falsework.served_here import served_here
 from tests.learn.toy_bridge import write_toy
+from tests.render.prepared_here import rendered_here
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -41,6 +44,7 @@ NOT_HERE = {
 }
 FEW = {"survey": [{"kind": "global", "images": 8, "spacing": 40.0, "width": 160, "height": 120}]}
 DENSE = {"recon": {"mode": "dense", "quality": "medium"}}
+NO_CHILD = re.compile(r"^falsework scene (info|set .*background=)")  # `info` and another `set` have theirs elsewhere
 HEREDOC = re.compile(r"cat > (\S+) <<'END'\n(.*?)^END\n", re.M | re.S)
 
 
@@ -137,7 +141,8 @@ def test_the_tutorial_runs(chain: Chain, tmp_path: Path, monkeypatch: pytest.Mon
             line = line.replace("captures/global", f"{flown}/capture/global --model {flown}/model/global")
             line = line.replace("-o captures", "-o captures --quality fast")  # a quarter of the time
             if line.startswith("falsework "):
-                falsework(line)
+                with rendered_here(), served_here() if NO_CHILD.search(line) else nullcontext():
+                    falsework(line)
             else:
                 subprocess.run(shlex.split(line), check=True)
             ran.append(line.split()[1] if line.startswith("falsework ") else line.split()[0])
@@ -155,7 +160,7 @@ def test_the_front_pages_block_runs(chain: Chain, tmp_path: Path, monkeypatch: p
     (text,) = (text for language, text in blocks(ROOT / "README.md") if language == "sh" and "<<'END'" in text)
     ((name, shown),) = HEREDOC.findall(text)
     parse_settings(Scenario, read_toml(_written(name, shown)), name)
-    _written(name, tomli_w.dumps(TINY))
+    _written(name, chain.scenario.as_toml())
     for line in commands(HEREDOC.sub("", text)):
         falsework(line)
     assert (tmp_path / "for_others/cloud.laz").is_file()

@@ -17,6 +17,8 @@ import pytest
 import falsework
 from falsework.api import reconstruct
 from tests.end_to_end.conftest import TINY, Chain
+from tests.falsework.served_here import served_here
+from tests.render.prepared_here import rendered_here
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "python.md"
 REFERENCE = PAGE.with_name("api.md")
@@ -42,7 +44,8 @@ def test_the_page_runs(chain: Chain, tmp_path: Path, monkeypatch: pytest.MonkeyP
         if "falsework.reconstruct(" in block:
             assert names["flight"].folder == Path("captures/global")
             names["flight"] = falsework.read_capture(flown / "capture/global")
-        exec(compile(block, str(PAGE), "exec"), names)
+        with rendered_here(), served_here():
+            exec(compile(block, str(PAGE), "exec"), names)
     assert len(blocks) == 8
     there, evening = (falsework.read_stage(names[name]) for name in ("scene", "evening"))
     np.testing.assert_array_equal(there.cameras[0].poses, evening.cameras[0].poses)

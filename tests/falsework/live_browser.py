@@ -1,4 +1,4 @@
-"""A Chromium that stays open while it is asked: for pages that wait for a server."""
+"""A Chromium that stays open while it is asked: for pages that wait for a server, and for many pages one by one."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from falsework.view.viewer import LOOPBACK
 from tests.falsework.browser import WORDS, chromium
 
 PATIENCE = 180.0  # [s]
+SAID = ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded")
 
 
 class Tab:
@@ -32,6 +33,7 @@ class Tab:
             line: Its debugging connection.
         """
         self.line, self.numbers, self.console = line, itertools.count(1), list[str]()
+        self.said = list[str]()  # all that it is told of pages: their console at any level, and what they may not do
         for domain in ("Runtime", "Log", "Page"):
             self.tell(f"{domain}.enable")
 
@@ -45,12 +47,36 @@ class Tab:
                 self.console.append(json.dumps(told["params"]["args"]))
             if told.get("method") == "Runtime.exceptionThrown":
                 self.console.append(json.dumps(told["params"]["exceptionDetails"]))
+            if told.get("method") in SAID:
+                self.said.append(json.dumps(told["params"]))
             if told.get("id") == number:
                 return told.get("result", {})
 
     def ask(self, script: str) -> Any:
         """Evaluate an expression, a promise included."""
         answer = self.tell("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
+        return answer["result"].get("value")
+
+    def open(self, page: Path, width: int = 800, height: int = 600) -> None:
+        """Go to a page in a window of a size [px], and wait until it is loaded.
+
+        Args:
+            page: HTML file.
+            width: Of the window.
+            height: Of the window.
+        """
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self.tell("Emulation.setDeviceMetricsOverride", **size)
+        self.tell("Page.navigate", url=page.as_uri())
+        self.wait_for(f"location.href === {json.dumps(page.as_uri())} && document.readyState === 'complete'")
+
+    def run(self, script: str) -> Any:
+        """Give what the body of an async function returns as JSON; a mistake in it is an error."""
+        answer = self.tell(
+            "Runtime.evaluate", expression=f"(async () => {{ {script} }})()", awaitPromise=True, returnByValue=True
+        )
+        if "exceptionDetails" in answer:
+            raise AssertionError(answer["exceptionDetails"])
         return answer["result"].get("value")
 
     def wait_for(self, script: str) -> None:

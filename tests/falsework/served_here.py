@@ -15,12 +15,12 @@ import pytest
 from groundwork.canonical import canonical_json
 from groundwork.progress import SILENT, Progress
 
-CALLERS = ("falsework.children.products", "falsework.commands.scene_verbs")
+CALLERS = ("falsework.children.products", "falsework.commands.scene_verbs", "falsework.commands.background_verbs")
 
 
 @contextmanager
 def served_here() -> Iterator[None]:
-    """Serve the requests of `falsework scene`, `survey` and `render` without a child."""
+    """Serve the requests of `falsework scene`, `background`, `survey`, `sample` and `render` without a child."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("usd_schemas.guard.guard.limit_memory", lambda gigabytes: None)  # it would hold for all tests
         for caller in CALLERS:
@@ -31,5 +31,6 @@ def served_here() -> Iterator[None]:
 def _serve(module: str, request: dict[str, Any], *, progress: Progress = SILENT, **limits: float) -> Any:
     """Answer as the child would: words go to it and come from it as JSON."""
     assert module.startswith("falsework.children.")
-    answer = importlib.import_module(module)._answer(json.loads(canonical_json(request)), progress)
+    serves = "sample" if module == "falsework.children.sample_work" else "_answer"
+    answer = getattr(importlib.import_module(module), serves)(json.loads(canonical_json(request)), progress)
     return json.loads(canonical_json(answer))

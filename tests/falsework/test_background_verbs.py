@@ -9,12 +9,13 @@ import trimesh
 
 from falsework.cli import main
 from tests.authoring.mesh_files import gltf, town
+from tests.falsework.served_here import served_here
 
 PAGE = Path(__file__).resolve().parents[2] / "docs/backgrounds.md"
 
 
 def run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> tuple[int, str, str]:
-    """Run a verb in this process; its work runs in a child."""
+    """Run a verb in this process; its work runs in a child where a test does not say otherwise."""
     with pytest.raises(SystemExit) as caught:
         main(["background", *(str(word) for word in words)])
     printed = capsys.readouterr()
@@ -31,9 +32,10 @@ def test_the_example_of_the_documentation(tmp_path: Path, capsys: pytest.Capture
     found = re.search(r"```json\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     assert found
     (tmp_path / "block.json").write_text(found[1])
-    code, _, _ = run(capsys, "import", tmp_path / "block.json", "-o", tmp_path / "block", "--license", "CC-BY-4.0")
-    assert code == 0
-    told = facts(run(capsys, "info", tmp_path / "block")[1])
+    with served_here():
+        code, _, _ = run(capsys, "import", tmp_path / "block.json", "-o", tmp_path / "block", "--license", "CC-BY-4.0")
+        assert code == 0
+        told = facts(run(capsys, "info", tmp_path / "block")[1])
     assert (told["buildings"], told["triangles"], told["extent"]) == ("1", "10", "10 x 8 m")
     assert (told["license"], told["title"]) == ("CC-BY-4.0", "A block")
 
@@ -57,14 +59,15 @@ def test_axes_and_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     whole = trimesh.util.concatenate(meshes)
     whole.apply_scale(1000.0)
     whole.export(tmp_path / "town.ply")
-    code, text, _ = run(capsys, "import", tmp_path / "town.ply", "-o", tmp_path / "town", "--scale", "0.001")
-    assert code == 0
-    assert facts(text)["extent"] == "300 x 300 m"
-    assert facts(text)["buildings"] == str(count)
-    code, _, error = run(capsys, "import", tmp_path / "town.ply", "-o", tmp_path / "b", "--up", "x")
-    assert (code, error.count("\n")) == (2, 1)
-    (tmp_path / "block.json").write_text("{}")
-    assert run(capsys, "import", tmp_path / "block.json", "-o", tmp_path / "c", "--up", "z")[0] == 2
+    with served_here():
+        code, text, _ = run(capsys, "import", tmp_path / "town.ply", "-o", tmp_path / "town", "--scale", "0.001")
+        assert code == 0
+        assert facts(text)["extent"] == "300 x 300 m"
+        assert facts(text)["buildings"] == str(count)
+        code, _, error = run(capsys, "import", tmp_path / "town.ply", "-o", tmp_path / "b", "--up", "x")
+        assert (code, error.count("\n")) == (2, 1)
+        (tmp_path / "block.json").write_text("{}")
+        assert run(capsys, "import", tmp_path / "block.json", "-o", tmp_path / "c", "--up", "z")[0] == 2
 
 
 def test_a_bomb_ends_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

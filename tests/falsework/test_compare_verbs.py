@@ -51,9 +51,9 @@ def write_bridges(folder: Path, count: int = 5, bridge: str = "b") -> list[Path]
     """Write bridges, each as an exact cloud and as a scan with errors along z."""
     places = []
     for number in range(count):
-        exact = toy_cloud(number, 4000, f"{bridge}{number}")
+        exact = toy_cloud(number, 2000, f"{bridge}{number}")
         rng = np.random.default_rng(number)
-        scan = toy_cloud(100 + number, 2500, f"{bridge}{number}")
+        scan = toy_cloud(100 + number, 1500, f"{bridge}{number}")
         off = 0.05 * rng.standard_normal(len(scan))
         columns = dict(scan.columns)
         columns["coord"] = columns["coord"] + off[:, None] * [0.0, 0.0, 1.0]

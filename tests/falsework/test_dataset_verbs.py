@@ -23,8 +23,8 @@ def run(*words: object) -> int:
 def test_data_sets_from_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The clouds of a run are found, settings reach their groups, a former set is replaced, mistakes are a line."""
     for i in range(3):
-        write_toy(tmp_path / "run/scenes" / f"000{i}" / "cloud/local", i, 4000, f"b{i}")
-    out, few = tmp_path / "set", ("--set", "points=256", "--set", "fewest=64", "--set", "tile.voxel=0.2")
+        write_toy(tmp_path / "run/scenes" / f"000{i}" / "cloud/local", i, 1500, f"b{i}")
+    out, few = tmp_path / "set", ("--set", "points=256", "--set", "fewest=64", "--set", "tile.voxel=0.4")
     for _ in range(2):
         assert run("dataset", "local", tmp_path / "run", "-o", out, *few, "--set", "tile.scale=5.0") == 0
     facts = read_facts(out)

@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,6 @@ from falsework.commands.answers import answer
 from groundwork.progress import Progress
 from recon.cloud import write_cloud
 from tests.authoring.mesh_files import gltf
-from tests.authoring.small_scene import write_small_scene
 from tests.falsework.served_here import served_here
 from tests.falsework.test_render_verb import DARK
 from tests.falsework.test_sample_verbs import BODY
@@ -94,7 +94,8 @@ def test_reconstruct(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeyp
 def test_sample_and_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A cloud with its points; files that a program can open."""
     stage, cloud, files = write_stage(tmp_path, BODY), tmp_path / "cloud", tmp_path / "laz"
-    found = told(capsys, "sample", "mesh", stage, "-o", cloud, "--points", "500")
+    with served_here():
+        found = told(capsys, "sample", "mesh", stage, "-o", cloud, "--points", "500")
     assert found == {"clouds": [{"folder": str(cloud), "source": "mesh", "points": 500, "images": {}}]}
     found = told(capsys, "export", cloud, "--to", "laz", "-o", files)
     assert found == {"format": "laz", "folder": str(files), "files": [str(files / "cloud.laz")]}
@@ -104,9 +105,10 @@ def test_sample_and_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 def test_background(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Counts, bytes and metres are numbers; what people wrote is text under a name of its own."""
     out = tmp_path / "tile"
-    imported = told(capsys, "background", "import", gltf(tmp_path), "-o", out)
-    assert imported.pop("world") == str(out / "tile.usda")
-    found = told(capsys, "background", "info", out)
+    with served_here():
+        imported = told(capsys, "background", "import", gltf(tmp_path), "-o", out)
+        assert imported.pop("world") == str(out / "tile.usda")
+        found = told(capsys, "background", "info", out)
     assert found == imported
     assert found.pop("attribution")["author"] == "City of Nowhere"
     length, width = found.pop("extent")
@@ -118,10 +120,9 @@ def test_background(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert found["image_bytes"] == skin.stat().st_size
 
 
-def test_scene_and_flight(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_scene_and_flight(authored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A planned flight with images and length; a layer and a package with what is in them."""
-    (tmp_path / "scene").mkdir()
-    scene = write_small_scene(tmp_path / "scene")
+    scene = Path(shutil.copytree(authored.parent, tmp_path / "scene")) / authored.name
     with served_here():
         found = told(capsys, "survey", "plan", scene, "--kind", "grid", "--set", "sampling=0.02")
     assert found["survey"] == "grid"
@@ -141,14 +142,15 @@ def test_scene_and_flight(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
 def test_learning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A data set with pieces and points of each split; a model with what it saw; a scan with points of each class."""
     for row in range(3):
-        write_toy(tmp_path / "run/scenes" / f"000{row}" / "cloud/local", row, 4000, f"b{row}")
+        write_toy(tmp_path / "run/scenes" / f"000{row}" / "cloud/local", row, 2000, f"b{row}")
     data, model = tmp_path / "set", tmp_path / "model"
-    few = ("--set", "points=256", "--set", "fewest=64", "--set", "tile.voxel=0.2")
+    few = ("--set", "points=256", "--set", "fewest=64", "--set", "tile.voxel=0.4")
     found = told(capsys, "dataset", "local", tmp_path / "run", "-o", data, *few)
     assert set(found["splits"]) == {"train", "val", "test"}
     assert all(split["bridges"] == 1 and split["points"] > 64 for split in found["splits"].values())
     classes = found["classes"]
-    found = told(capsys, "train", data, "-o", model, "--model", "forest")
+    small = ("--set", "network.trees=4", "--set", "network.depth=6", "--set", "network.points=1000")
+    found = told(capsys, "train", data, "-o", model, "--model", "forest", *small)
     assert (found["model"], found["network"], found["classes"]) == (str(model), "forest", classes)
     scan = tmp_path / "scan.npy"
     np.save(scan, np.random.default_rng(1).uniform(-5.0, 5.0, (300, 3)))

@@ -1,6 +1,6 @@
 """What a browser shows of the pages: flights in space, and every page on a phone."""
 
-import shutil
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from falsework.report.survey_page import write_survey_page
 from recon.cloud import write_cloud
 from tests.falsework.browser import needs_browser, open_page
 from tests.falsework.flight_rows import judged_flight
+from tests.falsework.live_browser import Tab, open_tab
 from tests.falsework.test_cloud_view import VIEWS, small_cloud
 from tests.falsework.test_report_pages import KINDS, elements_of, pages_of
 from tests.recon.conftest import poses_on_arc, write_capture
@@ -77,15 +78,23 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return dict(zip(KINDS, pages_of(tmp_path_factory.mktemp("pages") / "plain", "plain"), strict=True))
 
 
+@pytest.fixture(scope="module")
+def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tab]:
+    """Open one browser for all pages."""
+    with open_tab("about:blank", tmp_path_factory.mktemp("browser") / "profile") as tab:
+        yield tab
+
+
 @needs_browser
-def test_the_page_of_flights_shows_bridge_and_cameras(pages: dict[str, Path], tmp_path: Path) -> None:
+def test_the_page_of_flights_shows_bridge_and_cameras(pages: dict[str, Path], tab: Tab) -> None:
     """In space the surface wears the colours of its classes; figures are judged as on the command line."""
-    page = Path(shutil.copy(pages["flights"], tmp_path / "flights.html"))
-    answer = open_page(page, FLIGHTS)
-    assert answer.told["cameras"] == 12
-    assert answer.told["colors"] == 2  # of a class that is ours, and of one that is not
-    assert answer.told["painted"] > 1000
-    assert answer.told["widths"] == ["60%", "20%"]  # best class first
+    page = pages["flights"]
+    tab.open(page)
+    told = tab.run(FLIGHTS)
+    assert told["cameras"] == 12
+    assert told["colors"] == 2  # of a class that is ours, and of one that is not
+    assert told["painted"] > 1000
+    assert told["widths"] == ["60%", "20%"]  # best class first
     text = " ".join(" ".join(elements_of(page).text).split())
     for words in ("enough (from 70 %)", "too little (from 90 %)", "2.0 mm", "– at the 95th", "poorly", "well"):
         assert words in text, words
@@ -97,7 +106,7 @@ def test_what_is_out_of_sight_is_drawn_later(tmp_path: Path) -> None:
     """At first nothing below the window, and no Plotly; a view when it is scrolled to; all before printing."""
     page = tmp_path / "page.html"
     write_survey_page(page, [judged_flight(word) for word in ("global", "local", "grid")], "scene.usda")
-    told = open_page(page, LATER).told
+    told = open_page(page, LATER).told  # in virtual time: nothing rests before it is asked
     assert told["first"][0][1:] == [False, False]
     assert told["first"][1:] == [0, False]
     assert told["scrolled"]
@@ -107,16 +116,16 @@ def test_what_is_out_of_sight_is_drawn_later(tmp_path: Path) -> None:
 
 @needs_browser
 @pytest.mark.parametrize("kind", ["dataset", "training", "comparison", "flights", "run"])
-def test_nothing_is_clipped_on_a_phone(pages: dict[str, Path], kind: str, tmp_path: Path) -> None:
+def test_nothing_is_clipped_on_a_phone(pages: dict[str, Path], kind: str, tab: Tab) -> None:
     """390 pixels wide: texts of figures stay inside, tables that are wider scroll, their first column stays."""
-    page = Path(shutil.copy(pages[kind], tmp_path / "page.html"))
+    tab.open(pages[kind], 390, 2400)
     nothing: list[str] = []
-    told = open_page(page, PHONE, 20_000, "--window-size=390,2400").told
+    told = tab.run(PHONE)
     assert told == {"narrow": True, "texts": nothing, "tables": nothing, "places": nothing, "first": nothing}
 
 
 @needs_browser
-def test_the_page_of_a_scene_fits_a_phone(tmp_path: Path) -> None:
+def test_the_page_of_a_scene_fits_a_phone(tab: Tab, tmp_path: Path) -> None:
     """Nothing is clipped, and the chart of classes writes every name level, which a phone had tilted or left out."""
     capture = write_capture(tmp_path / "capture", poses_on_arc(3))
     cloud = small_cloud(300)
@@ -127,7 +136,8 @@ def test_the_page_of_a_scene_fits_a_phone(tmp_path: Path) -> None:
     write_report(page, "Scene", tmp_path, {"local": (capture, {"": tmp_path / "cloud"})})
     names = 'const names = [...document.querySelectorAll(".ytick text")].map((one) => one.textContent);'
     script = PHONE.replace("return { narrow", f"{names}\nreturn {{ names, narrow")
-    told = open_page(page, script, 20_000, "--window-size=390,2400").told
+    tab.open(page, 390, 2400)
+    told = tab.run(script)
     classes = {row.name for row in cloud.classes if (cloud.columns["segment"] == row.id).any()}
     assert classes <= set(told.pop("names"))
     nothing: list[str] = []

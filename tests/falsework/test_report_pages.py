@@ -36,8 +36,9 @@ from learn.datasets.settings import dataset_settings
 from learn.scoring.record import tally_cloud, whole_record
 from learn.scoring.votes import ScoredCloud
 from recon.cloud import write_cloud
-from tests.falsework.browser import needs_browser, open_page
+from tests.falsework.browser import needs_browser
 from tests.falsework.flight_rows import judged_flight
+from tests.falsework.live_browser import open_tab
 from tests.falsework.test_cloud_view import VIEWS, small_cloud
 from tests.falsework.test_sample_verbs import run as call
 from tests.falsework.tiny_chain import tiny_scenario, tiny_stages
@@ -230,11 +231,12 @@ def test_a_browser_has_nothing_to_say_of_the_pages(both: list[tuple[Path, Path]]
     write_cloud(tmp_path / "cloud", replace(cloud, cameras=cameras))
     scene = tmp_path / "scene.html"
     write_report(scene, "Scene", tmp_path, {"local": (capture, {"": tmp_path / "cloud"})})
-    for page in (scene, *(page for _, page in (*both[:3], both[-1]))):
-        answer = open_page(page)
-        assert [line for line in answer.console if "GPU stall" not in line] == []
-        figures = len(re.findall(r'class="figure"', page.read_text(encoding="utf-8")))
-        assert len(re.findall(r'class="main-svg"', answer.dom)) >= figures
+    with open_tab("about:blank", tmp_path / "profile") as tab:
+        for page in (scene, *(page for _, page in (*both[:3], both[-1]))):
+            figures = len(re.findall(r'class="figure"', page.read_text(encoding="utf-8")))
+            tab.open(page)
+            tab.wait_for(f"document.querySelectorAll('.main-svg').length >= {figures}")
+            assert [line for line in tab.said if "GPU stall" not in line] == []
 
 
 def test_the_page_of_a_run_says_what_is_there_and_why_not(both: list[tuple[Path, Path]]) -> None:

@@ -60,7 +60,7 @@ def counted(truth: Truth, instance: int, points: F64, normals: F64) -> float:
 @pytest.mark.slow
 def test_coverage_is_that_of_the_rendered_images(tmp_path: Path, proof_count: Count, record_proof: RecordProof) -> None:
     """For each class, and for each large component, the share that rays promise is the share that images show."""
-    survey = {"kind": "global", "images": proof_count(12, 40), "spacing": 30.0, "width": proof_count(640, 1280)}
+    survey = {"kind": "global", "images": proof_count(8, 40), "spacing": 30.0, "width": proof_count(480, 1280)}
     scene = write_small_scene(tmp_path, survey=[survey])
     capture = tmp_path / "capture"
     capture.mkdir()

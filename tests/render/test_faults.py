@@ -84,11 +84,11 @@ def test_a_camera_inside_a_mesh_sees_it_from_within(gl: Gl, plain: RenderSetting
 
 def test_ten_thousand_prims(gl: Gl, plain: RenderSettings, record_proof: RecordProof) -> None:
     """Every one has its id; a frame stays a matter of milliseconds."""
-    builder = SceneBuilder()
+    builder, box = SceneBuilder(), box_corners()
     side = 100
     for number in range(side * side):
         row, column = divmod(number, side)
-        builder.add_box(placed((row * 1.5, column * 1.5, 0), (1, 1, 1 + number % 7)), number + 1)
+        builder.add_mesh(box, placed((row * 1.5, column * 1.5, 0), (1, 1, 1 + number % 7)), number + 1)
     middle = np.array([75.0, 75.0, 0.0])
     poses = np.array([look_at(middle + np.array([0, -3, 60]), middle), look_at(np.array([-20.0, -15, 30]), middle)])
     scene = builder.build(poses)

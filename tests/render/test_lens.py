@@ -1,5 +1,6 @@
 """A lens that distorts and a shutter that rolls: every exact image against rays, corners against their projection."""
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from render.settings import RenderSettings
 from render.views.prepare import prepare
 from tests.conftest import Count, RecordProof
 from tests.render.oracle import Oracle, judge
+from tests.render.prepared_here import prepared_here
 from tests.render.scenes import SceneBuilder, placed, random_scene
 from tests.render.test_truth import edge_line
 from usd_schemas.distortion import NO_DISTORTION, Distortion
@@ -23,8 +25,10 @@ from usd_schemas.flat_scene import CameraTrack, FlatScene, world_triangles
 from usd_schemas.pinhole import Pinhole, look_at
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 
 CAMERA = Pinhole(480, 360, 380.0, 383.0, 242.3, 177.9)
+HALF = Pinhole(240, 180, 190.0, 191.5, 121.15, 88.95)  # the same view
 BARREL = Distortion(-0.12, 0.03, 8e-4, -5e-4)
 CUSHION = Distortion(0.08, -0.01, -6e-4, 4e-4)
 MODELS = {
@@ -34,6 +38,13 @@ MODELS = {
     "rolling": (NO_DISTORTION, 0.03),
     "barrel rolling": (BARREL, 0.03),
 }
+
+
+@pytest.fixture(autouse=True)
+def _prepared() -> Iterator[None]:
+    """Cast light in this process."""
+    with prepared_here():
+        yield
 
 
 def through(scene: FlatScene, model: str) -> FlatScene:
@@ -61,7 +72,7 @@ def test_every_exact_image_equals_the_ray_caster(
         verdicts, worst = [], 0.0
         for seed in range(proof_count(1, 10)):
             scene = through(random_scene(seed, np.array([5.0e5, 4.6e6, 120.0]), count=60), model)
-            scene = at_size(scene, CAMERA)
+            scene = at_size(scene, (HALF, CAMERA)[proof_count(0, 1)])
             folder = tmp_path / f"{model}{seed}"
             folder.mkdir()
             render_scene(scene, folder, settings, seed, SILENT)
@@ -106,31 +117,36 @@ def plate_corner(ids: NDArray[np.uint32], camera: Pinhole, distortion: Distortio
     A row's last pixel inside and the next one outside bound the edge from both sides; through the inverse of the
     distortion the edge is straight again.
     """
-    v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
-    straight = distortion.undistort(np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy], axis=-1))
+
+    def straight(rows: I64, columns: I64) -> F64:
+        pixels = np.stack([columns, rows], axis=-1).astype(np.float64) + 0.5
+        return distortion.undistort((pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy])
+
     inside = ids > 0
     rows = np.flatnonzero(inside.any(axis=1) & ~inside.all(axis=1))
     lowest = rows[-1]
     right = bounds(inside, straight, rows[rows < lowest - 25])
     columns = np.flatnonzero(inside.any(axis=0))
-    below = bounds(inside.T, straight.transpose(1, 0, 2)[..., ::-1], columns[columns < columns[-1] - 25])
+    below = bounds(inside.T, lambda u, v: straight(v, u)[:, ::-1], columns[columns < columns[-1] - 25])
     a, b = right
     c, d = below
     return np.array([(a + b * c) / (1 - b * d), (c + d * a) / (1 - b * d)])
 
 
-def bounds(inside: NDArray[np.bool_], straight: F64, rows: NDArray[np.int64]) -> tuple[float, float]:
+def bounds(inside: NDArray[np.bool_], straight: Callable[[I64, I64], F64], rows: I64) -> tuple[float, float]:
     """Fit x = a + b y between the last point inside and the first outside of each row, by linear programming."""
     last = inside.shape[1] - 1 - np.argmax(inside[rows, ::-1], axis=1)
-    return edge_line(straight[rows, last], straight[rows, last + 1])
+    return edge_line(straight(rows, last), straight(rows, last + 1))
 
 
 @pytest.mark.parametrize("model", ["pinhole", "barrel", "cushion"])
 def test_a_corner_lands_where_the_lens_projects_it(
-    gl: Gl, small: RenderSettings, model: str, record_proof: RecordProof
+    gl: Gl, small: RenderSettings, model: str, proof_count: Count, record_proof: RecordProof
 ) -> None:
     """Within 0.02 px of OpenCV's own projection, principal point and both focal lengths off the obvious."""
-    camera, distortion = Pinhole(1280, 960, 900.0, 910.0, 655.3, 470.7), MODELS[model][0]
+    larger = proof_count(1, 2)
+    camera = Pinhole(640 * larger, 480 * larger, 450.0 * larger, 455.0 * larger, 327.65 * larger, 235.35 * larger)
+    distortion = MODELS[model][0]
     builder = SceneBuilder()
     plate = np.array([[[-9.0, 0, 7], [-9, 0, -1.31], [1.87, 0, -1.52]], [[-9, 0, 7], [1.87, 0, -1.52], [1.71, 0, 7]]])
     builder.add_mesh(plate, placed((0.0, 0.0, 0.0)), 7)
@@ -156,7 +172,7 @@ def test_a_corner_lands_where_the_lens_projects_it(
 
 def test_photograph_and_truth_share_pixels_through_the_lens(tmp_path: Path, ideal: RenderSettings) -> None:
     """Brightness steps where ids step: the resampled photograph and the looked-up truth lie on one grid."""
-    scene = at_size(through(random_scene(3, np.zeros(3), count=60), "barrel rolling"), CAMERA)
+    scene = at_size(through(random_scene(3, np.zeros(3), count=60), "barrel rolling"), HALF)
     render_scene(scene, tmp_path, ideal.model_copy(update={"quality": "fine"}), 1, SILENT)
     capture = read_capture(tmp_path)
     truth = read_truth(capture)

@@ -17,6 +17,7 @@ from render.light.illumination import BRIGHTEST, CLEAR_DAY, Illumination, Lamps,
 from render.light.local_lights import LocalLights
 from render.settings import RenderSettings
 from render.views.prepare import prepare
+from tests.conftest import Count
 from tests.render.scenes import CAMERA, DOWN, WHITE_DOME, SceneBuilder, placed
 from usd_schemas.flat_scene import Detail, Dome, FlatScene, Material, Sun, Texture, world_triangles
 from usd_schemas.pinhole import look_at, unproject
@@ -306,9 +307,12 @@ def test_cut_outs_open_colour_depth_and_shadow(gl: Gl, ideal: RenderSettings, tm
 
 
 @pytest.mark.parametrize("cover", [0.0, 1.0])
-def test_grey_card_under_our_own_day(gl: Gl, ideal: RenderSettings, tmp_path: Path, cover: float) -> None:
+def test_grey_card_under_our_own_day(
+    gl: Gl, ideal: RenderSettings, tmp_path: Path, cover: float, proof_count: Count
+) -> None:
     """A level card of 18 % grey has radiance 0.18 under the light that a scene gets, clear or overcast."""
-    lighting = bake_light(LightSettings(cloud_cover=cover), tmp_path, np.random.default_rng(4))
+    settings = LightSettings(cloud_cover=cover, sky_height=proof_count(128, 512))
+    lighting = bake_light(settings, tmp_path, np.random.default_rng(4))
     upright = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
     dome = Dome((1.0, 1.0, 1.0), str(tmp_path / lighting.sky_file), upright)
     scene = plate(Material("card", base_color=(0.18, 0.18, 0.18), roughness=1.0)).build(DOWN[None])

@@ -22,6 +22,7 @@ from render.settings import RenderSettings
 from render.workers import render_survey
 from render.writing.capture_writer import make_folders
 from render.writing.journal import Journal
+from tests.render.prepared_here import prepared_here, rendered_here
 from tests.render.scenes import random_scene
 from tests.render.test_frames import STAGE
 
@@ -83,7 +84,8 @@ def test_killed_or_shared_the_bytes_are_the_same(tmp_path: Path, small: RenderSe
     }
     started = {path.stem for path in (killed / "images").glob("0*.jpg")}
     assert len(started - done) <= 1, "at most the frame in work is lost with one encoder"
-    again = render_survey(request(stage, killed, small), time_limit=300, memory_limit=4, progress=SILENT)
+    with rendered_here():  # goes on in another process than began
+        again = render_survey(request(stage, killed, small), time_limit=300, memory_limit=4, progress=SILENT)
     assert (again["frames"], again["gain"], again["driver"]) == (FRAMES, answer["gain"], answer["driver"])
     assert again["gain"] > 0
     assert {path: path.stat().st_mtime_ns for path in written} == written
@@ -120,7 +122,8 @@ def test_workers_meter_once(tmp_path: Path, small: RenderSettings, monkeypatch: 
 
     monkeypatch.setattr("render.frames.hold_lock", wait_for_the_other)
     settings = small.model_copy(update={"quality": "fast", "normals": False})
-    drawn = render_scene(random_scene(4, np.zeros(3), count=8), tmp_path, settings, 3, SILENT, share=(0, 2))
+    with prepared_here():
+        drawn = render_scene(random_scene(4, np.zeros(3), count=8), tmp_path, settings, 3, SILENT, share=(0, 2))
     assert drawn["gain"] == 2.5
 
 
