@@ -133,12 +133,12 @@ def _resident(folder: Path) -> Resident | None:
     """Read one process; None if it has just ended."""
     try:
         parent = int(_read(folder / "stat").rpartition(")")[2].split()[1])
-        pages = [int(word) for word in _read(folder / "statm").split()[1:3]]
+        resident, shared = (int(word) for word in _read(folder / "statm").split()[1:3])
         words = _read(folder / "cmdline").split("\0")
     except (IndexError, ValueError):
         return None
     module = words[words.index("-m") + 1] if "-m" in words[:-1] else ""
-    return Resident(int(folder.name), parent, module, (pages[0] - pages[1]) * os.sysconf("SC_PAGE_SIZE") / 1e9)
+    return Resident(int(folder.name), parent, module, (resident - shared) * os.sysconf("SC_PAGE_SIZE") / 1e9)
 
 
 def _read(path: Path) -> str:

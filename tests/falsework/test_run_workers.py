@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from falsework.execution import cluster
+from falsework.execution import cluster, memory
 from falsework.execution.memory import machine_memory, processes_below
 from groundwork.errors import InputError
 from tests.falsework.test_run import Run, run  # noqa: F401 (a fixture)
@@ -25,6 +25,12 @@ def test_all_processes_together_keep_a_limit_of_memory(run: Run, monkeypatch: py
     assert "died of SIGKILL" in outcome.failed["0000"]
     assert len(outcome.clouds) == 1
     assert run(scenes=2, memory=together + 0.2).failed == {}  # and the next run makes it
+
+
+def test_a_process_that_ends_while_it_is_read_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its files are empty from one moment to the next; the watch goes on."""
+    monkeypatch.setattr(memory, "_read", lambda path: "" if path.name == "statm" else path.read_text(errors="replace"))
+    assert memory.processes_below(os.getpid()) == []
 
 
 @pytest.mark.parametrize(
