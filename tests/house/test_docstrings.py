@@ -22,15 +22,11 @@ from tests.house.docstrings import (
 )
 from tests.house.house import (
     FUNCTIONS,
-    ROOMS,
     Function,
-    Rule,
-    assert_clean,
-    findings,
     parameters,
     public_definitions,
-    python_files,
 )
+from tests.house.trees import parsed
 
 # What has no unit yet: users read these texts in the command line's help and in the pages of settings.
 OPEN = frozenset(
@@ -41,7 +37,7 @@ OPEN = frozenset(
 
 def undocumented(source: str) -> list[str]:
     """Find public modules, classes, functions and methods without a docstring; an empty module needs none."""
-    tree = ast.parse(source)
+    tree = parsed(source)
     found = ["1: the module has no docstring"] if tree.body and not ast.get_docstring(tree) else []
     return found + [
         f"{node.lineno}: {node.name} has no docstring"
@@ -98,7 +94,7 @@ class Quantity(NamedTuple):
 @cache
 def quantities(source: str) -> tuple[Quantity, ...]:
     """List the arrays and physical quantities among the public arguments, return values and fields."""
-    tree = ast.parse(source)
+    tree = parsed(source)
     aliases = aliases_of(tree)
     found: list[Quantity] = []
     for node in public_definitions(tree):
@@ -144,25 +140,6 @@ def _quantity(line: int, what: str, annotation: ast.expr, aliases: dict[str, str
 def _is_overload(node: ast.AST) -> bool:
     """Tell whether a function is a typing overload, whose docstring stands at the implementation."""
     return isinstance(node, FUNCTIONS) and any("overload" in ast.unparse(d) for d in node.decorator_list)
-
-
-@pytest.mark.parametrize("rule", [undocumented, shapeless])
-def test_the_house_is_documented(rule: Rule) -> None:
-    """No room breaks the rule."""
-    assert_clean(rule, python_files(*ROOMS))
-
-
-def test_every_float_has_a_unit() -> None:
-    """Of about 3,070 arguments, fields and return values, only the known ones leave their unit out."""
-    lines = findings(unitless, python_files(*ROOMS))
-    names = {line.split(": ", 1)[1].removesuffix(" has no unit such as [m]") for line in lines}
-    assert not [line for line in lines if not any(f": {name} " in line for name in OPEN)]
-    assert names == OPEN, "what has got its unit leaves the list"
-
-
-def test_tests_are_documented() -> None:
-    """Tests, benchmarks and set-up scripts say what they do."""
-    assert_clean(undocumented, python_files("tests", "benchmarks", "docs", "bootstrap"))
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,7 @@ from usd_schemas.taxonomies import taxonomy
 
 ALL = ("x", "y", "z", "red", "green", "blue", "nx", "ny", "nz", "n_views", "height")
 SMALL = {"points": 256, "fewest": 64, "tile": {"voxel": 0.2}}
+COUNT = 6_000
 
 
 def settings(kind: str = "local", **values: object) -> DatasetSettings:
@@ -47,8 +48,8 @@ def build(folder: Path, clouds: list[Path], **values: object) -> Path:
 def clouds(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Write clouds of four bridges; the first one twice, as two looks of it would be."""
     folder = tmp_path_factory.mktemp("clouds")
-    return [write_toy(folder / f"{i}", i, bridge=f"b{min(i, 3)}") for i in range(4)] + [
-        write_toy(folder / "again", 9, bridge="b0")
+    return [write_toy(folder / f"{i}", i, COUNT, f"b{min(i, 3)}") for i in range(4)] + [
+        write_toy(folder / "again", 9, COUNT, "b0")
     ]
 
 
@@ -104,7 +105,7 @@ def test_inputs_are_a_whitelist(clouds: list[Path], metric: Path, tmp_path: Path
             "surface_class",
         )
         changed: dict[str, Any] = {name: cloud.columns[name][order] for name in names}
-        shuffled.append(write_toy(tmp_path / path.name, [0, 1, 2, 3, 9][number], bridge=cloud.bridge, **changed))
+        shuffled.append(write_toy(tmp_path / path.name, [0, 1, 2, 3, 9][number], COUNT, cloud.bridge, **changed))
     other = build(tmp_path / "set", shuffled)
     for split in ("val", "test"):
         before, after = StoredSplit(metric, split, ALL), StoredSplit(other, split, ALL)

@@ -81,7 +81,7 @@ def test_a_cloud_goes_into_the_file_and_out_again(tmp_path: Path, monkeypatch: p
 def toys(tmp_path_factory: pytest.TempPathFactory) -> list[DemoCloud]:
     """Thin clouds of five toy bridges."""
     root = tmp_path_factory.mktemp("toys")
-    return [thin_cloud(write_toy(root / f"{i}", i, 5000, f"b{i}"), f"toy{i}") for i in range(5)]
+    return [thin_cloud(write_toy(root / f"{i}", i, 2500, f"b{i}"), f"toy{i}") for i in range(5)]
 
 
 SMALL: dict[str, Any] = {"network": {"counts": [64, 16], "unit": 2.0, "dropout": 0.0}, "batch": 2}

@@ -23,7 +23,7 @@ from recon.formats.laz import write_laz
 from tests.learn.toy_bridge import toy_cloud, write_toy
 from usd_schemas.taxonomies import taxonomy
 
-COUNT = 3000
+COUNT = 2000
 HIDDEN = (
     "instance",
     "confidence",
@@ -80,9 +80,13 @@ def call(*words: object) -> int:
 def chain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write clouds of four bridges, and make a data set and two models of them with the verbs.
 
-    The bridge of the test is written as LAZ first, and its cloud takes the rounded positions of the file.
+    The bridge of the test is written as LAZ first, and its cloud takes the rounded positions of the file. Another scan,
+    `small.laz`, is of a bridge of 8 m on as much ground: few tiles.
     """
     root = tmp_path_factory.mktemp("chain")
+    few = toy_cloud(3, 500).columns["coord"]
+    few[:, :2] = [4e5, 5e6] + np.array([0.2, 0.3]) * (few[:, :2] - [4e5, 5e6])
+    write_laz(root / "small.laz", toy_cloud(3, 500, "b3", coord=few))
     write_laz(root / "scan.laz", toy_cloud(3, COUNT, "b3"))
     rounded = np.array(laspy.read(root / "scan.laz").xyz)
     clouds = [write_toy(root / f"{i}", i, COUNT, f"b{i}", **({"coord": rounded} if i == 3 else {})) for i in range(4)]
@@ -143,7 +147,7 @@ def test_a_second_prediction_replaces_its_former_output_alone(
     chain: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Our own copy and boxes are written anew; a stranger's file in the place of either is refused and stays."""
-    words = ("predict", chain / "scan.laz", "--model", chain / "forest", "--unit", "m", "-o")
+    words = ("predict", chain / "small.laz", "--model", chain / "forest", "--unit", "m", "-o")
     out = tmp_path / "labelled.laz"
     assert call(*words, out) == 0
     first = out.read_bytes()
@@ -179,7 +183,7 @@ def test_a_prediction_killed_between_copy_and_boxes_is_repeated_without_ado(
     chain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, again: bool
 ) -> None:
     """Whichever rename is the last one, first prediction or second: the same command ends with the same two files."""
-    words = ("predict", chain / "scan.laz", "--model", chain / "forest", "--unit", "m", "-o")
+    words = ("predict", chain / "small.laz", "--model", chain / "forest", "--unit", "m", "-o")
     out, boxes = tmp_path / "labelled.laz", tmp_path / "labelled.instances.json"
     assert call(*words, out) == 0
     whole = out.read_bytes(), boxes.read_bytes()

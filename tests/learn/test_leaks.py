@@ -33,9 +33,9 @@ CUT = (
     "--set",
     "tile.voxel=0.4",
     "--set",
-    "tile.size=20.0",
+    "tile.size=40.0",
     "--set",
-    "tile.stride=20.0",
+    "tile.stride=40.0",
 )
 NET = ("--epochs", "1", "--batch", "8", "--set", "network.counts=[64, 16]", "--set", "accelerator=cpu")
 

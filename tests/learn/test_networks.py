@@ -225,7 +225,7 @@ def test_one_cloud_can_be_learnt_by_heart(name: str) -> None:
     """Four classes in the quarters of a cube: more than 99 % of the points are right after a few steps."""
     torch.manual_seed(2)
     network: Any = build_network(name, {**SMALL[name], "dropout": 0.0}, 3, 4)
-    coord, _ = cloud(1024)
+    coord, _ = cloud(1024 if name.startswith("pointnext") else 512)  # which leaves a quarter at each of four levels
     labels = torch.from_numpy((coord[:, 0] > 0.5) * 2 + (coord[:, 1] > 0.5) * 1).long()
     features, geometry = torch.from_numpy(coord - 0.5)[None], batched([geometry_of(network, coord)])
     optimizer = torch.optim.AdamW(network.parameters(), lr=0.01)
@@ -243,9 +243,12 @@ def test_one_cloud_can_be_learnt_by_heart(name: str) -> None:
     assert share > 0.99
 
 
-@pytest.mark.parametrize("name", NETWORKS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.proof_only] * (name == "pointnet2-ssg")) for name in NETWORKS],
+)
 def test_an_exported_network_gives_the_same_logits(name: str) -> None:
-    """torch.export sees the whole forward pass, since no search stands in it."""
+    """torch.export sees the whole forward pass, since no search stands in it; one ball is the case of several."""
     network = drawn(name, **SMALL[name])
     coord, features = cloud(1024)
     inputs = (torch.from_numpy(features)[None], batched([geometry_of(network, coord)]))

@@ -28,15 +28,15 @@ CUT = (
     "--set",
     "tile.size=20.0",
     "--set",
-    "tile.stride=10.0",
 )
+APART, OVERLAPPING = "tile.stride=20.0", "tile.stride=10.0"
 NET = (
     "--model",
     "pointnet2-ssg",
     "--epochs",
     "3",
     "--batch",
-    "4",
+    "2",
     "--set",
     "network.counts=[64, 16]",
     "--set",
@@ -87,18 +87,18 @@ def office(tmp_path_factory: pytest.TempPathFactory) -> Path:
     clouds = [write_toy(root / f"{i}", i, 3000, f"b{i}") for i in range(3)]
     (root / "mine.toml").write_text(CLASS_MAP)
     write_patch(root / "patch.laz", 7)
-    assert call("dataset", "local", *clouds, "-o", root / "set", *CUT) == 0
+    assert call("dataset", "local", *clouds, "-o", root / "set", *CUT, APART) == 0
     assert call("train", root / "set", "-o", root / "net", *NET) == 0
     words = (root / "patch.laz", "--class-map", root / "mine.toml", "--table", "own")
-    assert call("dataset", "local", *words, "-o", root / "patchset", *CUT) == 0
+    assert call("dataset", "local", *words, "-o", root / "patchset", *CUT, OVERLAPPING) == 0
     tuned = (
         "--init",
         root / "net",
         "--freeze-encoder",
         "--epochs",
-        "6",
+        "3",
         "--batch",
-        "4",
+        "2",
         "--set",
         "validation=0",
         "--set",

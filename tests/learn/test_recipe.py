@@ -171,7 +171,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("workers", [0, pytest.param(1, marks=pytest.mark.proof_only)])
 def test_a_training_with_everything_goes_on_to_the_same_bytes(folder: Path, tmp_path: Path, workers: int) -> None:
-    """Height, sensors, samples by class, doubt: stopped after one of three epochs and gone on with, or in one go."""
+    """Height, sensors, samples by class, doubt: stopped after one of two epochs and gone on with, or in one go."""
     channels = recipe_of(settings()).channels
     assert channels == ("x", "y", "z", "height")
 
@@ -180,7 +180,7 @@ def test_a_training_with_everything_goes_on_to_the_same_bytes(folder: Path, tmp_
         assert sensors == SensorSettings()
         source, held = StoredSplit(folder, "train", channels, sensors=sensors), StoredSplit(folder, "val", channels)
         (tmp_path / name).mkdir(exist_ok=True)
-        chosen = settings(epochs=3, workers=workers)
+        chosen = settings(epochs=2, workers=workers)
         train_network(TrainingData(source, held), chosen, tmp_path / name, Silent(), stop_after=stop_after)
         return tmp_path / name
 

@@ -61,7 +61,10 @@ def test_a_scan_is_labelled_without_a_model_named(
     table: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Every point gets a class of the table that is asked for, that of the components where none is."""
-    write_laz(tmp_path / "scan.laz", toy_cloud(3, 2_000))
+    coord = toy_cloud(3, 1_000).columns["coord"]
+    coord[:, 0] = 4e5 + 0.2 * (coord[:, 0] - 4e5)  # eight meters of bridge, and as much ground: few tiles
+    coord[:, 1] = 5e6 + 0.3 * (coord[:, 1] - 5e6)
+    write_laz(tmp_path / "scan.laz", toy_cloud(3, 1_000, coord=coord))
     words = ["predict", str(tmp_path / "scan.laz"), "-o", str(tmp_path / "out.laz")]
     with pytest.raises(SystemExit) as left:
         main([*words, *(["--table", table] if table else [])])

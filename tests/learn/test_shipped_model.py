@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +24,7 @@ from benchmarks.shipped.model import (
 )
 from benchmarks.shipped.pack import STEP, chosen_rows, pack, unpack, write_pack
 from benchmarks.shipped.robustness import page
-from benchmarks.shipped.scan_scores import label_scan, read_labeled_scan
+from benchmarks.shipped.scan_scores import Labeled, label_scan, read_labeled_scan
 from benchmarks.shipped.selection import joined, judge_cloud, judge_kept, overlapping
 from benchmarks.shipped.selection import page as selection_page
 from benchmarks.shipped.training import seen_by
@@ -32,15 +34,37 @@ from groundwork.files import read_json, write_json
 from learn.datasets.class_tables import is_background
 from learn.datasets.layout import read_facts, read_piece
 from learn.datasets.patch import Scaling, make_sample
+from learn.datasets.settings import DatasetSettings, dataset_settings
 from learn.metrics import scores
 from learn.predict.trained_model import read_trained_model
 from learn.trained import WEIGHTS, read_weights, write_model
 from learn.trained import read_facts as read_model_facts
 from tests.learn.toy_bridge import toy_cloud, write_toy
 
+# A small network on small samples: what is tested here depends on neither.
+SMALL: dict[str, Any] = {
+    "epochs": 1,
+    "batch": 2,
+    "precision": "32-true",
+    "network": {"width": 8, "neighbours": 8},
+}
+
+
+def small_samples(kind: str, values: dict[str, Any], where: str) -> DatasetSettings:
+    """Choose a quarter of the usual points of a sample."""
+    return dataset_settings(kind, {**values, "points": 1024}, where)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small() -> Iterator[None]:
+    """Let every data set here have small samples."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("benchmarks.shipped.model.dataset_settings", small_samples)
+        yield
+
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def made(small: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three toy bridges; a model of two steps; one bridge picks the epoch, one is for the test."""
     root = tmp_path_factory.mktemp("shipped")
     for number, name in enumerate(("train", "pick", "test")):
@@ -48,12 +72,18 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (root / "scenes").symlink_to(root / "clouds")  # as the scenes of a run are
     clouds = [root / "clouds" / path.relative_to(root / "scenes") for path in clouds_below([root / "scenes"])]
     dataset_of(clouds, ["pick", "test"], 0, root / "dataset")
-    train_on(root / "dataset", ["pick"], root / "model", {"epochs": 1, "batch": 2, "precision": "32-true"}, 4)
+    train_on(root / "dataset", ["pick"], root / "model", SMALL, 4)
     ship(root / "model", root / "shipped")
     (root / "shipped" / "README.md").write_text(
         card_text(root / "shipped", root / "dataset", {"test mesh": root / "clouds" / "test" / "mesh"}, ["pick"])
     )
     return root
+
+
+@pytest.fixture(scope="module")
+def labeled(made: Path) -> Labeled:
+    """What the shipped model says of the test scan, as a prediction finds it."""
+    return label_scan(read_labeled_scan(made / "clouds" / "test" / "mesh"), read_trained_model(made / "shipped"))
 
 
 def test_held_bridges_are_not_trained_on(made: Path) -> None:
@@ -100,14 +130,13 @@ def test_the_shipped_weights_are_the_trained_ones_and_tiles_overlap(made: Path) 
     assert read_trained_model(made / "model").tile.stride == 2 * STRIDE
 
 
-def test_the_card_says_what_was_done(made: Path) -> None:
+def test_the_card_says_what_was_done(made: Path, labeled: Labeled) -> None:
     """The hash of the weights, the part of every bridge, and the scores of the test scan as they are found again."""
     card = (made / "shipped" / "README.md").read_text()
     assert file_digest(made / "shipped" / WEIGHTS) in card
     parts = {row.split("|")[1].strip(): row.split("|")[2].strip() for row in card.splitlines() if row.startswith("| `")}
     assert parts == {"`trainbridge`": "training", "`pickbridge`": "epoch", "`testbridge`": "test"}
-    found = label_scan(read_labeled_scan(made / "clouds" / "test" / "mesh"), read_trained_model(made / "shipped"))
-    right = (found.truth["kim2023"] == found.found["kim2023"])[found.truth["kim2023"] != 255].mean()
+    right = (labeled.truth["kim2023"] == labeled.found["kim2023"])[labeled.truth["kim2023"] != 255].mean()
     assert f"{right:.3f}" in next(line for line in card.splitlines() if line.startswith("| test mesh"))
 
 
@@ -135,11 +164,11 @@ def test_a_cloud_that_says_no_bridge_is_refused(tmp_path: Path) -> None:
     assert bridge_of(cloud) == "abc"
 
 
-def test_candidates_are_judged_as_the_shipped_model_would_be(made: Path) -> None:
+def test_candidates_are_judged_as_the_shipped_model_would_be(made: Path, labeled: Labeled) -> None:
     """A candidate's confusion is that of the model that would be shipped, and the page says its mean IoU."""
     cloud = made / "clouds" / "test" / "mesh"
     row = joined("pointnext-s", 1.25, [judge_cloud(overlapping(made / "model"), cloud, np.inf)])
-    found = label_scan(read_labeled_scan(cloud), read_trained_model(made / "shipped")).matrix("kim2023")
+    found = labeled.matrix("kim2023")
     np.testing.assert_array_equal(row.matrices["mesh"]["kim2023"], found)
     text = selection_page({"toy": replace(row, apart={"mesh": (30, 400)})}, 1)
     assert "| toy       | 7.5% | 7.5% |" in text
@@ -172,10 +201,11 @@ def test_a_forest_is_a_candidate(made: Path) -> None:
 
 def test_what_is_far_from_a_bridge_is_counted_apart(made: Path, tmp_path: Path) -> None:
     """Ground up to 60 m beside the bridge: what a candidate calls bridge beyond 30 m from its box, point by point."""
-    coord = toy_cloud(5, 8_000).columns["coord"].copy()
-    ground = toy_cloud(5, 8_000).columns["component"] == 3
+    toy = toy_cloud(5, 4_000).columns
+    coord, ground = toy["coord"].copy(), toy["component"] == 3
+    coord[:, 0] = 4e5 + 0.25 * (coord[:, 0] - 4e5)  # ten meters of bridge: few tiles
     coord[ground, 1] = 5e6 + 4.0 * (coord[ground, 1] - 5e6)
-    cloud = write_toy(tmp_path / "wide", 5, 8_000, "widebridge", coord=coord)
+    cloud = write_toy(tmp_path / "wide", 5, 4_000, "widebridge", coord=coord)
     model = overlapping(made / "model")
     false, count = judge_cloud(model, cloud, np.inf).apart
     found = label_scan(read_labeled_scan(cloud), model)
@@ -204,25 +234,23 @@ def test_a_model_that_leans_says_what_was_measured(made: Path, tmp_path: Path) -
     np.testing.assert_allclose(odds[1] / odds[0], np.exp(1.5), rtol=1e-3)
 
 
-def test_the_lean_is_the_best_of_those_that_are_enough(made: Path) -> None:
+def test_the_lean_is_the_best_of_those_that_are_enough(made: Path, labeled: Labeled) -> None:
     """Among the rows with few false points that with the highest mean IoU; where none has, the least false one."""
     rows = [(0.0, 0.30, {"a": 0.9, "b": 0.9}), (1.0, 0.02, {"a": 0.5, "b": 0.7}), (2.0, 0.01, {"a": 0.6, "b": 0.5})]
     assert choose(rows) == 1.0
     assert choose(rows[:1]) == 0.0
     scan = read_labeled_scan(made / "clouds" / "test" / "mesh")
     found = measure(overlapping(made / "model"), [scan])
-    plain = label_scan(scan, overlapping(made / "model"))
     assert found[0][0] == 0.0
-    assert found[0][2]["kim2023"] == pytest.approx(scores(plain.matrix("kim2023")).mean_iou)
+    assert found[0][2]["kim2023"] == pytest.approx(scores(labeled.matrix("kim2023")).mean_iou)
 
 
 def test_what_a_model_began_with_is_not_forgotten(made: Path, tmp_path: Path) -> None:
     """A further training knows the bridges of the first, says so in the card, and is not tested on one of them."""
-    settings = {"epochs": 1, "batch": 2, "precision": "32-true"}
     assert seen_by(made / "model") == ["pickbridge", "trainbridge"]
     write_toy(tmp_path / "clouds" / "other", 7, 4_000, "otherbridge")
     dataset_of(clouds_below([tmp_path / "clouds", made / "clouds" / "pick"]), ["pick"], 0, tmp_path / "dataset")
-    train_on(tmp_path / "dataset", ["pick"], tmp_path / "model", settings, 4, made / "model")
+    train_on(tmp_path / "dataset", ["pick"], tmp_path / "model", SMALL, 4, made / "model")
     assert seen_by(tmp_path / "model") == ["otherbridge", "pickbridge", "trainbridge"]
     card = card_text(tmp_path / "model", tmp_path / "dataset", {}, ["pick"])
     parts = {row.split("|")[1].strip(): row.split("|")[2].strip() for row in card.splitlines() if row.startswith("| `")}

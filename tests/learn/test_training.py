@@ -75,11 +75,14 @@ def test_shuffled_labels_teach_nothing(tmp_path: Path) -> None:
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(trained: Path, tmp_path: Path) -> None:
-    """Weights, facts and log, bit by bit."""
-    again, other = train(tmp_path / "again"), train(tmp_path / "other", settings(seed=4))
+    """Weights, facts and log, bit by bit; where another training was stopped, this one begins anew all the same."""
+    again = train(tmp_path / "again", settings(seed=4), stop_after=1)
+    assert (again / "last.ckpt").is_file()
+    train(again)
     for name in (WEIGHTS, FACTS, LOG, EVENTS):
         assert (again / name).read_bytes() == (trained / name).read_bytes()
-    assert (other / WEIGHTS).read_bytes() != (trained / WEIGHTS).read_bytes()
+    one, other = (train(tmp_path / f"{seed}", settings(seed=seed, epochs=1)) for seed in (3, 4))
+    assert (other / WEIGHTS).read_bytes() != (one / WEIGHTS).read_bytes()
 
 
 def test_a_stopped_training_goes_on_to_the_same_bytes(trained: Path, tmp_path: Path) -> None:
@@ -122,21 +125,12 @@ class Marker:
 
 
 def test_bfloat16_learns_as_well_and_gives_the_same_bytes(tmp_path: Path) -> None:
-    """Mixed precision on a CPU: far above chance, the weights stay float32, and a second training equals the first."""
-    found = []
-    for name in ("a", "b"):
-        folder = train(tmp_path / name, settings(precision="bf16-mixed"))
-        found.append((folder / WEIGHTS).read_bytes())
-        assert {weight.dtype for weight in read_weights(folder).values()} <= {torch.float32, torch.int64}
-    assert found[0] == found[1]
+    """Mixed precision on a CPU: far above chance, the weights stay float32, and two short trainings are equal."""
+    short = [train(tmp_path / name, settings(precision="bf16-mixed", epochs=2)) for name in ("a", "b")]
+    assert (short[0] / WEIGHTS).read_bytes() == (short[1] / WEIGHTS).read_bytes()
+    folder = train(tmp_path / "whole", settings(precision="bf16-mixed"))
+    assert {weight.dtype for weight in read_weights(folder).values()} <= {torch.float32, torch.int64}
     assert score(folder) > 0.7
-
-
-def test_what_another_training_left_is_not_gone_on_from(tmp_path: Path, trained: Path) -> None:
-    """With other settings the training begins anew."""
-    train(tmp_path, settings(seed=4), stop_after=1)
-    train(tmp_path)
-    assert (tmp_path / WEIGHTS).read_bytes() == (trained / WEIGHTS).read_bytes()
 
 
 def test_the_earliest_of_the_best_epochs_is_picked(trained: Path) -> None:

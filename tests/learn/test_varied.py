@@ -74,7 +74,8 @@ def test_samples_follow_the_seed_and_clouds_take_turns(stored: Path) -> None:
 
 def test_a_still_sample_is_a_piece_and_each_change_does_what_it_says(stored: Path) -> None:
     """Nothing changed: points of the piece. Thinned: fewer places. Halved: a narrower one. Bare: ground alone."""
-    plain = varied(stored).sample(1, 4)
+    still, bared = varied(stored), varied(stored, bare=1.0)
+    plain = still.sample(1, 4)
     facts = StoredSplit(stored, "train").facts
     pieces = [read_piece(stored, row, ()) for row in facts.pieces]
     known = {
@@ -86,14 +87,12 @@ def test_a_still_sample_is_a_piece_and_each_change_does_what_it_says(stored: Pat
     thinned = varied(stored, thinned=1.0, least=0.1)
     places = [len(np.unique(thinned.sample(row, 0).coord, axis=0)) for row in range(40)]
     assert min(places) < 100 < max(places)
-    ground = [row for row in range(40) if not varied(stored).sample(row, 0).labels.any()]
-    bare = [row for row in range(40) if not varied(stored, bare=1.0).sample(row, 0).labels.any()]  # 0 is ground
+    ground = [row for row in range(40) if not still.sample(row, 0).labels.any()]
+    bare = [row for row in range(40) if not bared.sample(row, 0).labels.any()]  # 0 is ground
     assert len(bare) > 20 + len(ground)
     halved = varied(stored, halved=1.0)
     areas = [
-        np.prod(np.ptp(source.sample(row, 0).coord[:, :2], axis=0))
-        for row in range(10)
-        for source in (varied(stored), halved)
+        np.prod(np.ptp(source.sample(row, 0).coord[:, :2], axis=0)) for row in range(10) for source in (still, halved)
     ]
     assert sum(areas[1::2]) < 0.9 * sum(areas[::2])
     lifted = varied(stored, lift=2.0).sample(1, 4)
@@ -175,8 +174,8 @@ def test_where_every_piece_shows_a_bridge_the_draws_are_the_usual_ones(tmp_path:
     chosen = {"points": 64, "fewest": 32, "table": "components", "shares": (1.0, 0.0, 0.0), "tile": {"voxel": 0.1}}
     source = Source(write_toy(tmp_path / "c", 0, 24_000, "b0", coord=coord))
     build_dataset([source], tmp_path / "set", dataset_settings("local", chosen, "test"))
-    seen = [varied(tmp_path / "set", empty=1.0).sample(row, 0).labels.any() for row in range(20)]
-    assert all(seen)
+    drawn = varied(tmp_path / "set", empty=1.0)
+    assert all(drawn.sample(row, 0).labels.any() for row in range(20))
 
 
 def test_plants_are_shaken_more_than_the_rest(stored: Path) -> None:
