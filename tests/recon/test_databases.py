@@ -5,6 +5,7 @@ import sqlite3
 import threading
 from contextlib import closing, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -152,8 +153,9 @@ def test_what_a_killed_share_had_matched_is_kept(
     record_proof("recon: pairs of a killed share of matching are kept", len(pairs), 2, figures)
 
 
-def test_what_cannot_be_read_just_now_is_not_thrown_away(tmp_path: Path) -> None:
+def test_what_cannot_be_read_just_now_is_not_thrown_away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Somebody holds a sound database of matches: its pairs are not taken for none."""
+    monkeypatch.setattr(sqlite3, "connect", partial(sqlite3.connect, timeout=0.1))  # SQLite waits for five seconds
     with closing(sqlite3.connect(tmp_path / DATABASE)) as holder:
         holder.execute("CREATE TABLE two_view_geometries (pair_id INTEGER)")
         holder.execute("INSERT INTO two_view_geometries VALUES (7)")

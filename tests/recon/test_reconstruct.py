@@ -34,7 +34,7 @@ def test_the_planes_come_back(cloud: Cloud) -> None:
     figures = cloud.statistics
     assert figures["registered_share"] == 1.0
     assert figures["center_error_median"] < 0.01
-    # A model whose pixels were half a pixel off would turn every camera by 0.5 / 420 rad = 0.07 degrees.
+    # A model whose pixels were half a pixel off would turn every camera by 0.5 / 280 rad = 0.1 degrees.
     assert figures["rotation_error_median"] < 0.03
     assert figures["points"] > 1000
     assert figures["within_0.1m_share"] > 0.95
@@ -139,7 +139,7 @@ def test_several_threads_map_alike(
     assert apart < 1e-6
 
 
-@pytest.mark.parametrize("left", [300, 20_000, -2])
+@pytest.mark.parametrize("left", [300, pytest.param(20_000, marks=pytest.mark.proof_only), -2])
 def test_a_cut_image_is_named(left: int, plane_capture: Path, tmp_path: Path) -> None:
     """COLMAP would take the grey rest of a cut JPEG for a picture; we find it before anything else runs."""
     capture, folder = tmp_path / "capture", tmp_path / "cloud"
