@@ -5,9 +5,12 @@ true depth, label and distance is known in closed form.
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,8 +18,9 @@ import pycolmap
 import pytest
 from numpy.typing import NDArray
 
+from groundwork.canonical import canonical_json
 from groundwork.locks import hold_lock
-from groundwork.progress import SILENT
+from groundwork.progress import SILENT, Progress
 from recon.reconstruct import reconstruct
 from recon.settings import ReconSettings, SparseSettings
 from usd_schemas.components import class_of, class_rows
@@ -192,6 +196,30 @@ def write(path: Path, value: object) -> None:
     path.write_text(json.dumps(value), encoding="utf-8")
 
 
+@contextmanager
+def in_this_process() -> Iterator[None]:
+    """Let the steps of a reconstruction run here: the start of a child takes a second, and other tests wait for it."""
+    threads, level = cv2.getNumThreads(), pycolmap.logging.minloglevel
+    with pytest.MonkeyPatch.context() as patch:
+        for module in ("recon.sfm.sparse", "recon.sfm.matching", "recon.dense.dense"):
+            patch.setattr(import_module(module), "run_child", serve_here)
+        yield
+    cv2.setNumThreads(threads)
+    pycolmap.logging.minloglevel = level
+
+
+def serve_here(module: str, request: dict[str, Any], *, progress: Progress = SILENT, **_limits: object) -> Any:
+    """Do what a child would do, with the same JSON to and fro."""
+    return json.loads(canonical_json(import_module(module).serve(json.loads(canonical_json(request)), progress)))
+
+
+@pytest.fixture
+def no_children() -> Iterator[None]:
+    """Let the steps of a reconstruction run in this process."""
+    with in_this_process():
+        yield
+
+
 @pytest.fixture(scope="session")
 def plane_capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Give a capture of the three planes from ten cameras; read only."""
@@ -216,7 +244,8 @@ def plane_cloud(
     with hold_lock(shared / "lock"):
         if not made.exists():
             out.mkdir(exist_ok=True)
-            reconstruct(plane_capture, out, plane_settings, SILENT)
+            with in_this_process():
+                reconstruct(plane_capture, out, plane_settings, SILENT)
             made.touch()
     return out
 

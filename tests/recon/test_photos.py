@@ -272,6 +272,7 @@ def test_the_last_line_counts_the_reasons() -> None:
         assert verdict_in_words(("ok",), 12, 5678, "in metres", lost) == all_but_a_few.replace(";", f"{hint};")
 
 
+@pytest.mark.usefixtures("no_children")
 def test_bare_photographs_become_a_cloud(
     make_capture: Callable[..., Path], arc: Callable[[int], np.ndarray], tmp_path: Path
 ) -> None:

@@ -32,7 +32,7 @@ def no_more_mapping(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("recon.reconstruct.run_sparse", fail)
 
 
-@pytest.mark.usefixtures("no_more_mapping")
+@pytest.mark.usefixtures("no_more_mapping", "no_children")
 def test_one_model_makes_both_clouds(
     plane_capture: Path, plane_cloud: Path, plane_settings: ReconSettings, tmp_path: Path
 ) -> None:

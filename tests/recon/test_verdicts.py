@@ -276,6 +276,7 @@ def shots(kind: str, rng: np.random.Generator) -> list[NDArray[np.float32]]:
     return [noise(rng, 180, 240)] * 2
 
 
+@pytest.mark.usefixtures("no_children")
 @pytest.mark.parametrize(
     ("kind", "reason"),
     [
@@ -303,6 +304,7 @@ def test_hopeless_flights_have_reasons(kind: str, reason: str, tmp_path: Path) -
     assert rejected.value.reason == reason
 
 
+@pytest.mark.usefixtures("no_children")
 def test_a_walk_straight_ahead_has_a_model(tmp_path: Path) -> None:
     """Eight views, each half a metre nearer to the wall: COLMAP alone finds no two of them to begin with."""
     heard = Heard()
