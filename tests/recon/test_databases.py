@@ -3,7 +3,7 @@
 import hashlib
 import sqlite3
 import threading
-from contextlib import closing, suppress
+from contextlib import closing, nullcontext, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -67,7 +67,9 @@ def made(capture: Capture, folder: Path, threads: int, interrupted: bool = False
             connection.commit()
         extract(capture, features, settings, SILENT)
     empty_journal(features / DATABASE)
-    match(capture, features, matches, settings, 0, SILENT)
+    with in_this_process() if interrupted or threads == 1 else nullcontext():
+        first = settings.model_copy(update={"threads": 1}) if interrupted else settings
+        match(capture, features, matches, first, 0, SILENT)
     if interrupted:
         with closing(sqlite3.connect(matches / DATABASE)) as connection:
             middle = connection.execute("SELECT AVG(pair_id) FROM two_view_geometries").fetchone()
@@ -84,8 +86,7 @@ def test_threads_shares_and_interruptions_change_no_row(tmp_path: Path, monkeypa
     """One process for all pairs, two with three pairs each, and two that were cut off: the same rows in every table."""
     capture = crops(tmp_path / "photographs", 4)
     pycolmap.logging.minloglevel = 3
-    with in_this_process():
-        one = made(capture, tmp_path / "one", 1)
+    one = made(capture, tmp_path / "one", 1)
     assert one["keypoints"].endswith(" 4")
     assert one["two_view_geometries"].endswith(" 6")
     monkeypatch.setattr(matching, "_SHARE", 3)
@@ -193,10 +194,12 @@ def test_who_looks_on_loses_no_row(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     ended = threading.Event()
     held: list[str] = []
 
-    def run_and_tell(*arguments: Any, **options: Any) -> Any:
+    def run_and_tell(module: str, request: dict[str, Any], **options: Any) -> Any:
         ended.clear()
+        if request["stage"] == "map":
+            raise RejectedSceneError("no_model", "the databases are there")
         try:
-            return run_child(*arguments, **options)
+            return run_child(module, request, **options)
         finally:
             ended.set()
 
