@@ -140,6 +140,7 @@ def test_an_interrupted_benchmark_goes_on(plane_capture: Path, tmp_path: Path, m
     monkeypatch.setattr(benchmark, "WAYS", {name: way(name) for name in ("spatial", "global", "exhaustive")})
     for module in (benchmark, page_of_code):  # the real one reads half the repository; its own tests are elsewhere
         monkeypatch.setattr(module, "digest_of", lambda file, root=None: digest(str(file))[:16])
+    monkeypatch.setattr(page_of_code, "_commit", lambda root: "none")
     page = tmp_path / "page.md"
     words = ["recon", str(plane_capture), "--work", str(tmp_path / "work"), "--page", str(page), "--images"]
     monkeypatch.setattr(sys, "argv", [*words, "6", "--ways", "exhaustive"])
