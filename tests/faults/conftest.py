@@ -9,15 +9,19 @@ from pathlib import Path
 
 import pytest
 
+from falsework.commands.verbs import reconstruct_folder
 from groundwork.canonical import file_digest
 from groundwork.files import MANIFEST
 from groundwork.locks import hold_lock
 from groundwork.marks import MARK
-from tests.recon.conftest import poses_on_arc, write_capture
+from groundwork.progress import SILENT
+from recon.settings import ReconSettings, SparseSettings
+from tests.recon.conftest import in_this_process, poses_on_arc, write_capture
 
 ROOT = Path(__file__).resolve().parents[2]
 MAX_FEATURES = 700
 FEW = f"[recon.sparse]\nmax_features = {MAX_FEATURES}\n"
+SMALL = ReconSettings(mode="sparse", sparse=SparseSettings(max_features=MAX_FEATURES))
 SETTINGS = f"[recon]\nmode = 'sparse'\n{FEW}"
 
 PATIENCE = 240.0  # [s] on a box that many tests share
@@ -60,15 +64,19 @@ def start_reconstruct(few_planes: Path, tmp_path_factory: pytest.TempPathFactory
 
 
 @pytest.fixture(scope="session")
-def calm(start_reconstruct: Start, tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
-    """Give the cloud of a run that nobody disturbed; read only, and made by the first process that needs it."""
+def calm(few_planes: Path, tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """Give the cloud of a run that nobody disturbed; read only, and made by the first process that needs it.
+
+    Nothing is killed here, so it runs in this process: those that go on in children must end with its bytes, too.
+    """
     base = tmp_path_factory.getbasetemp()
     shared = (base if worker_id == "master" else base.parent) / "calm"
     shared.mkdir(exist_ok=True)
     out, made = shared / "out", shared / "made"
     with hold_lock(shared / "lock"):
         if not made.exists():
-            finish(start_reconstruct(out))
+            with in_this_process():
+                reconstruct_folder(few_planes, out, SMALL, SILENT)
             made.touch()
     return out
 

@@ -274,13 +274,13 @@ def test_images_of_the_truth_are_of_its_size_and_kind(capture: Path) -> None:
     depth = capture / "truth/depth"
     (depth / "000000.tiff").write_bytes((capture / "truth/semantic/000001.png").read_bytes())
     with pytest.raises(
-        InputError, match=r"not an image of this truth \(found 'uint8 \(360, 480\)'\); allowed: float32"
+        InputError, match=r"not an image of this truth \(found 'uint8 \(240, 320\)'\); allowed: float32"
     ):
         truth.depth(0)
-    labels.write_bytes(encode_png(np.zeros((360, 479), np.uint8)))
-    with pytest.raises(InputError, match=r"not the size that cameras.json states \(found \(479, 360\)\)"):
+    labels.write_bytes(encode_png(np.zeros((240, 319), np.uint8)))
+    with pytest.raises(InputError, match=r"not the size that cameras.json states \(found \(319, 240\)\)"):
         truth.semantic(0)
-    labels.write_bytes(encode_png(np.zeros((360, 480, 3), np.uint8)))
+    labels.write_bytes(encode_png(np.zeros((240, 320, 3), np.uint8)))
     with pytest.raises(InputError, match="not an image of this truth"):
         truth.semantic(0)
     data = (capture / "truth/semantic/000001.png").read_bytes()

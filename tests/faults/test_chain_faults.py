@@ -60,7 +60,7 @@ def test_killed_at_random_moments(
     scenario: Path, calm: Tree, tmp_path: Path, proof_count: Count, record_proof: RecordProof
 ) -> None:
     """`kill -9` of the whole run, then the same command: outside `run/` the tree of one that nobody disturbed."""
-    draw, said, wanted = random.Random(24), tmp_path / "said", proof_count(5, 50)
+    draw, said, wanted = random.Random(24), tmp_path / "said", proof_count(3, 50)
     clock = time.monotonic()
     _finish(scenario, tmp_path / "first", said)
     length = time.monotonic() - clock
@@ -85,7 +85,8 @@ def test_a_worker_killed_in_each_stage(
 ) -> None:
     """`kill -9` of a worker while it makes each kind of result, two workers at once: the tree of a single process."""
     rounds, deaths = proof_count(1, 5), 0
-    faults = {f"{stage}:{number % SCENES}": "kill" for number, stage in enumerate(CHAIN)}
+    stages = CHAIN[proof_count(1, 0) :: proof_count(2, 1)]  # one that begins anew, one that goes on, the last one
+    faults = {f"{stage}:{number % SCENES}": "kill" for number, stage in enumerate(stages)}
     for number in range(rounds):
         out, once = tmp_path / f"out{number}", tmp_path / f"once{number}"
         once.mkdir()
@@ -94,7 +95,7 @@ def test_a_worker_killed_in_each_stage(
         )
         _, said = process.communicate(timeout=240.0)
         assert process.returncode == 0, said
-        assert {path.name.partition("-")[0] for path in once.iterdir()} == set(CHAIN)
+        assert {path.name.partition("-")[0] for path in once.iterdir()} == set(stages)
         deaths += len(list(once.iterdir()))
         assert contents(out) == calm
     record_proof("faults: a worker killed in each stage", deaths, SEED, {"kills": deaths, "identical_trees": rounds})
@@ -197,7 +198,7 @@ def test_flipped_bits_are_all_found(
     scenario: Path, calm: Tree, tmp_path: Path, proof_count: Count, record_proof: RecordProof
 ) -> None:
     """Any bit of any stored file; a repair brings the former tree back."""
-    out, said, draw, flips = tmp_path / "out", tmp_path / "said", random.Random(100), proof_count(100, 500)
+    out, said, draw, flips = tmp_path / "out", tmp_path / "said", random.Random(100), proof_count(50, 500)
     _finish(scenario, out, said)
     stored = sorted(path for path in out.glob("store/*/*/**/*") if path.is_file())
     kinds: Counter[str] = Counter()

@@ -15,6 +15,7 @@ import pytest
 
 from groundwork.canonical import folder_digest
 from tests.conftest import Count, RecordProof
+from tests.falsework.forked import run
 from tests.falsework.tiny_chain import ROOT, SEED, contents, start
 
 pytestmark = pytest.mark.faults
@@ -74,12 +75,6 @@ def _address(folder: Path, scheduler: subprocess.Popen[bytes]) -> str:
     raise AssertionError("no scheduler came up")
 
 
-def _finish(process: subprocess.Popen[str]) -> None:
-    _, said = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0, said
-    assert "Traceback" not in said
-
-
 def _on_a_terminal(*words: str | Path, cwd: Path) -> str:
     """Run a command whose standard error is a terminal; give what is drawn there."""
     ours, theirs = os.openpty()
@@ -107,7 +102,7 @@ def test_a_standing_cluster_loses_a_worker(tmp_path: Path, proof_count: Count, r
     (tmp_path / "in/worlds/town/town.usda").write_text("#usda 1.0\n")
     (tmp_path / "in/s.toml").write_text(SCENARIO)
     calm, out = tmp_path / "in/calm", tmp_path / "in/out"
-    _finish(start("run", "s.toml", "-o", "calm", cwd=tmp_path / "in"))
+    assert run("run", tmp_path / "in/s.toml", "-o", calm, said=tmp_path / "said") == 0
     faults = {"TINY_FAULTS": '{"capture:1": "kill"}', "TINY_ONCE": str(tmp_path / "once"), "TINY_KILLS": str(deaths)}
     file = ("--scheduler-file", str(tmp_path / "file.json"))
     come_again = deaths > 1
@@ -164,6 +159,6 @@ def test_a_scheduler_that_goes_away_is_one_line(tmp_path: Path) -> None:
         assert process.returncode == 1
         assert "the connection to the scheduler is lost" in said.splitlines()[-1]
         assert "Traceback" not in said
-    _finish(start("run", tmp_path / "s.toml", "-o", out))
-    _finish(start("run", tmp_path / "s.toml", "-o", tmp_path / "calm"))
+    for folder in (out, tmp_path / "calm"):
+        assert run("run", tmp_path / "s.toml", "-o", folder, said=tmp_path / "said") == 0
     assert contents(out) == contents(tmp_path / "calm")

@@ -15,14 +15,12 @@ from falsework.stages import STAGES
 from falsework.store.store import Store, Task
 from groundwork.marks import MARK
 from groundwork.progress import Silent
-from recon.settings import ReconSettings, SparseSettings
 from tests.conftest import Count, RecordProof
-from tests.faults.conftest import FEW, MAX_FEATURES, PATIENCE, Start, contents, finish
+from tests.faults.conftest import FEW, PATIENCE, SMALL, Start, contents, finish
 
 WORK = ".next/files"  # where an output is made
 LOOK = 0.004  # [s]
 SOON = 5.0  # [s] until the kernel has cleared away the child of a child
-SMALL = ReconSettings(mode="sparse", sparse=SparseSettings(max_features=MAX_FEATURES))
 
 
 def kill_when(process: subprocess.Popen[str], seen: "Seen", work: Path) -> None:

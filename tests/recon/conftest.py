@@ -5,23 +5,29 @@ true depth, label and distance is known in closed form.
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+import pycolmap
 import pytest
 from numpy.typing import NDArray
 
-from groundwork.progress import SILENT
+from groundwork.canonical import canonical_json
+from groundwork.locks import hold_lock
+from groundwork.progress import SILENT, Progress
 from recon.reconstruct import reconstruct
 from recon.settings import ReconSettings, SparseSettings
 from usd_schemas.components import class_of, class_rows
 from usd_schemas.pinhole import Pinhole, look_at, unproject
 
 F64 = NDArray[np.float64]
-CAMERA = Pinhole(480, 360, 420.0, 420.0, 240.0, 180.0)
+CAMERA = Pinhole(320, 240, 280.0, 280.0, 160.0, 120.0)  # pixels are what each step costs
 TEXELS = 768
 
 
@@ -91,7 +97,7 @@ def see(camera: Pinhole, pose: F64, textures: list[NDArray[np.float32]]) -> tupl
     return gray.reshape(shape), depth.reshape(shape), ids.reshape(shape)
 
 
-def write_capture(folder: Path, poses: F64, seed: int = 1, textured: bool = True) -> Path:
+def write_capture(folder: Path, poses: F64, seed: int = 1, textured: bool = True, camera: Pinhole = CAMERA) -> Path:
     """Photograph the planes from each pose and write a capture with truth."""
     rng = np.random.default_rng(seed)
     textures = [noise_texture(rng) if textured else np.full((TEXELS, TEXELS), 128, np.float32) for _ in PLANES]
@@ -103,7 +109,7 @@ def write_capture(folder: Path, poses: F64, seed: int = 1, textured: bool = True
         label_of_id[plane.id] = ids_of_class[class_of(plane.component)]
     names = [f"{i:06d}" for i in range(len(poses))]
     for name, pose in zip(names, poses, strict=True):
-        gray, depth, ids = see(CAMERA, pose, textures)
+        gray, depth, ids = see(camera, pose, textures)
         noisy = np.clip(gray + rng.normal(0, 1.5, gray.shape), 0, 255).astype(np.uint8)
         cv2.imwrite(
             str(folder / f"images/{name}.jpg"), cv2.merge([noisy, noisy, noisy]), [cv2.IMWRITE_JPEG_QUALITY, 95]
@@ -112,14 +118,14 @@ def write_capture(folder: Path, poses: F64, seed: int = 1, textured: bool = True
         cv2.imwrite(str(folder / f"truth/instance/{name}.png"), ids.astype(np.uint16))
         cv2.imwrite(str(folder / f"truth/semantic/{name}.png"), label_of_id[ids.astype(int)])
     gps = poses[:, :3, 3] + rng.normal(0, 0.3, (len(poses), 3))
-    write_cameras(folder, names, gps)
+    write_cameras(folder, names, gps, camera)
     stated = [{"name": n, "camera_to_world": p.tolist()} for n, p in zip(names, poses, strict=True)]
-    write(folder / "truth/poses.json", {"pinhole": CAMERA.__dict__, "poses": stated})
+    write(folder / "truth/poses.json", {"pinhole": camera.__dict__, "poses": stated})
     write_surface(folder, label_of_id)
     return folder
 
 
-def write_cameras(folder: Path, names: list[str], gps: F64) -> None:
+def write_cameras(folder: Path, names: list[str], gps: F64, camera: Pinhole) -> None:
     """State images, their fixes [m], shape (N, 3), and what is known of the camera."""
     write(
         folder / "cameras.json",
@@ -127,8 +133,8 @@ def write_cameras(folder: Path, names: list[str], gps: F64) -> None:
             "format": "falsework.capture",
             "format_version": 1,
             "survey": "planes",
-            "size": [CAMERA.width, CAMERA.height],
-            "prior": {"model": "SIMPLE_RADIAL", "focal_px": CAMERA.fx * 1.007, "cx": CAMERA.cx, "cy": CAMERA.cy},
+            "size": [camera.width, camera.height],
+            "prior": {"model": "SIMPLE_RADIAL", "focal_px": camera.fx * 1.007, "cx": camera.cx, "cy": camera.cy},
             "gps_sigma": [0.3, 0.3, 0.3],
             "facts": {"kind": "local"},
             "images": [
@@ -174,9 +180,44 @@ def write_surface(folder: Path, label_of_id: NDArray[np.uint8]) -> None:
     )
 
 
+def in_larger_pixels(model: Path, folder: Path, camera: Pinhole) -> Path:
+    """Write a COLMAP model of photographs by `CAMERA` as that of photographs by a larger camera of the same lens."""
+    found = pycolmap.Reconstruction(model)
+    for each in found.cameras.values():
+        each.rescale(camera.width, camera.height)
+    for point in (point for image in found.images.values() for point in image.points2D):
+        point.xy *= camera.fx / CAMERA.fx
+    found.write_binary(folder)
+    return folder
+
+
 def write(path: Path, value: object) -> None:
     """Write JSON."""
     path.write_text(json.dumps(value), encoding="utf-8")
+
+
+@contextmanager
+def in_this_process() -> Iterator[None]:
+    """Let the steps of a reconstruction run here: the start of a child takes a second, and other tests wait for it."""
+    threads, level = cv2.getNumThreads(), pycolmap.logging.minloglevel
+    with pytest.MonkeyPatch.context() as patch:
+        for module in ("recon.sfm.sparse", "recon.sfm.matching", "recon.dense.dense"):
+            patch.setattr(import_module(module), "run_child", serve_here)
+        yield
+    cv2.setNumThreads(threads)
+    pycolmap.logging.minloglevel = level
+
+
+def serve_here(module: str, request: dict[str, Any], *, progress: Progress = SILENT, **_limits: object) -> Any:
+    """Do what a child would do, with the same JSON to and fro."""
+    return json.loads(canonical_json(import_module(module).serve(json.loads(canonical_json(request)), progress)))
+
+
+@pytest.fixture
+def no_children() -> Iterator[None]:
+    """Let the steps of a reconstruction run in this process."""
+    with in_this_process():
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -188,15 +229,25 @@ def plane_capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def plane_settings() -> ReconSettings:
     """Give settings with which the planes are reconstructed in seconds."""
-    return ReconSettings(mode="sparse", sparse=SparseSettings(max_features=1800))
+    return ReconSettings(mode="sparse", sparse=SparseSettings(max_features=1000))
 
 
 @pytest.fixture(scope="session")
-def plane_cloud(plane_capture: Path, plane_settings: ReconSettings, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Give the cloud of the planes; read only."""
-    folder = tmp_path_factory.mktemp("cloud")
-    reconstruct(plane_capture, folder, plane_settings, SILENT)
-    return folder
+def plane_cloud(
+    plane_capture: Path, plane_settings: ReconSettings, tmp_path_factory: pytest.TempPathFactory, worker_id: str
+) -> Path:
+    """Give the cloud of the planes; read only, and made by the first process that needs it."""
+    base = tmp_path_factory.getbasetemp()
+    shared = (base if worker_id == "master" else base.parent) / "plane-cloud"
+    shared.mkdir(exist_ok=True)
+    out, made = shared / "out", shared / "made"
+    with hold_lock(shared / "lock"):
+        if not made.exists():
+            out.mkdir(exist_ok=True)
+            with in_this_process():
+                reconstruct(plane_capture, out, plane_settings, SILENT)
+            made.touch()
+    return out
 
 
 @pytest.fixture(scope="session")

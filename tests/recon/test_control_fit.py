@@ -9,6 +9,7 @@ from recon.placing.control_fit import SurveyedPoints, fit_to_points
 from recon.placing.gravity import GravityCues
 from recon.placing.marked_places import MarkedPlace, mark_variances
 from recon.placing.similarity import Similarity, derivatives
+from tests.conftest import Count
 from tests.recon.test_align import random_rotations
 
 F64 = NDArray[np.float64]
@@ -63,11 +64,11 @@ def test_exact_marks_have_the_least_noise_alike() -> None:
     assert variances[0] == mark_variances(exact)[0]
 
 
-def test_covariances_are_those_of_repeated_draws() -> None:
-    """Of 100 draws, the errors of the seven parameters, whitened by the stated covariance, scatter by one."""
+def test_covariances_are_those_of_repeated_draws(proof_count: Count) -> None:
+    """Of many draws, the errors of the seven parameters, whitened by the stated covariance, scatter by one."""
     known, true, spread = seen_from_above(10, np.random.default_rng(2))
     squares, ignoring = [], []
-    for seed in range(100):
+    for seed in range(proof_count(50, 100)):
         points = drawn(known, true, spread, seed)
         fit = fit_to_points(points, NO_LEVELS, np.random.default_rng(0))
         assert fit is not None

@@ -3,8 +3,9 @@
 import hashlib
 import sqlite3
 import threading
-from contextlib import closing, suppress
+from contextlib import closing, nullcontext, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from recon.sfm.extraction import extract
 from recon.sfm.matching import choose_pairing, match
 from render.capture import CalibrationPrior, Capture, CaptureImage
 from tests.conftest import RecordProof
+from tests.recon.conftest import in_this_process, serve_here
 
 TABLES = ("cameras", "images", "keypoints", "descriptors", "pose_priors", "matches", "two_view_geometries")
 
@@ -65,7 +67,9 @@ def made(capture: Capture, folder: Path, threads: int, interrupted: bool = False
             connection.commit()
         extract(capture, features, settings, SILENT)
     empty_journal(features / DATABASE)
-    match(capture, features, matches, settings, 0, SILENT)
+    with in_this_process() if interrupted or threads == 1 else nullcontext():
+        first = settings.model_copy(update={"threads": 1}) if interrupted else settings
+        match(capture, features, matches, first, 0, SILENT)
     if interrupted:
         with closing(sqlite3.connect(matches / DATABASE)) as connection:
             middle = connection.execute("SELECT AVG(pair_id) FROM two_view_geometries").fetchone()
@@ -99,7 +103,8 @@ def test_a_share_that_dies_costs_no_other(tmp_path: Path, monkeypatch: pytest.Mo
         (tmp_path / part).mkdir()
     extract(capture, tmp_path / "features", settings, SILENT)
     empty_journal(tmp_path / "features" / DATABASE)
-    begun, home, dead = threading.Event(), list[Any](), list[Any]()
+    begun, alone, home, dead = threading.Event(), threading.Lock(), list[Any](), list[Any]()
+    dead_is_known = False
 
     def run_or_die(module: str, request: dict[str, Any], **options: Any) -> Any:
         if request["folder"].endswith("share0") and not dead:
@@ -108,7 +113,10 @@ def test_a_share_that_dies_costs_no_other(tmp_path: Path, monkeypatch: pytest.Mo
             raise ChildError("out of luck")
         home.extend(request["pairs"])
         begun.set()
-        return run_child(module, request, **options)
+        if not dead_is_known:
+            return run_child(module, request, **options)
+        with alone:
+            return serve_here(module, request, **options)
 
     monkeypatch.setattr(matching, "_SHARE", 1)
     monkeypatch.setattr(matching, "_LEAST_SHARE", 1)
@@ -116,7 +124,7 @@ def test_a_share_that_dies_costs_no_other(tmp_path: Path, monkeypatch: pytest.Mo
     with pytest.raises(ChildError, match="out of luck"):
         match(capture, tmp_path / "features", tmp_path / "matches", settings, 0, SILENT)
     assert 1 <= len(home) <= 3  # the pool may have begun another or two before it heard of the failure
-    first = list(home)
+    first, dead_is_known = list(home), True
     assert match(capture, tmp_path / "features", tmp_path / "matches", settings, 0, SILENT)["pairs"] == 6
     assert set(dead) <= set(home)
     assert len(home) == len(set(home)) == 6  # and nothing twice
@@ -124,6 +132,7 @@ def test_a_share_that_dies_costs_no_other(tmp_path: Path, monkeypatch: pytest.Mo
     assert [path.name for path in (tmp_path / "matches").iterdir()] == [DATABASE]
 
 
+@pytest.mark.usefixtures("no_children")
 def test_what_a_killed_share_had_matched_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, record_proof: RecordProof
 ) -> None:
@@ -141,7 +150,7 @@ def test_what_a_killed_share_had_matched_is_kept(
 
     def run_and_tell(module: str, request: dict[str, Any], **options: Any) -> Any:
         asked.extend(request["pairs"])
-        return run_child(module, request, **options)
+        return serve_here(module, request, **options)
 
     monkeypatch.setattr(matching, "run_child", run_and_tell)
     match(capture, features, matches, settings, 0, SILENT)
@@ -152,8 +161,9 @@ def test_what_a_killed_share_had_matched_is_kept(
     record_proof("recon: pairs of a killed share of matching are kept", len(pairs), 2, figures)
 
 
-def test_what_cannot_be_read_just_now_is_not_thrown_away(tmp_path: Path) -> None:
+def test_what_cannot_be_read_just_now_is_not_thrown_away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Somebody holds a sound database of matches: its pairs are not taken for none."""
+    monkeypatch.setattr(sqlite3, "connect", partial(sqlite3.connect, timeout=0.1))  # SQLite waits for five seconds
     with closing(sqlite3.connect(tmp_path / DATABASE)) as holder:
         holder.execute("CREATE TABLE two_view_geometries (pair_id INTEGER)")
         holder.execute("INSERT INTO two_view_geometries VALUES (7)")
@@ -164,6 +174,7 @@ def test_what_cannot_be_read_just_now_is_not_thrown_away(tmp_path: Path) -> None
             paired(tmp_path / DATABASE)
 
 
+@pytest.mark.usefixtures("no_children")
 @pytest.mark.parametrize("left", [b"", bytes(40_000), b"what a power cut left"])
 def test_a_broken_database_is_made_anew(tmp_path: Path, left: bytes) -> None:
     """A database that is empty, zeroed or no database at all is not gone on with."""
@@ -183,10 +194,12 @@ def test_who_looks_on_loses_no_row(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     ended = threading.Event()
     held: list[str] = []
 
-    def run_and_tell(*arguments: Any, **options: Any) -> Any:
+    def run_and_tell(module: str, request: dict[str, Any], **options: Any) -> Any:
         ended.clear()
+        if request["stage"] == "map":
+            raise RejectedSceneError("no_model", "the databases are there")
         try:
-            return run_child(*arguments, **options)
+            return run_child(module, request, **options)
         finally:
             ended.set()
 
@@ -214,6 +227,7 @@ def test_who_looks_on_loses_no_row(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert all(copied[table] == whole[table] for table in TABLES[:5])
 
 
+@pytest.mark.usefixtures("no_children")
 def test_sequential_pairs_come_back(tmp_path: Path) -> None:
     """Without GPS, an image meets its followers one by one, and others 2, 4, 8 further on."""
     capture = crops(tmp_path / "photographs", 7, contrast=0.0)
@@ -236,6 +250,7 @@ def rows_paired(folder: Path) -> list[tuple[int, ...]]:
     return [tuple(int(file[image][:2]) for image in pycolmap.pair_id_to_image_pair(number)) for number in numbers]
 
 
+@pytest.mark.usefixtures("no_children")
 def test_spatial_pairs_of_a_long_flight_leap(tmp_path: Path) -> None:
     """With GPS, an image meets its nearest ones, and on a long flight some 32, 64 … further on; each pair once.
 

@@ -67,6 +67,7 @@ def text_of(page: Path) -> str:
     return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", body)).split())
 
 
+@pytest.mark.usefixtures("no_children")
 @pytest.mark.parametrize("form", [as_list, as_tables])
 def test_residuals_of_control_stand_in_verdict_and_page(
     form: object, bare: Path, plane_capture: Path, plane_cloud: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -74,7 +75,7 @@ def test_residuals_of_control_stand_in_verdict_and_page(
     """Both forms of a file of control points: every point and the bar, in the last line, in cloud.json, in the page."""
     file, cloud, page = tmp_path / "control.txt", tmp_path / "cloud", tmp_path / "page.html"
     file.write_text(as_list(plane_capture) if form is as_list else as_tables(plane_capture))
-    out = said(capsys, "reconstruct", bare, "-o", cloud, "--model", plane_cloud, "--gcp", file)
+    out = said(capsys, "reconstruct", bare, "-o", cloud, "--model", plane_cloud, "--mode", "sparse", "--gcp", file)
     assert re.search(r"aligned to 6 control points \(0\.00\d m rms\), scale ±0\.\d+ %, tilt ±0\.\d+°", out), out
     stored = json.loads((cloud / "cloud.json").read_text())["alignment"]
     assert [row["name"] for row in stored["control_points"]] == [f"C{k}" for k in range(6)]
@@ -88,6 +89,7 @@ def test_residuals_of_control_stand_in_verdict_and_page(
     assert "error of the camera positions" not in text
 
 
+@pytest.mark.usefixtures("no_children")
 def test_a_frame_made_of_gps_says_how_far_it_is_off(
     bare: Path, plane_cloud: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -97,7 +99,7 @@ def test_a_frame_made_of_gps_says_how_far_it_is_off(
     told["images"][3]["gps"][0] += 400.0  # one fix strays, and costs no camera
     file.write_text(json.dumps(told))
     cloud, page = tmp_path / "cloud", tmp_path / "page.html"
-    out = said(capsys, "reconstruct", bare, "-o", cloud, "--model", plane_cloud)
+    out = said(capsys, "reconstruct", bare, "-o", cloud, "--model", plane_cloud, "--mode", "sparse")
     assert "10 of 10 photographs ok" in out
     assert re.search(
         r"aligned to GPS \(9 of 10 fixes\), scale ±[\d.]+ %, tilt ±[\d.]+°, heading ±[\d.]+°, place ±", out
@@ -116,6 +118,7 @@ def test_a_frame_made_of_gps_says_how_far_it_is_off(
     assert "error of the camera positions" not in text
 
 
+@pytest.mark.usefixtures("no_children")
 def test_without_a_frame_lengths_have_no_unit(
     bare: Path, plane_cloud: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
