@@ -151,7 +151,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "checkpoint.read_checkpoint",
         "cloud._load",
         "float_files.decode_exr",
-        "glb._Picture.__init__",
+        "glb._read",
         "surface_look._decode",
         "panorama._read_exr",
         "mesh._loaded",
