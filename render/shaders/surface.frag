@@ -62,6 +62,15 @@ layout(location = 3) out uint out_triangle;
 #endif
 #endif
 
+// A card stands for leaves at all angles in front of each other. Its normal is that of the crown around it, so the angle
+// at which it is seen says nothing about how grazing they are seen: they have no bright rim, which would be sky of no
+// color on the green, and in a shadow brighter than the lawn. Most of the sky that a leaf would mirror, others hide.
+#if defined(CUT_OUT) && !defined(BLEND)
+#define LEAVES
+#endif
+const float LEAF_SHINE = 0.4;   // share of the sky that is not hidden [1]
+const vec3 LEAF_THROUGH = vec3(0.7, 0.8, 0.4);  // light let through over light scattered back [1]: it lost more blue
+
 const float PI = 3.14159265;
 const float GLOW = 0.08;        // as in daylight.py
 
@@ -167,9 +176,13 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
 #endif
     float ndl = dot(n, to_sun);
     float lit = 0.0;
+    vec3 through = vec3(0.0);
 #ifdef SUN
     float seen = sun_visibility();  // not in the branch: it needs the neighbouring pixels
     if (dot(face, to_sun) > 0.0 && ndl > 0.0) lit = ndl * seen;
+#ifdef LEAVES
+    through = LEAF_THROUGH * (max(-ndl, 0.0) * seen);
+#endif
 #endif
 #ifdef WATER
     vec3 sky = sky_irradiance(scene, face);
@@ -188,7 +201,7 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
     float entering = max(face.z * to_sun.z, 0.0);
     vec3 light = body_color(albedo, scene) / PI * (sun_irradiance * mix(entering, lit, 0.5) + sky);
 #else
-    vec3 light = albedo * (1.0 - metallic) / PI * (sun_irradiance * lit + sky);
+    vec3 light = albedo * (1.0 - metallic) / PI * (sun_irradiance * (lit + through) + sky);
 #endif
 #ifdef SOFT
 #ifdef HAS_ROUGHNESS
@@ -204,6 +217,10 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
     float grazing = fifth(1.0 - max(dot(middle, view), 0.0));
     light += sun_irradiance * lit * (f0 + (1.0 - f0) * grazing) * highlight(max(ndl, 0.0), ndv, max(dot(n, middle), 0.0), roughness);
     float rim = fifth(1.0 - ndv) * (1.0 - roughness) * (1.0 - roughness);
+#ifdef LEAVES
+    f0 *= LEAF_SHINE;
+    rim = 0.0;
+#endif
 #ifdef WATER
     light += (WATER_STRAIGHT + (1.0 - WATER_STRAIGHT) * fifth(1.0 - ndv)) * mirrored_light(scene, view, n, away, sky);
 #elif defined(MIRROR)
