@@ -34,17 +34,18 @@ in vec3 normal;
 uniform float waterline;        // height over the camera below which nothing is mirrored [m]
 #endif
 
-#ifdef FADES
-in float shown;
+#ifdef BAR
+in float width_times_depth;
+flat in vec2 fades;
 #endif
 #ifdef VEILED
 uniform sampler2D ribbons_away; // [m]
 #endif
 #ifdef RIBBON
-in float width_times_depth;
 in float across_times_depth;
 flat in vec2 across;
 flat in float one_share;
+flat in float one_side;
 in vec3 one_normal;
 in vec3 other_normal;
 
@@ -75,6 +76,9 @@ const float PI = 3.14159265;
 const float GLOW = 0.08;        // as in daylight.py
 
 // #include sun_shadow.glsl
+#ifdef CREASES
+// #include crease.glsl
+#endif
 
 vec3 sky_irradiance(vec3 scene, vec3 n) {
     vec3 open = open_sky[0] + n.x * open_sky[1] + n.y * open_sky[2] + n.z * open_sky[3];
@@ -327,9 +331,15 @@ void main() {
 #endif
 #ifdef RIBBON
     float away = across_times_depth * gl_FragCoord.w, wide = width_times_depth * gl_FragCoord.w;
-    float cover = (beside(away + wide) - beside(away - wide)) * (1.0 - smoothstep(1.5, 2.5, 2.0 * wide));
+    float low = beside(away + wide), high = beside(away - wide), covered = low - high;
+    float cover = covered * (1.0 - smoothstep(fades.x, fades.y, 2.0 * wide));
     if (cover < 1e-3) discard;
-    vec3 light = mix(shade(albedo, normalize(other_normal), roughness), shade(albedo, normalize(one_normal), roughness), one_share);
+    float share = one_share;
+    if (one_side != 0.0) {
+        float upper = beside(away - one_side * wide * (1.0 - 2.0 * one_share));
+        share = clamp((one_side > 0.0 ? upper - high : low - upper) / covered, 0.0, 1.0);
+    }
+    vec3 light = mix(shade(albedo, normalize(other_normal), roughness), shade(albedo, normalize(one_normal), roughness), share);
     out_coverage = vec4(min(light * code_scale, 1.0), 1.0) * cover;
     out_away = 1.0 / gl_FragCoord.w;
 #else
@@ -349,12 +359,17 @@ void main() {
     out_color = vec4(sqrt(clamp(shade(albedo, face, roughness) * code_scale, 0.0, 1.0)), 1.0);
 #endif
 #ifdef FADES
+    float shown = smoothstep(fades.x, fades.y, 2.0 * width_times_depth * gl_FragCoord.w);
     out_color.a = shown;
 #ifdef PANES  // what is not shown must not hide them
     if (shown <= 0.0) discard;
 #endif
 #endif
+#if defined(CREASES) && !defined(CUT_OUT)
+    out_draw = creased(draw + 1u, face);
+#else
     out_draw = draw + 1u;
+#endif
     out_depth = 1.0 / gl_FragCoord.w;
 #ifdef NORMALS
     out_normal = vec4(face, 1.0);
