@@ -24,6 +24,8 @@ _BAR_FORMATS = ("3f4", "3f4", "3f4", "3f4")
 _BAR = np.dtype([("axis", "3f4"), ("first", "3f4"), ("second", "3f4"), ("shape", "3f4")])
 _NOT_A_BAR = -1.0
 WIDEST = 2.5  # [px] from this thickness on only the surface is drawn; as in bar.glsl
+_EDGED = 8.0 / WIDEST  # the same of bars with edges over that of others; as in bar.glsl
+_FLAT = 1e-2  # bars thinner than this share of their width have no two sides that are seen; as in bar.glsl
 _SHORTEST = 8.0  # [px]; shorter ones, such as distant grass, do not look like lines, and are many
 _LEAST = 1e-3  # [m] smallest thickness of a flat bar seen from the side
 
@@ -35,7 +37,8 @@ class PartBars:
     Attributes:
         first: First triangle of its surfaces and of its ribbons, shape (P, 2), int64.
         count: Number of these triangles, 0 without bars, shape (P, 2), int64.
-        thickness: Thickness of its thinnest bar [stage units], +inf without any, shape (P,), float64.
+        thickness: Thickness of its thinnest bar [stage units], of one with edges divided by `_EDGED`, +inf without any,
+            shape (P,), float64.
         length: Length of its longest segment [stage units], shape (P,), float64.
     """
 
@@ -71,7 +74,8 @@ class Ribbons:
         indices: Triangles of both.
         surfaces: Draw command of the surfaces of each draw, shape (D,), dtype as the scene's.
         ribbons: Draw command of the ribbons of each draw, shape (D,), dtype as the scene's.
-        thickness: Thickness of the thinnest bar of each draw [m], +inf without any, shape (D,), float64.
+        thickness: Thickness of the thinnest bar of each draw [m], of one with edges divided by `_EDGED`, +inf without
+            any, shape (D,), float64.
         length: Length of the longest segment of each draw [m], shape (D,), float64.
         parts: Positions of the bars of each part.
     """
@@ -197,8 +201,10 @@ def _ribbon_shapes(bars: Bars) -> NDArray[np.void]:
 def _sizes(bars: Bars, parts: int) -> tuple[F64, F64]:
     """Compute the thickness of the thinnest bar and length of the longest segment of each part, each shape (P,)."""
     least, longest = np.full(parts, np.inf), np.zeros(parts)
-    half = np.minimum(np.linalg.norm(bars.second, axis=-1), np.linalg.norm(bars.first, axis=-1)).min(axis=1)
-    np.minimum.at(least, bars.part, np.maximum(2 * half, _LEAST))
+    first, second = np.linalg.norm(bars.first, axis=-1), np.linalg.norm(bars.second, axis=-1)
+    edged = ~bars.round & (second >= _FLAT * first).any(axis=1)
+    thickness = np.maximum(2 * np.minimum(second, first).min(axis=1), _LEAST)
+    np.minimum.at(least, bars.part, thickness / np.where(edged, _EDGED, 1.0))
     np.maximum.at(longest, bars.part, np.linalg.norm(bars.ends[:, 1] - bars.ends[:, 0], axis=-1))
     return least, longest
 

@@ -7,7 +7,8 @@ in vec3 in_first;               // half axes of the cross-section
 in vec3 in_second;
 in vec3 in_shape;               // side of a ribbon; 1 for round, 0 for rectangular, -1 for no bar; which end, 1 or -1
 
-const float FADING = 1.5, WIDEST = 2.5;     // [px] between them a surface gives way to its ribbon
+const vec2 FADING = vec2(1.5, 2.5);         // [px] between them a surface gives way to its ribbon; as in ribbons.py
+const vec2 EDGED_FADING = vec2(6.0, 8.0);   // the same of one with edges: a side of it is a fraction as wide
 const float NEAREST = 0.3;                  // [m] in front of the camera
 
 // Where a place goes on the image if it is shifted [px].
@@ -21,6 +22,15 @@ vec2 across_bar(vec4 clip, vec3 axis) {
     vec2 along = shifted(clip, axis);
     float size = length(along);
     return size > 1e-6 ? vec2(-along.y, along.x) / size : vec2(1.0, 0.0);
+}
+
+vec2 fading(bool is_edged) {
+    return is_edged ? EDGED_FADING : FADING;
+}
+
+// Whether a bar has two sides that differ in light: it is neither round nor flat.
+bool has_edges(vec3 first, vec3 second, bool is_round) {
+    return !is_round && dot(second, second) >= 1e-4 * dot(first, first);
 }
 
 // Half the width of a bar on the image [px].

@@ -34,17 +34,18 @@ in vec3 normal;
 uniform float waterline;        // height over the camera below which nothing is mirrored [m]
 #endif
 
-#ifdef FADES
-in float shown;
+#ifdef BAR
+in float width_times_depth;
+flat in vec2 fades;
 #endif
 #ifdef VEILED
 uniform sampler2D ribbons_away; // [m]
 #endif
 #ifdef RIBBON
-in float width_times_depth;
 in float across_times_depth;
 flat in vec2 across;
 flat in float one_share;
+flat in float one_side;
 in vec3 one_normal;
 in vec3 other_normal;
 
@@ -62,10 +63,22 @@ layout(location = 3) out uint out_triangle;
 #endif
 #endif
 
+// A card stands for leaves at all angles in front of each other. Its normal is that of the crown around it, so the angle
+// at which it is seen says nothing about how grazing they are seen: they have no bright rim, which would be sky of no
+// color on the green, and in a shadow brighter than the lawn. Most of the sky that a leaf would mirror, others hide.
+#if defined(CUT_OUT) && !defined(BLEND)
+#define LEAVES
+#endif
+const float LEAF_SHINE = 0.4;   // share of the sky that is not hidden [1]
+const vec3 LEAF_THROUGH = vec3(0.7, 0.8, 0.4);  // light let through over light scattered back [1]: it lost more blue
+
 const float PI = 3.14159265;
 const float GLOW = 0.08;        // as in daylight.py
 
 // #include sun_shadow.glsl
+#ifdef CREASES
+// #include crease.glsl
+#endif
 
 vec3 sky_irradiance(vec3 scene, vec3 n) {
     vec3 open = open_sky[0] + n.x * open_sky[1] + n.y * open_sky[2] + n.z * open_sky[3];
@@ -167,9 +180,13 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
 #endif
     float ndl = dot(n, to_sun);
     float lit = 0.0;
+    vec3 through = vec3(0.0);
 #ifdef SUN
     float seen = sun_visibility();  // not in the branch: it needs the neighbouring pixels
     if (dot(face, to_sun) > 0.0 && ndl > 0.0) lit = ndl * seen;
+#ifdef LEAVES
+    through = LEAF_THROUGH * (max(-ndl, 0.0) * seen);
+#endif
 #endif
 #ifdef WATER
     vec3 sky = sky_irradiance(scene, face);
@@ -188,7 +205,7 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
     float entering = max(face.z * to_sun.z, 0.0);
     vec3 light = body_color(albedo, scene) / PI * (sun_irradiance * mix(entering, lit, 0.5) + sky);
 #else
-    vec3 light = albedo * (1.0 - metallic) / PI * (sun_irradiance * lit + sky);
+    vec3 light = albedo * (1.0 - metallic) / PI * (sun_irradiance * (lit + through) + sky);
 #endif
 #ifdef SOFT
 #ifdef HAS_ROUGHNESS
@@ -204,6 +221,10 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
     float grazing = fifth(1.0 - max(dot(middle, view), 0.0));
     light += sun_irradiance * lit * (f0 + (1.0 - f0) * grazing) * highlight(max(ndl, 0.0), ndv, max(dot(n, middle), 0.0), roughness);
     float rim = fifth(1.0 - ndv) * (1.0 - roughness) * (1.0 - roughness);
+#ifdef LEAVES
+    f0 *= LEAF_SHINE;
+    rim = 0.0;
+#endif
 #ifdef WATER
     light += (WATER_STRAIGHT + (1.0 - WATER_STRAIGHT) * fifth(1.0 - ndv)) * mirrored_light(scene, view, n, away, sky);
 #elif defined(MIRROR)
@@ -310,9 +331,15 @@ void main() {
 #endif
 #ifdef RIBBON
     float away = across_times_depth * gl_FragCoord.w, wide = width_times_depth * gl_FragCoord.w;
-    float cover = (beside(away + wide) - beside(away - wide)) * (1.0 - smoothstep(1.5, 2.5, 2.0 * wide));
+    float low = beside(away + wide), high = beside(away - wide), covered = low - high;
+    float cover = covered * (1.0 - smoothstep(fades.x, fades.y, 2.0 * wide));
     if (cover < 1e-3) discard;
-    vec3 light = mix(shade(albedo, normalize(other_normal), roughness), shade(albedo, normalize(one_normal), roughness), one_share);
+    float share = one_share;
+    if (one_side != 0.0) {
+        float upper = beside(away - one_side * wide * (1.0 - 2.0 * one_share));
+        share = clamp((one_side > 0.0 ? upper - high : low - upper) / covered, 0.0, 1.0);
+    }
+    vec3 light = mix(shade(albedo, normalize(other_normal), roughness), shade(albedo, normalize(one_normal), roughness), share);
     out_coverage = vec4(min(light * code_scale, 1.0), 1.0) * cover;
     out_away = 1.0 / gl_FragCoord.w;
 #else
@@ -332,12 +359,17 @@ void main() {
     out_color = vec4(sqrt(clamp(shade(albedo, face, roughness) * code_scale, 0.0, 1.0)), 1.0);
 #endif
 #ifdef FADES
+    float shown = smoothstep(fades.x, fades.y, 2.0 * width_times_depth * gl_FragCoord.w);
     out_color.a = shown;
 #ifdef PANES  // what is not shown must not hide them
     if (shown <= 0.0) discard;
 #endif
 #endif
+#if defined(CREASES) && !defined(CUT_OUT)
+    out_draw = creased(draw + 1u, face);
+#else
     out_draw = draw + 1u;
+#endif
     out_depth = 1.0 / gl_FragCoord.w;
 #ifdef NORMALS
     out_normal = vec4(face, 1.0);

@@ -17,15 +17,16 @@ in vec2 in_place;
 #endif
 
 // #include bar.glsl
-#ifdef FADES
-out float shown;                // share of a surface that is left where it is about to become a ribbon
+#ifdef BAR
+out float width_times_depth;    // half the width [px m]
+flat out vec2 fades;            // [px] widths between which it gives way to the surface
 #endif
 #ifdef RIBBON
 uniform vec3 to_sun;
-out float width_times_depth;    // half the width [px m]
 out float across_times_depth;   // distance from the axis [px m]
 flat out vec2 across;           // direction across the bar on the image
 flat out float one_share;       // how much of what is seen of the bar faces the first of two ways
+flat out float one_side;        // where across it that lies: 1, -1, or 0 for all of it
 out vec3 one_normal;
 out vec3 other_normal;
 #endif
@@ -59,18 +60,43 @@ vec2 place(vec4 map[2]) {
 vec3 turned(Draw row, vec3 way) {
     return vec3(dot(row.linear[0], way), dot(row.linear[1], way), dot(row.linear[2], way));
 }
+
+// A place on a bar in front of the camera: this end of a segment, or some way to the other one.
+vec3 in_front(vec3 here, vec3 axis) {
+    float away = (clip_from_relative * vec4(here, 1.0)).w, along = (clip_from_relative * vec4(axis, 0.0)).w;
+    return away < NEAREST && along > 0.0 ? here + axis * min((NEAREST - away) / along, 1.0) : here;
+}
 #endif
 
 #ifdef RIBBON
+// 1 / depth of what lies nearer to the camera than a place on a bar [1/m], from 1 / its depth.
+float forward(float inverse, float nearer) {
+    return 1.0 / max((1.0 - 2e-4) / inverse - nearer, 0.1);
+}
+
+// The same at one end of a ribbon. Between its ends it changes evenly over the image, as 1 / depth does but `forward` does
+// not: a ribbon from the camera's side to far away would lie before what hides it. So it is right at the far end and
+// where the ribbon enters the image, or gets thin enough to be drawn: at `thin` [1/m].
+float lifted(vec4 here, vec4 end, float nearer, float thin) {
+    float near = 1.0 / here.w, far = 1.0 / max(end.w, 0.01);
+    float first = forward(far, nearer), share = (thin - far) / (near - far);
+    if (near <= 1.01 * far) return forward(near, nearer);
+    for (int axis = 0; axis < 2; axis++) {
+        float at = here[axis] * near, to = end[axis] * far;
+        if (abs(at) > 1.0) share = min(share, (sign(at) - to) / (at - to));
+    }
+    share = clamp(share, 0.01, 1.0);
+    return first + (forward(mix(far, near, share), nearer) - first) / share;
+}
+
 // The strip that a bar covers and a pixel to either side; what is shaded is what of the bar faces the camera.
 void lay_ribbon(Draw row) {
     vec3 axis = turned(row, in_axis), first = turned(row, in_first), second = turned(row, in_second);
+    relative = in_front(relative, axis);
     vec4 clip = clip_from_relative * vec4(relative, 1.0);
-    float depth_along = (clip_from_relative * vec4(axis, 0.0)).w;
-    if (clip.w < NEAREST && depth_along > 0.0) relative += axis * min((NEAREST - clip.w) / depth_along, 1.0);
-    clip = clip_from_relative * vec4(relative, 1.0);
     across = across_bar(clip, axis * in_shape.z);
-    bool is_round = in_shape.y > 0.5, is_flat = dot(second, second) < 1e-4 * dot(first, first);
+    bool is_round = in_shape.y > 0.5, is_edged = has_edges(first, second, is_round), is_flat = !is_round && !is_edged;
+    fades = fading(is_edged);
     float wide = half_width(clip, across, first, second, is_round), reach = wide + 1.0;
     float radius = length(first);
     vec3 view = -normalize(relative), along = normalize(axis) * in_shape.z;
@@ -80,12 +106,14 @@ void lay_ribbon(Draw row) {
     other_normal = other * (dot(other, view) < 0.0 ? -1.0 : 1.0);
     float one_width = abs(dot(across, shifted(clip, second))), other_width = abs(dot(across, shifted(clip, first)));
     one_share = is_flat ? 0.0 : one_width / max(one_width + other_width, 1e-9);
+    one_side = is_edged ? (dot(across, shifted(clip, one_normal)) < 0.0 ? -1.0 : 1.0) : 0.0;
     if (is_round) {  // two points of Gauss's rule over the half that is seen
         one_normal = 0.8165 * towards + 0.57735 * aside;
         other_normal = 0.8165 * towards - 0.57735 * aside;
         one_share = 0.5;
     }
-    float nearer = is_flat ? 0.01 : 1.5 * (radius + length(second));
+    float slant = max(length(cross(along, view)), 0.1);  // the surface of one seen nearly along lies the farther before it
+    float nearer = is_flat ? 0.01 : (radius + length(second)) * max(1.5, 0.75 / slant);
     if (is_flat) {  // it stays in its plane, which something else may lie in too
         float lean = dot(across, shifted(clip, first));
         float longer = min(reach / max(abs(lean), 1e-6), 20.0);
@@ -95,7 +123,8 @@ void lay_ribbon(Draw row) {
         gl_Position = clip;
         gl_Position.xy += across * in_shape.x * reach / half_size * clip.w;
     }
-    gl_Position.z *= gl_Position.w / max(gl_Position.w - nearer - 2e-4 * gl_Position.w, 0.1);
+    vec4 end = clip_from_relative * vec4(in_front(relative + axis, -axis), 1.0);
+    gl_Position.z *= clip.w * lifted(clip, end, nearer, fades.y / (2.0 * wide * clip.w));
     width_times_depth = wide * clip.w;
     across_times_depth = in_shape.x * reach * clip.w;
     relative += to_sun * (radius + 0.1);
@@ -129,12 +158,15 @@ void main() {
     gl_Position = clip_from_relative * vec4(relative, 1.0);
 #endif
 #ifdef FADES
-    vec4 clip = clip_from_relative * vec4(relative, 1.0);
-    shown = 1.0;
-    if (in_shape.y >= 0.0 && clip.w > NEAREST) {
-        vec2 across = across_bar(clip, turned(row, in_axis));
-        float wide = 2.0 * half_width(clip, across, turned(row, in_first), turned(row, in_second), in_shape.y > 0.5);
-        shown = smoothstep(FADING, WIDEST, wide);
+    width_times_depth = 1e9;
+    fades = FADING;
+    if (in_shape.y >= 0.0) {
+        vec3 axis = turned(row, in_axis), first = turned(row, in_first), second = turned(row, in_second);
+        vec4 clip = clip_from_relative * vec4(in_front(relative, axis), 1.0);
+        bool is_round = in_shape.y > 0.5;
+        fades = fading(has_edges(first, second, is_round));
+        if (clip.w > 0.5 * NEAREST)
+            width_times_depth = clip.w * half_width(clip, across_bar(clip, axis), first, second, is_round);
     }
 #endif
 }

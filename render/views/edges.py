@@ -50,7 +50,8 @@ def _edges(draw: U32, depth: F32, axis: int) -> Bools:
     here, there = ((slice(None),) * axis + (slice(first, count - 1 + first),) for first in (0, 1))
     found = draw[here] != draw[there]
     bits = depth.view(np.int32)  # of positive floats: they increase like a logarithm, and infinity's are finite
-    place = list(np.nonzero((np.abs(bits[here] - bits[there]) > _JUMP_BITS) & ~found))
+    jumps = (np.abs(bits[here] - bits[there]) > _JUMP_BITS) & ~found
+    place = list(np.divmod(np.flatnonzero(jumps), jumps.shape[1]))  # a quarter of the time of `nonzero`
     inverse = []
     for step in (-1, 0, 1, 2):
         near = place.copy()
@@ -80,11 +81,11 @@ def _shares(across: Bools, beside: Bools) -> tuple[I64, I64, F32]:
         what lies below it, or negative: of the one below it which shows what lies above [1], shape (N,), float32.
     """
     height, width = across.shape
-    padded = np.zeros((height, width + 2), np.int8)
-    padded[:, 1:-1] = across
-    change = np.diff(padded, axis=1)
-    row, first = np.nonzero(change > 0)
-    last = np.nonzero(change < 0)[1] - 1
+    padded = np.zeros(height * (width + 1) + 1, bool)  # each row begins with a gap, so that starts and ends alternate
+    padded[:-1].reshape(height, width + 1)[:, 1:] = across
+    change = np.flatnonzero(padded[1:] != padded[:-1])
+    row, first = np.divmod(change[::2], width + 1)
+    last = change[1::2] % (width + 1) - 1
     left = _turn(beside, row, first - 1)
     right = _turn(beside, row, last)
     single = first == last

@@ -20,6 +20,7 @@ from render.views.mirror import Image, Mirror, look_up_uniforms
 from render.views.targets import Targets, View
 from usd_schemas.pinhole import Pinhole
 
+_DRAW = np.uint32(2**27 - 1)  # bits of a draw's number; those above say how its face is turned, as in crease.glsl
 MIRROR_UNIT = 14  # after those of light, materials, draws and ribbons
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -82,6 +83,7 @@ class Painter:
         self._blending: Blending | None = None
         self._mirror = Mirror(gl, camera) if gpu.waters.any() and not cards else None
         self._image: Image | None = None
+        self._creases = ("CREASES",) if quality != "fast" and not targets.apart else ()
         self._soft = (("SOFT",) if quality != "fast" else ()) + (("GREY_CARD",) if cards else ())
         self._aim_at(gpu, lamps)
 
@@ -163,7 +165,7 @@ class Painter:
         exact = (targets.finer * first, targets.finer * end)
         if targets.apart or (len(seen.thin) and len(seen.through)):  # otherwise the pass of the photograph drew them
             targets.bind(targets.truth, *exact)
-            self._calls.ids(np.concatenate([seen.opaque, seen.thin]), sight, targets.extra)
+            self._calls.ids(np.concatenate([seen.opaque, seen.thin]), sight, targets.extra + self._creases)
         if self._coverage_layer is not None and len(seen.thin):
             self._draw_ribbons(self._coverage_layer, seen, sight, (first, end))
         if len(seen.through):  # last, because they are opaque in the truth and not in the photograph
@@ -186,7 +188,7 @@ class Painter:
     def _draw_photograph(self, seen: _Seen, sight: Sight, span: tuple[int, int]) -> None:
         """Draw the photograph without ribbons; ids and depth are drawn with it unless they have a separate pass."""
         targets, calls = self._targets, self._calls
-        extra = () if targets.apart else targets.extra
+        extra = () if targets.apart else targets.extra + self._creases
         # The depth of large draws first: shading is then saved where they hide others. This does not change images: in
         # any order, a surface is drawn where nothing is nearer.
         large = calls.worth_hiding(seen.opaque, sight)
@@ -195,7 +197,7 @@ class Painter:
             calls.depth(large, sight)
         targets.bind(targets.shaded, *span)
         calls.surfaces(seen.opaque, sight, self._features + extra)
-        calls.sky(sight, extra)
+        calls.sky(sight, () if targets.apart else targets.extra)
         if len(seen.thin):  # last: where they are thinner than a pixel, the surface behind them shows through
             self._gl.context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
             self._gl.functions.blend_only(0)  # ids and depth are not blended
@@ -224,9 +226,9 @@ class Painter:
             self._calls.facets(corners, sight)
 
     def _read(self, first: int, end: int) -> View:
-        view, targets = self._targets.read(first, end), self._targets
+        view = self._targets.read(first, end)
         if self._coverage_layer is not None:
-            if not targets.apart:
+            if not self._targets.apart:
                 smooth_edges(view.code, view.draw, view.depth)
             self._coverage_layer.composite(view.code, first, end, self._camera.height)
-        return view
+        return replace(view, draw=view.draw & _DRAW) if self._creases else view

@@ -13,7 +13,7 @@ from render.settings import RenderSettings
 from render.views.passes import Painter
 from render.views.prepare import prepare
 from tests.conftest import Count, RecordProof
-from tests.render.scenes import SceneBuilder, placed
+from tests.render.scenes import SceneBuilder, box_corners, placed
 from usd_schemas.flat_scene import Dome, FlatScene, Material, Sun
 from usd_schemas.pinhole import Pinhole
 
@@ -98,6 +98,28 @@ def test_a_thin_hanger_is_even_and_as_strong_as_its_samples(
     )
 
 
+@pytest.mark.parametrize("width", [2.2, 3.1, 5.3, 8.0])
+def test_both_sides_of_a_square_bar_are_even(
+    width: float, gl: Gl, plain: RenderSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a bar 2 to 8 px wide the sun lights one side, a fifth as wide: no string of pearls, as 8x8 samples show."""
+    away, turn, angle = 15.0, np.radians(12.0), 0.07
+    thick = width * away / CAMERA.fx / (np.cos(turn) + np.sin(turn))
+    along = np.array([np.sin(angle), np.cos(angle), 0.0])
+    aside = np.array([np.cos(angle), -np.sin(angle), 0.0]) * np.cos(turn) + np.array([0.0, 0.0, np.sin(turn)])
+    sides = np.stack([thick * aside, 4.0 * along, thick * np.cross(aside, along)])
+    builder = SceneBuilder(materials=[Material("bar", (0.5, 0.5, 0.5))])
+    builder.add_mesh(box_corners() @ sides + np.array([0.0, 0.0, away]), np.eye(4), 1)
+    scene = replace(
+        builder.build(POSE[None], CAMERA), dome=Dome((0.2, 0.2, 0.2)), sun=Sun((-0.95, 0.0, 0.1), (4.0, 4.0, 4.0))
+    )
+    painter = prepare(gl, scene, plain, SILENT).painter(CAMERA, sharp=True)
+    shown, truth = linear(painter), supersampled(painter, monkeypatch, 8)
+    sampled = linear(painter)  # without ribbons and smooth edges
+    left = [np.sqrt(((image - truth)[20:76] ** 2).mean()) for image in (shown, sampled)]
+    assert left[0] < 0.1 * left[1]
+
+
 @pytest.mark.parametrize("quality", ["standard", "fine"])
 @pytest.mark.parametrize("radius", [0.015, 0.1])
 def test_ids_and_depth_know_nothing_of_ribbons(
@@ -130,6 +152,36 @@ def test_what_is_behind_hides_no_ribbon_and_what_is_before_does(gl: Gl, plain: R
     assert (lost[4:44] > 0.5 * lost[4:44].mean()).all()
     assert lost[4:44].mean() > 0.01 * np.median(shown)
     assert np.abs(lost[52:]).max() < 0.1 * lost[4:44].mean()
+
+
+@pytest.mark.parametrize("behind", [False, True])
+def test_a_rail_running_past_the_camera_stays_behind_what_hides_it(behind: bool, gl: Gl, plain: RenderSettings) -> None:
+    """A dark rail of one segment, from beside the camera to 150 m, is seen before a wall as long and not behind it."""
+    builder = SceneBuilder(
+        materials=[Material("dark", (0.0, 0.0, 0.0)), Material("light", (0.0, 0.0, 0.0), emissive=(0.4, 0.4, 0.4))]
+    )
+    aside = -3.2 if behind else -2.0
+    builder.add_mesh(tube(np.array([aside, 0.0, -10.0]), np.array([aside, 0.0, 150.0]), 0.04, 4), np.eye(4), 1)
+    builder.add_box(placed((-2.6, 0.0, 75.0), (0.1, 4.0, 180.0)), 2, 2, 1)
+    shown = linear(prepare(gl, builder.build(POSE[None], CAMERA), plain, SILENT).painter(CAMERA, sharp=True))
+    column = shown[40:56, 4:28]
+    assert (column.min() < 0.9 * column.max()) != behind
+
+
+def test_a_rail_wide_near_by_and_thin_far_away_is_no_veil(gl: Gl, plain: RenderSettings) -> None:
+    """A dark pole of one segment from behind the camera to 200 m: where it is 4 px wide, no light shines through."""
+    builder = SceneBuilder(
+        materials=[
+            Material("dark", (0.0, 0.0, 0.0), roughness=1.0),
+            Material("wall", (0.0, 0.0, 0.0), emissive=(0.4, 0.4, 0.4)),
+        ]
+    )
+    builder.add_mesh(tube(np.array([0.3, 0.58, -4.0]), np.array([-6.0, -13.9, 200.0]), 0.1), np.eye(4), 1)
+    builder.add_box(placed((0.0, 0.0, 230.0), (180.0, 180.0, 1.0)), 2, 2, 1)
+    shown = linear(prepare(gl, builder.build(POSE[None], CAMERA), plain, SILENT).painter(CAMERA, sharp=True))
+    wide = (shown < 0.5 * shown.max()).sum(axis=1)
+    assert ((wide >= 4) & (wide < 8)).sum() >= 4
+    assert shown.min(axis=1)[wide >= 4].max() < 0.075 * shown.max()
 
 
 def test_a_bar_running_past_the_camera_keeps_its_place(gl: Gl, plain: RenderSettings) -> None:

@@ -105,6 +105,29 @@ def test_opacity_of_another_picture(gl: Gl, ideal: RenderSettings, tmp_path: Pat
         assert picture.seen(-side, 0, -1)[1] == pytest.approx(-1.0, abs=1e-4)
 
 
+@pytest.mark.parametrize("lit", [False, True])
+def test_leaves_are_no_paler_than_their_color(lit: bool, gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
+    """A card with its crown's normal, seen along it, has no rim of sky; some sun from behind shines through."""
+    leaf = np.full((32, 32, 4), (*map(coded, (0.03, 0.09, 0.06)), 255), np.uint8)
+    leaf[:, :8, 3] = 0
+    cv2.imwrite(str(tmp_path / "leaf.png"), leaf)
+    node = straight(texture("A", "./leaf.png"))
+    surface = "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\nfloat inputs:roughness = 0.6\n"
+    cut = "float inputs:opacity.connect = </Mat/A.outputs:a>\nfloat inputs:opacityThreshold = 0.5\n"
+    bent = 'normal3f[] normals = [({0})] (interpolation = "constant")\npoint3f[] points'
+    light = SUN.format(moved(TURN.format("(0, 0, 0)"))) if lit else ""
+    lawn, card = (
+        shot(gl, ideal, tmp_path, body.replace("point3f[] points", bent.format(way)), light, quality="standard")
+        for body, way in (
+            (network(surface, node), "0, 0, 1"),
+            (network(surface + cut, node), "0, 0, -1" if lit else "1, 0, 0.02"),
+        )
+    )
+    share = card.seen(0.3, 0.2, 0)[0] / lawn.seen(0.3, 0.2, 0)[0]
+    assert share.max() < 0.9
+    assert share[:2].min() > 0.3
+
+
 def test_glass_throws_no_shadow(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
     """The floor below a pane of opacity 0.3 is lit by the sun as without it; below one of 0.7 it is not."""
     sun = SUN.format(moved(TURN.format("(30, 0, 0)")))
