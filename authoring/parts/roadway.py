@@ -30,7 +30,12 @@ class RoadwaySettings(Settings):
     """Cross-section of a road deck, the same on both sides; omitted values are drawn at random."""
 
     lanes: int | None = chosen(
-        {1: 0.05, 2: 0.50, 3: 0.10, 4: 0.25, 5: 0.05, 6: 0.05}, "Number of traffic lanes [1]", ge=1, le=6
+        {1: 0.05, 2: 0.50, 3: 0.10, 4: 0.25, 5: 0.05, 6: 0.05},
+        "Number of traffic lanes [1]",
+        among="; on suspension and cable-stayed bridges at most one for 40 and 30 m of main span, rounded down to an "
+        "even number of at least 2",
+        ge=1,
+        le=6,
     )
     lane_width: float | None = drawn(3.0, 3.75, "Width of a lane [m]", ge=2.5, le=4.5)
     shoulder: float | None = drawn(0.3, 1.5, "Distance from the edge line to the kerb [m]", ge=0.0, le=3.0)
