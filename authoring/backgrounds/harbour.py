@@ -41,12 +41,16 @@ def crane(rng: np.random.Generator) -> Parts:
     steel += [_bar((-span, y, 7.0), (span, y, 7.0), 0.4) for y in (-gauge, gauge)]
     steel += [_bar((x, -gauge, 9.0), (x, gauge, 9.0), 0.4) for x in (-span * 0.95, span * 0.95)]
     steel += [box(HOME, (x * 0.55, -9.0, tall + 0.8), (0.5, 30.0, 0.8)) for x in (-span * 0.5, span * 0.5)]
-    steel += [_bar((0.0, 3.0, tall), (0.0, 2.0, tall + 13.0), 0.5)]
+    # Beams join the legs' tops and carry the booms; others between the booms carry mast and stays.
+    beam = 0.8 * span + 0.6
+    steel += [_bar((-beam, y, tall), (beam, y, tall), 0.6) for y in (-0.75 * gauge, 0.75 * gauge)]
+    steel += [_bar((-2.0, y, tall + 1.2), (2.0, y, tall + 1.2), 0.45) for y in (-36.0, -18.0, 3.0, 19.0)]
+    steel += [_bar((0.0, 3.0, tall + 1.2), (0.0, 2.0, tall + 13.0), 0.5)]
     steel += [_bar((0.0, 2.0, tall + 12.5), (0.0, end, tall + 1.6), 0.16) for end in (-36.0, -18.0, 19.0)]
-    steel += [_bar((x, -22.0, tall), (x * 0.6, -22.0, 9.0), 0.05) for x in (-1.6, 1.6)]
+    steel += [_bar((x, -22.0, tall), (x * 0.6, -22.0, 8.7), 0.05) for x in (-1.6, 1.6)]
     steel += [box(HOME, (0.0, -22.0, 8.6), (1.2, 3.0, 0.25))]
     house = box(HOME, (0.0, 14.0, tall + 3.3), (3.0, 5.0, 2.0))
-    cab = box(HOME, (0.0, -12.0, tall - 1.6), (1.3, 1.5, 1.3))
+    cab = box(HOME, (0.0, -12.0, tall - 1.2), (1.6, 1.5, 1.3))
     return ((PAINTS[int(rng.integers(0, 2))], merged(steel)), ("white_paint", house), ("window", cab))
 
 

@@ -16,6 +16,7 @@ from authoring.families.stayed_choices import (
     Choice,
     choose,
     draw_random,
+    drawn_main,
     with_longer_spans,
     with_median,
 )
@@ -23,7 +24,7 @@ from authoring.families.stayed_elevation import FLATTEST, GAUGE, Frame, NoRoomFo
 from authoring.parts.abutments import Abutments, draw_abutments
 from authoring.parts.bearings import Bearings, draw_bearings
 from authoring.parts.box_decks import CableDeck, bracket_parts, bracket_top, cable_deck_parts, floor_stations
-from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
+from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top, fitted_to_span
 from authoring.parts.drawing import Draws, draw, draw_option
 from authoring.parts.medians import median_parts
 from authoring.parts.part import Part
@@ -48,6 +49,7 @@ _DRAWN = (
     "slenderness",
 )
 _DROP = 6.5  # [m] from a pylon's lower cross beam to the ground, for its proportions
+_EACH_LANE = 30.0  # [m] of main span: two lanes below 120 m, four below 180 m
 _GROWTH, _GROWTHS = 1.06, 40  # factor and number of lengthenings of a main span that is too short for a requested shape
 _ANCHORED, _ANCHOR_PITCH = 40.0, 36.0  # [m] least side span with anchor piers, and their largest distance
 _MEDIAN = 1.4  # [m] width for the sockets of a single plane
@@ -110,6 +112,7 @@ def draw_cable_stayed(
     bearings = draw_bearings(shared.bearing, draws)
     abutments = draw_abutments(shared.abutment, bearings, draws)
     randoms = draw_random(settings, draws)
+    top = fitted_to_span(top, shared, drawn_main(settings, randoms), _EACH_LANE, draws)
     values = {key: draw(settings, key, draws) for key in _DRAWN}
     values["share"] = draws.random()
     make = _Make(settings, values, bearings, draws.profile)

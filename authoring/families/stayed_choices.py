@@ -252,6 +252,18 @@ def _choice(settings: CableStayedSettings, shape: str, randoms: RandomDraws, div
     return Choice(size, pylons, shape, arrangement, planes, deck, main, side, pitch, diameter)  # pyright: ignore
 
 
+def drawn_main(settings: CableStayedSettings, randoms: RandomDraws) -> float:
+    """Find the main span before anything is fitted to it [m].
+
+    Args:
+        settings: Values set by the user.
+        randoms: Random numbers for the values that the user did not set.
+    """
+    size = option_at(settings, "size", randoms.size, randoms.profile)
+    pylons = option_at(settings, "pylons", randoms.pylons, randoms.profile)
+    return settings.main or _main(size, pylons, randoms.ratios[0 if pylons == 2 else 1], randoms)
+
+
 def _main(size: str, pylons: int, ratio: float, randoms: RandomDraws) -> float:
     if randoms.profile == "paper":
         low, high = (3.0, 6.0) if pylons == 2 else (0.75, 1.5)

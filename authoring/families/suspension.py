@@ -23,7 +23,7 @@ from authoring.families.suspension_choices import (
 from authoring.parts.abutments import Abutments, draw_abutments
 from authoring.parts.bearings import Bearings, draw_bearings
 from authoring.parts.box_decks import CableDeck, bracket_parts, bracket_top, cable_deck_parts, floor_stations
-from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
+from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top, fitted_to_span
 from authoring.parts.drawing import Draws, draw
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers
@@ -40,6 +40,7 @@ _ENTRY = -0.6  # [m] height where the cables enter the anchor blocks
 _BEHIND = 1.6  # [m] distance of anchor blocks behind the abutments' backs
 _LEAST_DEPTH = {"steel_box": 1.0, "plate_girder": 0.9}  # [m]
 _STRUTS = 11.0  # [m] least distance between a tower's struts
+_EACH_LANE = 40.0  # [m] of main span: two lanes below 160 m, four below 240 m
 _FREE = 26.0  # [m] longest span between tower, piers and abutment without hangers
 
 
@@ -92,6 +93,7 @@ def draw_suspension(
     bearings = draw_bearings(shared.bearing, draws)
     abutments = draw_abutments(shared.abutment, bearings, draws)
     choice = choose_suspension(settings, draws)
+    top = fitted_to_span(top, shared, choice.main, _EACH_LANE, draws)
     slab, leg = draw(settings, "slab", draws), draw(settings, "leg", draws)
     overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
     deck = _deck(choice, top.width + 2.0 * _STRIP, slab, draws.random(), draws.profile != "paper")

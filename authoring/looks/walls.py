@@ -17,13 +17,15 @@ def washed_concrete(tile: Tile, age: float, color: Color = (0.300, 0.280, 0.240)
     """
     tone, _ = concrete_skin(tile, 0.5 * age)
     albedo, relief = paint((0.345, 0.335, 0.310), tone), np.zeros_like(tone)
-    for pitch, share in ((0.030, 0.95), (0.021, 0.7)):
+    for pitch, share in ((0.019, 0.9), (0.013, 0.75), (0.008, 0.6)):
         layer = cells(tile, pitch, stretch=1.1, jitter=0.9)
         own, kind, chance = (per_cell(tile, layer) for _ in range(3))
         body = ramp(np.minimum(0.52 - layer.near, layer.second - layer.near), 0.02, 0.12) * (chance < np.float32(share))
-        pebble = cover(paint(color, 0.55 + 0.8 * own), ramp(kind, 0.6, 0.9), paint((0.21, 0.165, 0.125), 0.6 + own))
+        pebble = cover(
+            paint(color, 0.80 + 0.35 * own), ramp(kind, 0.7, 0.9), paint((0.235, 0.195, 0.155), 0.8 + 0.4 * own)
+        )
         albedo = cover(albedo, body, pebble)
-        relief = np.maximum(relief, 0.006 * body)
+        relief = np.maximum(relief, 0.2 * pitch * body)
     return Sheet(stained(tile, albedo, 0.8 * age), (0.90 - 0.1 * relief).astype(np.float32), relief)
 
 

@@ -1,6 +1,6 @@
 """Everything on a deck of any family: road or railway, and the parapets beside it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from authoring.axis.alignment import Alignment
@@ -11,7 +11,15 @@ from authoring.parts.fittings import FittedDeck, Fittings, FittingSettings, draw
 from authoring.parts.medians import median_parts
 from authoring.parts.parapets import EMBEDDED, LEDGE, DeckEdge, Parapets, ParapetSettings, draw_parapets, parapet_parts
 from authoring.parts.part import Part
-from authoring.parts.roadway import Roadway, RoadwaySettings, draw_roadway, kerb_parts, lane_lines, surfacing_parts
+from authoring.parts.roadway import (
+    DIVIDED_LANES,
+    Roadway,
+    RoadwaySettings,
+    draw_roadway,
+    kerb_parts,
+    lane_lines,
+    surfacing_parts,
+)
 from authoring.parts.spans import Spans
 from authoring.parts.terminals import LENGTH as TERMINAL
 from authoring.parts.terminals import terminal_parts
@@ -33,6 +41,7 @@ class DeckTopSettings(Settings):
     service: Literal["road", "rail_single", "rail_double"] | None = chosen(
         {"road": 60, "rail_single": 15, "rail_double": 25},
         "Road, or railway of one or two tracks",
+        among="; on suspension and cable-stayed bridges one track below 160 and 120 m of main span",
         paper={"rail_single": 50, "rail_double": 50},
     )
     roadway: RoadwaySettings = RoadwaySettings()
@@ -155,6 +164,29 @@ def draw_deck_top(settings: DeckTopSettings, draws: Draws) -> DeckTop:
     if kind == "road":
         return DeckTop(kind, roadway, None, parapets, fittings)
     return DeckTop(kind, None, tracks, parapets, fittings)
+
+
+def fitted_to_span(top: DeckTop, settings: DeckTopSettings, main: float, each: float, draws: Draws) -> DeckTop:
+    """Take lanes and tracks from a drawn deck that is too wide for its cables; what the user set stays.
+
+    Args:
+        top: The deck as drawn.
+        settings: Values set by the user.
+        main: Main span [m].
+        each: Length of main span for each lane [m]; a second track counts as four lanes.
+        draws: Random stream and profile of the bridge; it does not advance, and the profile `paper` has no limit.
+    """
+    most = max(2, 2 * int(main / each / 2.0))
+    if draws.profile == "paper":
+        return top
+    road, way = top.roadway, settings.roadway
+    if road is not None and road.lanes > most and way.lanes is None and not way.divided:
+        road = replace(road, lanes=most, median=road.median if most >= DIVIDED_LANES else 0.0)
+        return replace(top, roadway=replace(road, divided=road.divided and most >= DIVIDED_LANES))
+    tracks = top.tracks
+    if tracks is not None and most < DIVIDED_LANES and settings.service is None and len(tracks.section.lines) > 1:
+        return replace(top, tracks=replace(tracks, section=replace(tracks.section, lines=(0.0,))))
+    return top
 
 
 def deck_runs(spans: Spans, abutments: Abutments) -> Runs:

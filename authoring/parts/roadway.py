@@ -1,6 +1,6 @@
 """The road's cross-section on the bridge: lanes, shoulders, kerbs, footways, asphalt, markings, expansion joints."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,14 +11,15 @@ from authoring.parts.spans import ABUTMENT_BACK, Spans
 from authoring.shapes.component import F64
 from authoring.shapes.sections import cut_corners, rectangle
 from authoring.solids.extrusion import Prism, extruded
-from authoring.solids.sweep import joined
+from authoring.solids.sweep import Surface, joined
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
 EMBEDDED = 0.005  # [m] embedment of asphalt, curbs and joints in their support
 MARKING_HEIGHT = 0.006  # [m] above the asphalt
+_MARKING_EDGE = 1.75  # horizontal meters for each meter of height of a line's long edges: paint thins out there [1]
 _DEEPER = 0.0015  # [m] additional embedment of curbs relative to asphalt
-_DIVIDED_LANES = 4  # least number of lanes of roads with a raised strip
+DIVIDED_LANES = 4  # least number of lanes of roads with a raised strip
 _SHORTEST_DASH = 0.4  # [m]
 _SHORTER = 0.003  # [m] footway and joints are shorter than curb and asphalt, so that no two faces are coplanar
 _CROWN = 0.001  # [m]
@@ -29,7 +30,12 @@ class RoadwaySettings(Settings):
     """Cross-section of a road deck, the same on both sides; omitted values are drawn at random."""
 
     lanes: int | None = chosen(
-        {1: 0.05, 2: 0.50, 3: 0.10, 4: 0.25, 5: 0.05, 6: 0.05}, "Number of traffic lanes [1]", ge=1, le=6
+        {1: 0.05, 2: 0.50, 3: 0.10, 4: 0.25, 5: 0.05, 6: 0.05},
+        "Number of traffic lanes [1]",
+        among="; on suspension and cable-stayed bridges at most one for 40 and 30 m of main span, rounded down to an "
+        "even number of at least 2",
+        ge=1,
+        le=6,
     )
     lane_width: float | None = drawn(3.0, 3.75, "Width of a lane [m]", ge=2.5, le=4.5)
     shoulder: float | None = drawn(0.3, 1.5, "Distance from the edge line to the kerb [m]", ge=0.0, le=3.0)
@@ -132,7 +138,7 @@ def draw_roadway(settings: RoadwaySettings, draws: Draws) -> Roadway:
 
 
 def _divided(settings: RoadwaySettings, lanes: int, wanted: bool) -> bool:
-    possible = lanes >= _DIVIDED_LANES and lanes % 2 == 0
+    possible = lanes >= DIVIDED_LANES and lanes % 2 == 0
     if settings.divided and not possible:
         raise InputError(
             "a divided road has the same number of lanes in both directions",
@@ -209,7 +215,8 @@ def _marking_parts(roadway: Roadway, number: int, low: float, high: float, place
         runs = np.array([[low, high]]) if edge else _dashes(roadway, low, high)
         if len(runs) == 0:
             continue
-        surface = joined(extruded([_stripe(roadway, float(left), float(a), float(b), place) for a, b in runs]))
+        stripes = [_stripe(roadway, float(left), float(a), float(b), place) for a, b in runs]
+        surface = _rounded(joined(extruded(stripes)), len(stripes[0].outline))
         facts: dict[str, object] = {"width": roadway.marking_width, "dashed": not edge}
         name = f"Marking_{number:03d}_{line:02d}"
         parts.append(Part(name, "road_marking", "Role_RoadMarking", SUPERSTRUCTURE, surface, facts))
@@ -246,7 +253,25 @@ def _dashes(roadway: Roadway, low: float, high: float) -> F64:
 
 def _stripe(roadway: Roadway, left: float, low: float, high: float, place: Alignment) -> Prism:
     half = 0.5 * roadway.marking_width
-    return Prism(rectangle((left - half, -EMBEDDED), (left + half, MARKING_HEIGHT)), low, high, "station", place)
+    foot, top = half + EMBEDDED * _MARKING_EDGE, half - MARKING_HEIGHT * _MARKING_EDGE
+    outline = np.array([[-foot, -EMBEDDED], [foot, -EMBEDDED], [top, MARKING_HEIGHT], [-top, MARKING_HEIGHT]])
+    return Prism(outline + np.array([left, 0.0]), low, high, "station", place)
+
+
+def _rounded(surface: Surface, size: int) -> Surface:
+    """Give the long edges of lines the normals of their tops: a strip of a few millimeters in shade would flicker.
+
+    Args:
+        surface: Lines, every ring of them with as many corners.
+        size: Corners of a ring.
+    """
+    up, ring = surface.normals[:, 2], surface.corners // size
+    normals, flat = surface.normals.copy(), up > 0.95
+    tops = np.zeros((len(surface.points) // size, 3))
+    tops[ring[flat]] = normals[flat]
+    edge = (up > 0.5) & ~flat
+    normals[edge] = tops[ring[edge]]
+    return replace(surface, normals=normals)
 
 
 def kerb_parts(roadway: Roadway, name: str, low: float, high: float, place: Alignment) -> list[Part]:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.axis.alignment import Layout
+from authoring.site.relief import Relief, draw_relief
 from authoring.streams import weighted_choice
 
 F64 = NDArray[np.float64]
@@ -24,6 +25,8 @@ BALK = 1.1  # half the width of grass between two fields [m]
 VERGE = 6.0  # from the top of a fill, or from the deck's edge, to a field [m]
 CLEAR = 8.0  # from the deck's edge to a field beside the bridge [m]
 TOE = 2.5  # from the toe of a fill to a field [m]
+ASIDE = 37.0  # second coordinate of the bend of the border on the positive side; any length far from 0 [m]
+_BEND = ((40.0, 1.2), (13.0, 0.4))  # wavelengths and amplitudes of borders [m]
 _FAR = -9.0
 
 
@@ -37,6 +40,7 @@ class Plots:
         splits: Distance from the axis of the border between a near plot and a far one, right and left [m].
         bounds: Lowest and highest station, largest distance from the axis [m].
         aside: From the edge of the crossing to a plot [m].
+        bends: How far borders swing to either side [m].
     """
 
     land: str
@@ -44,6 +48,34 @@ class Plots:
     splits: tuple[float, float]
     bounds: tuple[float, float, float]
     aside: float
+    bends: Relief
+
+    def bend(self, along: F64, side: F64) -> F64:
+        """Compute how far a border lies from its straight line, never towards what it keeps clear of.
+
+        Args:
+            along: Distance along the border [m], shape (...), float64.
+            side: `ASIDE` or its negative, the same shape (...), float64.
+
+        Returns:
+            Distances, not negative [m], the same shape (...), float64.
+        """
+        return sum(height for _, height in _BEND) + self.bends(along, side)
+
+    def shift(self, station: F64, left: F64) -> F64:
+        """Compute how far the border between a near plot and a far one lies beyond `splits`.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+            left: Distance to the left of the axis, whose sign counts [m], the same shape (...), float64.
+
+        Returns:
+            Distances, not negative [m], the same shape (...), float64.
+        """
+        return self.bend(station, np.where(left > 0.0, ASIDE, -ASIDE))
+
+    def _split(self, station: F64, left: F64) -> F64:
+        return np.where(left > 0.0, self.splits[1], self.splits[0]) + self.shift(station, left)
 
     def room(self, station: F64, left: F64) -> F64:
         """Compute the distance of positions to a plot's outer borders, without roads and fills, positive inside.
@@ -57,34 +89,34 @@ class Plots:
         """
         low, high, wide = self.bounds
         inside = np.minimum(np.minimum(station - low, high - station), wide - np.abs(left)) - BORDER
-        split = np.where(left > 0.0, self.splits[1], self.splits[0])
-        return np.minimum(inside, np.abs(np.abs(left) - split) - BALK)
+        return np.minimum(inside, np.abs(np.abs(left) - self._split(station, left)) - BALK)
 
-    def number(self, behind: NDArray[np.bool_], left: F64) -> NDArray[np.int64]:
+    def number(self, behind: NDArray[np.bool_], station: F64, left: F64) -> NDArray[np.int64]:
         """Number the plots.
 
         Args:
             behind: Whether places lie behind the crossing, shape (N,), bool.
+            station: Distance along the axis [m], shape (N,), float64.
             left: Distance to the left of the axis [m], shape (N,), float64.
 
         Returns:
             Rows of `covers`, shape (N,), int64.
         """
-        split = np.where(left > 0.0, self.splits[1], self.splits[0])
-        return 4 * behind + 2 * (left > 0.0) + (np.abs(left) > split)
+        return 4 * behind + 2 * (left > 0.0) + (np.abs(left) > self._split(station, left))
 
-    def fields(self, behind: NDArray[np.bool_], left: F64, room: F64) -> dict[str, F64]:
+    def fields(self, behind: NDArray[np.bool_], station: F64, left: F64, room: F64) -> dict[str, F64]:
         """Evaluate the cover of each use.
 
         Args:
             behind: Whether places lie behind the crossing, shape (...), bool.
+            station: Distance along the axis [m], the same shape (...), float64.
             left: Distance to the left of the axis [m], the same shape (...), float64.
             room: Distance to the plot's border, positive inside [m], the same shape (...), float64.
 
         Returns:
             Signed fields [m], the same shape (...), float64.
         """
-        number = self.number(behind, left)
+        number = self.number(behind, station, left)
         found = {}
         for name in sorted({name for name in self.covers if name}):
             mine = np.isin(number, [row for row, other in enumerate(self.covers) if other == name])
@@ -115,4 +147,4 @@ def draw_plots(
     splits = (near + float(rng.uniform(-6.0, 6.0)), near + float(rng.uniform(-6.0, 6.0)))
     ends = (layout.supports[0] - reach[0], layout.supports[-1] + reach[0])
     aside = 9.0 if kind in ("river", "harbour", "valley") else 7.0
-    return Plots(use, names, splits, (*ends, reach[1]), aside)
+    return Plots(use, names, splits, (*ends, reach[1]), aside, draw_relief(_BEND, rng))

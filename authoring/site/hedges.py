@@ -3,8 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.site.fields import ASIDE
 from authoring.site.grid import HeightField
-from authoring.site.shape import Land
+from authoring.site.land import no_hills
+from authoring.site.shape import STEEP, Land
 
 F64 = NDArray[np.float64]
 
@@ -32,10 +34,12 @@ def hedge_places(land: Land, ground: HeightField, count: int, rng: np.random.Gen
     lines = []
     for split, side in zip(land.plots.splits, (-1.0, 1.0), strict=True):
         station = np.arange(low + 5.0, high - 5.0, STEP)
-        lines.append(np.column_stack([station, np.full(len(station), side * split)]))
+        swung = split + land.plots.shift(station, np.full(len(station), side))
+        lines.append(np.column_stack([station, side * swung]))
         left = side * np.arange(0.5 * land.layout.width + _APART, wide - 5.0, STEP)
         for bank in (-1.0, 1.0):
             away = land.crossing.half_width + land.plots.aside - 2.0
+            away = away + land.plots.bend(left, np.full(len(left), bank * ASIDE))
             lines.append(
                 np.column_stack([land.crossing.center(left) + bank * away * land.crossing.stretch(left), left])
             )
@@ -50,6 +54,7 @@ def hedge_places(land: Land, ground: HeightField, count: int, rng: np.random.Gen
     station, left = places.T
     free = land.crossing.distance(station, left) > land.crossing.half_width + land.plots.aside - 3.0
     free &= np.abs(left) > 0.5 * land.layout.width + _APART - 1.0
+    free &= land.steepness(station, left, no_hills) < STEEP
     for approach in land.approaches:
         aside = np.abs(left - approach.center(station)) - approach.half_width
         free &= (approach.along(station) < -10.0) | (aside > 9.0)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.axis.alignment import Alignment, Layout
-from authoring.site.fields import CLEAR, TOE, VERGE, Plots
+from authoring.site.fields import ASIDE, CLEAR, TOE, VERGE, Plots
 from authoring.site.relief import Relief, smooth_minimum, smoothstep
 from authoring.site.valley import Valley
 
@@ -25,6 +25,9 @@ RAIL_UNDERLAY = 0.75  # depth of the ground below the top of the crossing railwa
 _BANK_TOP = 1.2  # height up to which a river's banks have a constant slope [m]
 SHOULDER = 1.2  # level strip beside a carriageway [m]
 WALL_STEP = (0.05, 0.35)  # distances from a wall's face between which the ground drops, hidden in the wall [m]
+STEEP = 0.2  # slope from which on land is not tilled, mown or paved [1]
+_ROOM = 25.0  # distance to the border of a plot for a slope that is less steep by 1 [m]
+_STEP = 3.0  # half the length over which steepness is measured [m]
 MAX_APPROACH_GRADE = 0.045
 BEND_LENGTH = 260.0  # length over which an approach road's swing turns by one radian [m]
 
@@ -255,6 +258,31 @@ class Land:
         Returns:
             Heights and covers.
         """
+        height, covers = self._ground(station, left, hills)
+        if self.plots is not None:
+            covers |= self._used(self.plots, station, left, height, hills)
+        return Shape(height, covers)
+
+    def steepness(self, station: F64, left: F64, hills: Hills) -> F64:
+        """Measure the slope of the ground over 6 m in both directions.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+            left: Distance to the left of the axis [m], the same shape (...), float64.
+            hills: Large-scale height of the land [m], the same shape, 0 on the site.
+
+        Returns:
+            Rise for each meter [1], the same shape (...), float64.
+        """
+        rises = [
+            self._ground(station + ahead, left + aside, hills)[0]
+            - self._ground(station - ahead, left - aside, hills)[0]
+            for ahead, aside in ((_STEP, 0.0), (0.0, _STEP))
+        ]
+        return np.hypot(*rises) / (2.0 * _STEP)
+
+    def _ground(self, station: F64, left: F64, hills: Hills) -> tuple[F64, dict[str, F64]]:
+        """Compute heights, and the covers of what is built or grows by itself."""
         noise = self.ragged(station, left)
         natural = self.relief(station, left) + hills(station, left)
         if self.valley is not None:
@@ -265,15 +293,16 @@ class Land:
         covers["worn"] = self._under_deck(station, left) + 0.5 * noise
         for approach in self.approaches:
             height = self._approach(approach, station, left, height, hills, covers)
-        if self.plots is not None:
-            covers |= self._used(self.plots, station, left, height, hills)
-        return Shape(height, covers)
+        return height, covers
 
     def _used(self, plots: Plots, station: F64, left: F64, height: F64, hills: Hills) -> dict[str, F64]:
-        """Place the plots between roads and rivers, beside the toes of the embankments."""
-        room = self.crossing.distance(station, left) - self.crossing.half_width - plots.aside
+        """Place plots between roads and rivers, beside the toes of embankments, where the ground is not steep."""
+        behind = station > self.crossing.center(left)
+        room = self.crossing.distance(station, left) - self.crossing.half_width
+        room = room - plots.aside - plots.bend(left, np.where(behind, ASIDE, -ASIDE))
         room = np.minimum(room, plots.room(station, left))
-        room = np.minimum(room, np.abs(left) - self.layout.width / 2 - CLEAR)
+        room = np.minimum(room, np.abs(left) - self.layout.width / 2 - CLEAR - plots.shift(station, left))
+        room = np.minimum(room, (STEEP - self.steepness(station, left, hills)) * _ROOM)
         for approach in self.approaches:
             along, center = approach.along(station), approach.center(station)
             across = np.abs(left - center) / approach.stretch(station)
@@ -281,7 +310,7 @@ class Land:
             aside = np.hypot(np.maximum(across - self.layout.width / 2, 0.0), np.maximum(-along, 0.0))
             room = np.minimum(room, aside - FILL_SLOPE * np.abs(crown - height) - TOE)
             room = np.minimum(room, np.where(along > -10.0, across - approach.half_width - VERGE, 9.0))
-        return plots.fields(station > self.crossing.center(left), left, room)
+        return plots.fields(behind, station, left, room)
 
     def _under_deck(self, station: F64, left: F64) -> F64:
         first, last = self.layout.supports[0], self.layout.supports[-1]

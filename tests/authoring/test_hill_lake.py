@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from authoring.axis.alignment import Alignment, Layout
+from authoring.backgrounds.harbour import crane
 from authoring.backgrounds.hillside import HillsideSettings
 from authoring.backgrounds.lakeside import LakesideSettings
 from authoring.backgrounds.registry import BackgroundSettings, build_background
@@ -297,6 +298,30 @@ def test_walls_hold_terraces() -> None:
         corners = top.mesh.points[top.mesh.corners[level]]
         assert wall.mesh.points[:, 2].max() > corners[:, 2].max()
         assert wall.mesh.points[:, 2].min() < corners[:, 2].min() - 1.0
+
+
+def _overlap(one: F64, other: F64) -> bool:
+    """Whether two boxes overlap: no plane that is parallel to faces or edges of them lies between, shape (8, 3)."""
+    edges = [np.stack([box[1] - box[0], box[2] - box[0], box[4] - box[0]]) for box in (one, other)]
+    between = np.cross(edges[0][:, None], edges[1][None]).reshape(-1, 3)
+    axes = np.concatenate([*edges, between[np.linalg.norm(between, axis=1) > 1e-9]])
+    first, second = one @ axes.T, other @ axes.T
+    return bool(((first.min(axis=0) <= second.max(axis=0)) & (second.min(axis=0) <= first.max(axis=0))).all())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_crane_is_one_piece(seed: int) -> None:
+    """Each of its boxes is joined to the legs through others: nothing stands or hangs in the air."""
+    pieces = [mesh.points.reshape(-1, 8, 3) for _, mesh in crane(np.random.default_rng(seed))]
+    boxes = list(np.concatenate(pieces))
+    reached, front = {0}, [0]
+    while front:
+        one = boxes[front.pop()]
+        found = [row for row, other in enumerate(boxes) if row not in reached and _overlap(one, other)]
+        reached.update(found)
+        front += found
+    loose = [np.round(box.mean(axis=0), 1).tolist() for row, box in enumerate(boxes) if row not in reached]
+    assert not loose
 
 
 @pytest.mark.parametrize("name", ["lakeside", "hillside"])

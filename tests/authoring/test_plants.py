@@ -113,3 +113,34 @@ def test_plots_lie_clear_of_ways_and_change_no_height(land: str) -> None:
         beside = site.land.shape(*LAYOUT.alignment.locate(run.positions), no_hills).covers
         for name in set(USES[land]) & set(beside) - {"hay"}:
             assert (beside[name] < 0).all(), (run.name, name)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_field_and_no_hedge_on_a_steep_bank(seed: int) -> None:
+    """Under a high bridge the valley's sides stay grass: nothing is tilled, mown or fenced on 20 % and more."""
+    high = Layout(Alignment(24.0), (0.0, 90.0), 11.5, 1.9)
+    site = draw_site(SiteSettings(land="fields", crossing="river"), high, stream(seed, "site"))
+    station, left = np.random.default_rng(1).uniform((-60.0, -80.0), (150.0, 80.0), (20_000, 2)).T
+    slope = site.land.steepness(station, left, no_hills)
+    rise = site.land.shape(station + 3.0, left, no_hills).height - site.land.shape(station - 3.0, left, no_hills).height
+    assert (slope >= np.abs(rise) / 6.0 - 1e-9).all()
+    assert 0.1 < (slope > 0.25).mean() < 0.9
+    covers = site.land.shape(station, left, no_hills).covers
+    used = np.any([covers[name] > 0 for name in sorted(set(USES["fields"]) & set(covers))], axis=0)
+    assert used.mean() > 0.05
+    assert slope[used].max() < 0.2
+    for run in (piece for piece in site.pieces if isinstance(piece, Scatter) and piece.name == "Site_Hedges"):
+        places = high.alignment.locate(run.positions)
+        assert site.land.steepness(*places, no_hills).max() < 0.2
+
+
+def test_borders_of_fields_bend() -> None:
+    """A border keeps within 3.2 m beyond its straight line, and swings by 0.5 m and more."""
+    plots = draw_site(SiteSettings(land="fields", crossing="road"), LAYOUT, stream(7, "site")).land.plots
+    assert plots is not None
+    for side in (-1.0, 1.0):
+        station = np.linspace(-60.0, 100.0, 400)
+        shift = plots.shift(station, np.full(400, side))
+        assert shift.min() >= 0.0
+        assert shift.max() <= 3.2
+        assert np.ptp(shift) > 0.5

@@ -238,6 +238,26 @@ def test_only_roads_of_four_lanes_and_more_are_divided(proof_count: Count) -> No
         top_of(0, service="road", roadway={"lanes": 3, "divided": True})
 
 
+@pytest.mark.parametrize("place", [PLACE, Alignment(0.0, grade=0.03, heading=0.4)])
+def test_lines_on_the_road_are_lit_as_their_tops(place: Alignment) -> None:
+    """No side wall along a line: what is not its top, bottom or end slopes by 30 degrees and has the top's normals."""
+    top = top_of(3, service="road", roadway={"lanes": 3, "marking_width": 0.12})
+    for part in of_kind(build(top, place=place), "road_marking"):
+        mesh = part.surface
+        ring = mesh.points[mesh.corners.reshape(-1, 4)]
+        face = np.cross(ring[:, 2] - ring[:, 0], ring[:, 3] - ring[:, 1])
+        face /= np.linalg.norm(face, axis=1, keepdims=True)
+        normals = mesh.normals.reshape(-1, 4, 3)
+        flat = face[:, 2] > 0.99
+        ahead = np.array([np.cos(place.heading), np.sin(place.heading), 0.0])
+        edge = ~flat & (np.abs(face @ ahead) < 0.5) & (face[:, 2] > -0.5)
+        assert edge.sum() == 2 * flat.sum()
+        assert (face[edge, 2] > np.cos(np.radians(32.0))).all()
+        np.testing.assert_allclose(normals[edge] - face[flat][0], 0.0, atol=1e-6)
+    ends = reach(of_kind(build(top), "road_marking")[0], 1)
+    assert ends[1] - ends[0] == pytest.approx(0.12 + 2 * 1.75 * 0.005)  # 0.12 m where it meets the asphalt
+
+
 @pytest.mark.parametrize("shape", ["wall", "barrier", "railing", "wall_rail"])
 def test_parapets_end_in_blocks_on_the_approaches(shape: str) -> None:
     """A metre of concrete, higher than the parapet, closes each end; what comes from the bridge ends in it."""
