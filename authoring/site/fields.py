@@ -55,7 +55,7 @@ class Plots:
 
         Args:
             along: Distance along the border [m], shape (...), float64.
-            side: `ASIDE` or its negative, the same shape (...), float64.
+            side: `ASIDE` or its negative [m], the same shape (...), float64.
 
         Returns:
             Distances, not negative [m], the same shape (...), float64.

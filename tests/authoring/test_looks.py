@@ -23,11 +23,9 @@ from authoring.looks.encode import U8
 from authoring.looks.grain import grain_texture
 from authoring.looks.library import SheetName, _ensure
 from authoring.looks.material import MaterialRecipe, author_material, author_sheets
-from authoring.looks.noise import Tile
 from authoring.looks.recipes import RECIPES
 from authoring.looks.roles import LOOKS, SUITS, fill_roles
 from authoring.looks.scenery import SURFACES
-from authoring.looks.walls import washed_concrete
 from authoring.looks.weathering import ground_patches, weather
 from authoring.shapes.component import Component, Mesh
 from groundwork.errors import InputError
@@ -400,12 +398,3 @@ def test_two_bakers_of_one_sheet_do_not_collide(
     (place / "a.png").chmod(0o644)
     (place / "a.png").write_bytes(b"painted")
     assert (_ensure(tmp_path, "key", make) / "a.png").read_bytes() == b"pixels"
-
-
-@pytest.mark.parametrize("age", [0.0, 0.5, 1.0])
-def test_washed_concrete_has_no_dots(age: float) -> None:
-    """Its pebbles are small and of nearly one tone: the contrast of blocks of 16 mm is below 10 %; it had been 17 %."""
-    tone = washed_concrete(Tile(512, 2.0, np.random.default_rng(3)), age).albedo.astype(np.float64).mean(axis=2)
-    blocks = tone.reshape(128, 4, 128, 4).mean(axis=(1, 3))
-    assert 0.03 < blocks.std() / blocks.mean() < 0.10
-    assert "washed_concrete" not in SUITS["Role_PierConcrete"]

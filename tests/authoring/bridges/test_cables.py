@@ -47,21 +47,6 @@ def record_of(family: str, seed: int, values: dict[str, Any] | None = None) -> A
     return draw_layout(settings, stream(seed, "bridge"))[1].record
 
 
-@pytest.mark.parametrize(("family", "each"), [("suspension", 40.0), ("cable_stayed", 27.0)])
-def test_lanes_and_tracks_suit_the_span(family: str, each: float) -> None:
-    """No drawn road has a lane for fewer meters of main span, no railway there two tracks; a user may have them."""
-    counts = []
-    for seed in range(60):
-        top, main = (record := record_of(family, seed)).top, record.choice.main
-        lanes = top.roadway.lanes if top.roadway else {1: 2, 2: 4}[len(top.tracks.section.lines)]
-        counts.append(lanes)
-        assert lanes <= max(2.0, main / each), (seed, main)
-    assert len(set(counts)) > 2
-    own = record_of(family, 3, {"service": "road", "roadway": {"lanes": 6}, family: {"main": 120.0}})
-    assert own.top.roadway.lanes == 6
-    assert len(record_of(family, 3, {"service": "rail_double", family: {"main": 100.0}}).top.tracks.section.lines) == 2
-
-
 def corners_of(surface: Any) -> F64:
     """Triangles of a surface or mesh, shape (T, 3, 3)."""
     return surface.points[triangles(surface)]

@@ -11,6 +11,7 @@ from groundwork.settings import parse_settings
 from tests.authoring.bridges.built import Bridge, make_bridge, rolling_ground, settings_of
 from tests.authoring.bridges.conftest import FIXED
 from tests.authoring.bridges.ratios import RATIOS, ratios_in_bands
+from tests.authoring.bridges.test_cables import record_of
 
 
 def of_kind(bridge: Bridge, *kinds: str) -> list[int]:
@@ -132,3 +133,18 @@ def test_settings_of_a_family_that_is_not_drawn_are_refused(family: object) -> N
         parse_settings(BridgeSettings, {"family": family, "arch": {"span": 80.0}}, "test")
     parse_settings(BridgeSettings, {"family": family, "arch": {}}, "test")
     parse_settings(BridgeSettings, {"family": {"slab": 1.0, "arch": 1.0}, "arch": {"span": 80.0}}, "test")
+
+
+@pytest.mark.parametrize(("family", "each"), [("suspension", 40.0), ("cable_stayed", 27.0)])
+def test_lanes_and_tracks_suit_the_span(family: str, each: float) -> None:
+    """No drawn road has a lane for fewer meters of main span, no railway there two tracks; a user may have them."""
+    counts = []
+    for seed in range(60):
+        top, main = (record := record_of(family, seed)).top, record.choice.main
+        lanes = top.roadway.lanes if top.roadway else {1: 2, 2: 4}[len(top.tracks.section.lines)]
+        counts.append(lanes)
+        assert lanes <= max(2.0, main / each), (seed, main)
+    assert len(set(counts)) > 2
+    own = record_of(family, 3, {"service": "road", "roadway": {"lanes": 6}, family: {"main": 120.0}})
+    assert own.top.roadway.lanes == 6
+    assert len(record_of(family, 3, {"service": "rail_double", family: {"main": 100.0}}).top.tracks.section.lines) == 2
