@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from pydantic import Field
 from torch import Tensor, cat, nn
 
-from groundwork.errors import InputError
 from groundwork.settings import Settings
 from learn.models.backbone import COORD, Geometry
 from learn.models.gather import Shared, gather, interpolate, of_neighbors
 from learn.models.pooled import pooled
+from learn.neighborhoods.farthest import need_points
 from learn.neighborhoods.pyramids import INTERPOLATED, Indices, add_own_balls, farthest_pyramid
 
 F32 = NDArray[np.float32]
@@ -88,15 +88,7 @@ class PointNext(nn.Module):
         Raises:
             InputError: Too few points for the coarsest level.
         """
-        least = INTERPOLATED * STRIDE**LEVELS
-        if len(coord) < least:
-            raise InputError(
-                "too few points for this network",
-                field="points",
-                value=len(coord),
-                allowed=f"{least} or more",
-                hint="Use larger tiles or another network",
-            )
+        need_points(len(coord), INTERPOLATED * STRIDE**LEVELS)
         counts = [len(coord) // STRIDE ** (level + 1) for level in range(LEVELS)]
         near = self.settings.neighbours
         arrays = farthest_pyramid(coord, counts, [[(self.radius(level), near)] for level in range(LEVELS)])

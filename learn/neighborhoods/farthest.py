@@ -11,6 +11,26 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 
+def need_points(points: int, least: int) -> None:
+    """Refuse a cloud that is too small for a network.
+
+    Args:
+        points: Number of its points [1].
+        least: Number that the network needs [1].
+
+    Raises:
+        InputError: It has fewer.
+    """
+    if points < least:
+        raise InputError(
+            "too few points for this network",
+            field="points",
+            value=points,
+            allowed=f"{least} or more",
+            hint="Use larger tiles or a smaller model",
+        )
+
+
 def farthest_points(coord: F32, count: int) -> I64:
     """Choose points by farthest point sampling, always starting at point 0.
 
@@ -29,14 +49,7 @@ def farthest_points(coord: F32, count: int) -> I64:
 
     Source: Eldar et al., The farthest point strategy for progressive image sampling, 1997; PointNet++, section 3.2.
     """
-    if not 1 <= count <= len(coord):
-        raise InputError(
-            "too few points for this network",
-            field="points",
-            value=len(coord),
-            allowed=f"{count} or more",
-            hint="Use larger tiles or a smaller model",
-        )
+    need_points(len(coord), max(count, 1))
     columns = np.ascontiguousarray(coord.T, dtype=np.float64)
     return _choose(columns[0], columns[1], columns[2], count)
 

@@ -9,8 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from groundwork.errors import InputError
-from learn.neighborhoods.farthest import farthest_points
+from learn.neighborhoods.farthest import farthest_points, need_points
 from learn.neighborhoods.search import ball_query, nearest
 
 F32 = NDArray[np.float32]
@@ -81,15 +80,7 @@ def random_pyramid(coord: F32, ratios: Sequence[int], neighbors: int, seed: int)
     Raises:
         InputError: Too few points for the last level.
     """
-    least = neighbors * int(np.prod(ratios[:-1]))
-    if len(coord) < least:
-        raise InputError(
-            "too few points for this network",
-            field="points",
-            value=len(coord),
-            allowed=f"{least} or more",
-            hint="Use larger tiles or fewer layers",
-        )
+    need_points(len(coord), neighbors * int(np.prod(ratios[:-1])))
     arrays: dict[str, NDArray[np.int32]] = {}
     kept = np.random.default_rng([seed, len(coord)]).permutation(len(coord))
     for level, ratio in enumerate(ratios):

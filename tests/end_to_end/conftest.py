@@ -7,10 +7,10 @@ import pytest
 
 from falsework.pipeline import run_scenario
 from falsework.scenario import Scenario
-from groundwork.locks import hold_lock
 from groundwork.progress import SILENT
 from groundwork.settings import parse_settings
 from tests.conftest import Count
+from tests.made_once import made_once
 
 TINY = {
     "seed": 3,
@@ -70,11 +70,5 @@ class Chain:
 def chain(tmp_path_factory: pytest.TempPathFactory, worker_id: str, proof_count: Count) -> Chain:
     """Run the whole chain once, on real parts, as small as it goes; the first process that needs it runs it."""
     scenario = parse_settings(Scenario, (TINY, LOOP)[proof_count(0, 1)], "tiny")
-    base = tmp_path_factory.getbasetemp()
-    shared = (base if worker_id == "master" else base.parent) / "chain"
-    shared.mkdir(exist_ok=True)
-    out, made = shared / "out", shared / "made"
-    with hold_lock(shared / "lock"):
-        if not made.exists():
-            made.write_text(str(run_scenario(scenario, out, SILENT).made))
-    return Chain(scenario, out, int(made.read_text()))
+    out = made_once(tmp_path_factory, worker_id, "chain", lambda out: str(run_scenario(scenario, out, SILENT).made))
+    return Chain(scenario, out, int(out.with_name("made").read_text()))

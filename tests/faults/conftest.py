@@ -12,10 +12,10 @@ import pytest
 from falsework.commands.verbs import reconstruct_folder
 from groundwork.canonical import file_digest
 from groundwork.files import MANIFEST
-from groundwork.locks import hold_lock
 from groundwork.marks import MARK
 from groundwork.progress import SILENT
 from recon.settings import ReconSettings, SparseSettings
+from tests.made_once import made_once
 from tests.recon.conftest import in_this_process, poses_on_arc, write_capture
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -69,16 +69,12 @@ def calm(few_planes: Path, tmp_path_factory: pytest.TempPathFactory, worker_id: 
 
     Nothing is killed here, so it runs in this process: those that go on in children must end with its bytes, too.
     """
-    base = tmp_path_factory.getbasetemp()
-    shared = (base if worker_id == "master" else base.parent) / "calm"
-    shared.mkdir(exist_ok=True)
-    out, made = shared / "out", shared / "made"
-    with hold_lock(shared / "lock"):
-        if not made.exists():
-            with in_this_process():
-                reconstruct_folder(few_planes, out, SMALL, SILENT)
-            made.touch()
-    return out
+
+    def make(out: Path) -> None:
+        with in_this_process():
+            reconstruct_folder(few_planes, out, SMALL, SILENT)
+
+    return made_once(tmp_path_factory, worker_id, "calm", make)
 
 
 def contents(folder: Path) -> dict[str, str]:

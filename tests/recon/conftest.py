@@ -19,10 +19,10 @@ import pytest
 from numpy.typing import NDArray
 
 from groundwork.canonical import canonical_json
-from groundwork.locks import hold_lock
 from groundwork.progress import SILENT, Progress
 from recon.reconstruct import reconstruct
 from recon.settings import ReconSettings, SparseSettings
+from tests.made_once import made_once
 from usd_schemas.components import class_of, class_rows
 from usd_schemas.pinhole import Pinhole, look_at, unproject
 
@@ -239,17 +239,13 @@ def plane_cloud(
     plane_capture: Path, plane_settings: ReconSettings, tmp_path_factory: pytest.TempPathFactory, worker_id: str
 ) -> Path:
     """Give the cloud of the planes; read only, and made by the first process that needs it."""
-    base = tmp_path_factory.getbasetemp()
-    shared = (base if worker_id == "master" else base.parent) / "plane-cloud"
-    shared.mkdir(exist_ok=True)
-    out, made = shared / "out", shared / "made"
-    with hold_lock(shared / "lock"):
-        if not made.exists():
-            out.mkdir(exist_ok=True)
-            with in_this_process():
-                reconstruct(plane_capture, out, plane_settings, SILENT)
-            made.touch()
-    return out
+
+    def make(out: Path) -> None:
+        out.mkdir(exist_ok=True)
+        with in_this_process():
+            reconstruct(plane_capture, out, plane_settings, SILENT)
+
+    return made_once(tmp_path_factory, worker_id, "plane-cloud", make)
 
 
 @pytest.fixture(scope="session")
