@@ -42,7 +42,7 @@ test: lint .venv/.stamp-browser
 lint: .venv/.stamp-dev .venv/.stamp-learn .venv/.stamp-view
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
-	.venv/bin/pyright
+	.venv/bin/pyright --threads 2
 
 proof: lint
 	$(PYTEST) $(PARALLEL) --proof --stale -o faulthandler_timeout=3600
