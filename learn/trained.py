@@ -3,8 +3,9 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -18,10 +19,11 @@ from groundwork.files import read_json, write_bytes, write_json
 from groundwork.foreign_file import read_regular
 from learn.device import Device, check_device, torch_device
 from learn.losses import merge_noise
-from learn.models.backbone import batched, geometry_of
+from learn.models.backbone import COORD, Backbone, Geometry, batched, completed, geometry_of
 from learn.models.covariance import covariance_features
 from learn.models.forest import forest_probabilities
 from learn.models.registry import build_network
+from learn.neighborhoods.batches import MANY
 from learn.sample import Sample
 
 F32 = NDArray[np.float32]
@@ -93,16 +95,26 @@ class TrainedNetwork:
         Returns:
             For each sample probabilities [1], shape (N, K), float32.
         """
-        device = next(self.module.parameters()).device
-        found = []
         for sample in samples:
             check_channels(sample, self.facts.channels)
-            geometry = batched([geometry_of(self.module, sample.coord, cache)])  # type: ignore[arg-type]
-            moved = {name: rows.to(device) for name, rows in geometry.items()}
-            with torch.no_grad():
-                logits = self.module(torch.from_numpy(sample.features)[None].to(device), moved)[0]
-            found.append(as_probabilities(logits, self.facts.noisy, self.facts.temperature).cpu().numpy())
+        device, network = next(self.module.parameters()).device, cast("Backbone", self.module)
+        found: list[F32] = []
+        for size, group in groupby(samples, key=lambda sample: len(sample.coord)):
+            if device.type == "cpu" or size > MANY:
+                for sample in group:
+                    geometry = batched([geometry_of(network, sample.coord, cache)])
+                    found += self._scored([sample], {name: rows.to(device) for name, rows in geometry.items()})
+            else:  # a GPU takes all clouds of one size at once, and searches their neighborhoods itself
+                alike = list(group)
+                coord = torch.from_numpy(np.stack([sample.coord for sample in alike])).float().to(device)
+                found += self._scored(alike, completed(network, {COORD: coord}))
         return found
+
+    def _scored(self, samples: Sequence[Sample], geometry: Geometry) -> list[F32]:
+        features = torch.from_numpy(np.stack([sample.features for sample in samples])).to(geometry[COORD].device)
+        with torch.no_grad():
+            logits = self.module(features, geometry)
+        return list(as_probabilities(logits, self.facts.noisy, self.facts.temperature).cpu().numpy())
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,10 @@
 
 Usage: python -m benchmarks.learn.gpu, on a machine with a GPU that torch can use.
 
-Each network is trained as `falsework train` does, on made up clouds whose neighborhoods are searched by as many loader
-processes as there are cores. The first epoch warms up, the second is told; both have a quarter of the clouds, and the
-time is told for all. Beside it stands what the steps alone take, with the batch on the GPU already. Writes
-`docs/benchmarks/gpu.md`.
+Each network is trained as `falsework train` does, on made up clouds that as many loader processes draw as there are
+cores. Neighborhoods of small clouds are searched by the GPU, a batch at once, those of large ones by the loader. The
+first epoch warms up, the second is told; both have a quarter of the clouds, and the time is told for all. Beside it
+stands what the steps alone take, with the batch on the GPU already. Writes `docs/benchmarks/gpu.md`.
 """
 
 import os
@@ -22,7 +22,9 @@ import torch
 from benchmarks.page import write_page
 from groundwork.progress import Silent
 from learn.losses import cross_entropy
+from learn.models.backbone import COORD, completed
 from learn.models.registry import build_network
+from learn.neighborhoods.batches import MANY
 from learn.sample import Sample
 from learn.training.loader import Loaded, collate
 from learn.training.settings import TrainSettings
@@ -124,7 +126,7 @@ def epoch_seconds(row: tuple[str, str, int, int, int, str]) -> float:
 
 
 def step_seconds(row: tuple[str, str, int, int, int, str]) -> float:
-    """Give the seconds of a step whose batch is on the GPU already: the median of some [s].
+    """Give the seconds of a step whose clouds are on the GPU already: the median of some [s].
 
     Args:
         row: One of `ROWS`.
@@ -135,7 +137,7 @@ def step_seconds(row: tuple[str, str, int, int, int, str]) -> float:
     items = collate([loaded[0, number] for number in range(batch)])
     network = network.cuda()
     features, labels = items["features"].cuda(), items["labels"].cuda().flatten()
-    geometry = {key: value.cuda() for key, value in items["geometry"].items()}
+    geometry = {key: value.cuda() for key, value in items["geometry"].items() if points > MANY or key == COORD}
     optimizer = torch.optim.Adam(network.parameters(), lr=1e-3)
     weights, taken = torch.ones(len(CLASSES), device="cuda"), []
     for _ in range(STEPS):
@@ -143,7 +145,7 @@ def step_seconds(row: tuple[str, str, int, int, int, str]) -> float:
         begun = time.monotonic()
         optimizer.zero_grad()
         with torch.autocast("cuda", torch.bfloat16, enabled=precision == "bf16-mixed"):
-            logits = network(features, geometry)
+            logits = network(features, completed(network, geometry))
         cross_entropy(logits.float().flatten(0, 1), labels, weights).backward()
         optimizer.step()
         torch.cuda.synchronize()
@@ -162,8 +164,9 @@ def main() -> None:
         f"An epoch of the paper's local set has {LOCAL:,} clouds of 4,096 points, one of its global set {GLOBAL} of",
         "65,536. *Epoch* is one of `falsework train`, with one loader process a core (measured over a quarter of the",
         "clouds), from artificial clouds in memory; reading, validation and sensor augmentation take additional time.",
-        "*Steps alone* is what its steps take with the batch on the GPU already: where that is much less, the loader",
-        "limits the speed.",
+        "A step of the small clouds includes the search of their neighborhoods by the GPU; those of large clouds are",
+        "searched by the loader processes. *Steps alone* is what the steps take with the batch on the GPU already:",
+        "where that is much less, the loader limits the speed.",
         "",
         "| network | recipe | numbers | clouds of a step | a step | steps alone | epoch |",
         "|---|---|---|---|---|---|---|",

@@ -9,8 +9,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from learn.neighborhoods.batches import Batches
 from learn.neighborhoods.cache import cached_pyramid
-from learn.neighborhoods.pyramids import Indices
+from learn.neighborhoods.searcher import OneCloud, Points, Rows, Searcher
 
 F32 = NDArray[np.float32]
 
@@ -24,14 +25,17 @@ Geometry = Mapping[str, Tensor]
 class Backbone(Protocol):
     """A network of `learn.models`: a torch module with these additional methods."""
 
-    def pyramid(self, coord: F32) -> Indices:
-        """Search the neighborhoods of one cloud; called by the loader, and stored in the cache.
+    def pyramid(self, coord: Points, search: Searcher[Points, Rows]) -> Mapping[str, Rows]:
+        """Search the neighborhoods of one cloud or of a batch.
+
+        The loader calls it for one cloud, and its result is stored in the cache; on a GPU it is called for a batch.
 
         Args:
-            coord: Positions [m or 1], shape (N, 3), float32.
+            coord: Positions [m or 1], shape (N, 3), float32; of a batch with an axis in front.
+            search: What searches.
 
         Returns:
-            Named arrays of row numbers: `kept{l}`, shape (points of level l,), others shape (rows, neighbors), int32.
+            Named arrays of row numbers: `kept{l}`, shape (points of level l,), others shape (rows, neighbors).
         """
         ...
 
@@ -67,10 +71,29 @@ def geometry_of(
     Returns:
         `coord` [m or 1], shape (N, 3), float32, and the pyramid, shape (rows,) or (rows, neighbors), int64.
     """
-    arrays = cached_pyramid(cache, coord, backbone.pyramid_parameters(), backbone.pyramid)
+    arrays = cached_pyramid(
+        cache, coord, backbone.pyramid_parameters(), lambda cloud: backbone.pyramid(cloud, OneCloud())
+    )
     geometry = {name: torch.from_numpy(rows.astype(np.int64)) for name, rows in arrays.items()}
     seen = coord if moved is None else moved
     return {COORD: torch.from_numpy(np.ascontiguousarray(seen, dtype=np.float32)), **geometry}
+
+
+def completed(backbone: Backbone, geometry: Geometry) -> Geometry:
+    """Search the neighborhoods of a batch where its tensors lie, if the loader has not.
+
+    Args:
+        backbone: The network.
+        geometry: `coord` [m or 1], shape (B, N, 3), float32, and the pyramids, shape (B, rows) or (B, rows, neighbors),
+            int64, or no pyramids.
+
+    Returns:
+        The same with pyramids.
+    """
+    if len(geometry) > 1:
+        return geometry
+    with torch.no_grad():
+        return {**geometry, **backbone.pyramid(geometry[COORD], Batches())}
 
 
 def batched(geometries: list[dict[str, Tensor]]) -> dict[str, Tensor]:

@@ -1,10 +1,9 @@
 """PointNet++ for semantic segmentation, with one ball (SSG) or several balls (MSG) about each point."""
 
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 from torch import Tensor, cat, nn
 
@@ -12,9 +11,8 @@ from groundwork.settings import Settings
 from learn.models.backbone import COORD, Geometry
 from learn.models.gather import Shared, gather, interpolate, of_neighbors
 from learn.models.pooled import pooled
-from learn.neighborhoods.pyramids import Indices, farthest_pyramid
-
-F32 = NDArray[np.float32]
+from learn.neighborhoods.pyramids import farthest_pyramid
+from learn.neighborhoods.searcher import Points, Rows, Searcher
 
 Ball = tuple[float, int, tuple[int, ...]]
 """Radius [m or 1], neighbors, and the widths of the shared MLP."""
@@ -75,17 +73,18 @@ class PointNet2(nn.Module):
             below = UP[level][-1]
         self.head = nn.Sequential(Shared(below, HEAD, relu), nn.Dropout(settings.dropout), nn.Linear(HEAD, classes))
 
-    def pyramid(self, coord: F32) -> Indices:
+    def pyramid(self, coord: Points, search: Searcher[Points, Rows]) -> Mapping[str, Rows]:
         """Choose the points of every level and search their balls.
 
         Args:
-            coord: Positions [m or 1], shape (N, 3), float32.
+            coord: Positions [m or 1], shape (N, 3), float32; of a batch with an axis in front.
+            search: What searches.
 
         Returns:
             As `learn.neighborhoods.pyramids.farthest_pyramid`: `kept{l}`, shape (points of level l,), `ball{l}_{j}` and
-            `up{l}`, shape (rows, neighbors), int32.
+            `up{l}`, shape (rows, neighbors).
         """
-        return farthest_pyramid(coord, self.settings.counts, self.balls)
+        return farthest_pyramid(coord, self.settings.counts, self.balls, search)
 
     def pyramid_parameters(self) -> object:
         """Return the parameters that determine the pyramid beside the positions."""

@@ -1,10 +1,9 @@
 """PointNeXt: PointNet++ with residual connections, inverted bottlenecks and offsets measured in radii."""
 
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 from torch import Tensor, cat, nn
 
@@ -13,9 +12,8 @@ from learn.models.backbone import COORD, Geometry
 from learn.models.gather import Shared, gather, interpolate, of_neighbors
 from learn.models.pooled import pooled
 from learn.neighborhoods.farthest import need_points
-from learn.neighborhoods.pyramids import INTERPOLATED, Indices, add_own_balls, farthest_pyramid
-
-F32 = NDArray[np.float32]
+from learn.neighborhoods.pyramids import INTERPOLATED, add_own_balls, farthest_pyramid
+from learn.neighborhoods.searcher import Points, Rows, Searcher
 
 STRIDE = 4
 LEVELS = 4
@@ -75,26 +73,28 @@ class PointNext(nn.Module):
         """
         return self.settings.radius * 2**level
 
-    def pyramid(self, coord: F32) -> Indices:
+    def pyramid(self, coord: Points, search: Searcher[Points, Rows]) -> Mapping[str, Rows]:
         """Choose the points of every level and search their balls.
 
         Args:
-            coord: Positions [m or 1], shape (N, 3), float32.
+            coord: Positions [m or 1], shape (N, 3), float32; of a batch with an axis in front.
+            search: What searches.
 
         Returns:
             As `learn.neighborhoods.pyramids.farthest_pyramid`: `kept{l}`, shape (points of level l,), `ball{l}_{j}` and
-            `up{l}`, shape (rows, neighbors), int32; with `own{l}` of `add_own_balls` where residual blocks need them.
+            `up{l}`, shape (rows, neighbors); with `own{l}` of `add_own_balls` where residual blocks need them.
 
         Raises:
             InputError: Too few points for the coarsest level.
         """
-        need_points(len(coord), INTERPOLATED * STRIDE**LEVELS)
-        counts = [len(coord) // STRIDE ** (level + 1) for level in range(LEVELS)]
+        points = search.count(coord)
+        need_points(points, INTERPOLATED * STRIDE**LEVELS)
+        counts = [points // STRIDE ** (level + 1) for level in range(LEVELS)]
         near = self.settings.neighbours
-        arrays = farthest_pyramid(coord, counts, [[(self.radius(level), near)] for level in range(LEVELS)])
+        arrays = farthest_pyramid(coord, counts, [[(self.radius(level), near)] for level in range(LEVELS)], search)
         if self.settings.kind == "pointnext-s":
             return arrays
-        return add_own_balls(arrays, coord, LEVELS, [(2 * self.radius(level), near) for level in range(LEVELS)])
+        return add_own_balls(arrays, coord, LEVELS, [(2 * self.radius(level), near) for level in range(LEVELS)], search)
 
     def pyramid_parameters(self) -> object:
         """Return the parameters that determine the pyramid beside the positions."""

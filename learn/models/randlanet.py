@@ -1,18 +1,16 @@
 """RandLA-Net: random sampling, local spatial encoding and attentive pooling, for clouds of 10,000 points and more."""
 
+from collections.abc import Mapping
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from torch import Tensor, cat, nn
 
 from groundwork.settings import Settings
 from learn.models.backbone import COORD, Geometry
 from learn.models.gather import Shared, gather
-from learn.neighborhoods.pyramids import Indices, random_pyramid
-
-F32 = NDArray[np.float32]
+from learn.neighborhoods.pyramids import random_pyramid
+from learn.neighborhoods.searcher import Points, Rows, Searcher
 
 STEM = 8
 HEAD = (64, 32)
@@ -79,17 +77,19 @@ class RandlaNet(nn.Module):
             nn.Linear(HEAD[1], classes),
         )
 
-    def pyramid(self, coord: F32) -> Indices:
+    def pyramid(self, coord: Points, search: Searcher[Points, Rows]) -> Mapping[str, Rows]:
         """Choose the points of every level and search their neighbors.
 
         Args:
-            coord: Positions [m or 1], shape (N, 3), float32.
+            coord: Positions [m or 1], shape (N, 3), float32; of a batch with an axis in front.
+            search: What searches.
 
         Returns:
             As `learn.neighborhoods.pyramids.random_pyramid`: `near{l}` and `up{l}`, shape (rows, neighbors),
-            `kept{l}`, shape (points of level l + 1,), int32.
+            `kept{l}`, shape (points of level l + 1,).
         """
-        return random_pyramid(coord, self.settings.ratios, self.settings.neighbours, self.settings.sampling_seed)
+        settings = self.settings
+        return random_pyramid(coord, settings.ratios, settings.neighbours, settings.sampling_seed, search)
 
     def pyramid_parameters(self) -> object:
         """Return the parameters that determine the pyramid beside the positions."""

@@ -9,10 +9,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.utils.data import Dataset, Sampler
+from torch.utils.data import DataLoader, Dataset, Sampler
 
 from learn.losses import uncertainty_weights
-from learn.models.backbone import Backbone, batched, geometry_of
+from learn.models.backbone import COORD, Backbone, batched, geometry_of
+from learn.neighborhoods.batches import MANY
 from learn.sample import UNLABELED, SampleSource
 from learn.trained import check_channels
 
@@ -85,6 +86,7 @@ class Loaded(Dataset[dict[str, Any]]):
         seed: Seed of the draws.
         cache: Cache folder of pyramids, for samples that never change; None for random samples.
         doubt: Uncertainty at which a point counts for 1/e [m]; 0: every point counts alike.
+        searched: Whether neighborhoods are searched here; a GPU searches those of a batch of small clouds itself.
     """
 
     source: SampleSource
@@ -93,6 +95,7 @@ class Loaded(Dataset[dict[str, Any]]):
     seed: int
     cache: Path | None = None
     doubt: float = 0.0
+    searched: bool = True
 
     def __getitem__(self, place: Place) -> dict[str, Any]:
         """Draw a sample and search its neighborhoods."""
@@ -102,7 +105,9 @@ class Loaded(Dataset[dict[str, Any]]):
         item = {
             "features": torch.from_numpy(np.ascontiguousarray(sample.features)),
             "labels": torch.from_numpy(np.ascontiguousarray(sample.labels)),
-            "geometry": geometry_of(self.network, sample.coord, self.cache),
+            "geometry": geometry_of(self.network, sample.coord, self.cache)
+            if self.searched or len(sample.coord) > MANY
+            else {COORD: torch.from_numpy(np.ascontiguousarray(sample.coord, dtype=np.float32))},
         }
         if self.doubt and sample.uncertainty is not None:
             known = torch.from_numpy(sample.uncertainty).nan_to_num(nan=0.0, posinf=torch.inf)  # unknown
@@ -125,22 +130,37 @@ def collate(items: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def count_labels(source: SampleSource, rows: Sequence[int], seed: int) -> I64:
+@dataclass(frozen=True)
+class _Counted(Dataset[I64]):
+    """The points of each class in one draw of every sample."""
+
+    source: SampleSource
+    rows: Sequence[int]
+    seed: int
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, place: int) -> I64:
+        labels = self.source.sample(self.rows[place], self.seed).labels
+        return np.bincount(labels[labels != UNLABELED], minlength=len(self.source.classes)).astype(np.int64)
+
+
+def count_labels(source: SampleSource, rows: Sequence[int], seed: int, workers: int = 0) -> I64:
     """Count the training points of each class over one draw of every sample.
 
     Args:
         source: Training samples.
         rows: Those that are used.
         seed: Seed of the draws.
+        workers: Processes that draw them; 0: this one.
 
     Returns:
         Counts of each sample, shape (rows, C), int64.
     """
-    total = np.zeros((len(rows), len(source.classes)), np.int64)
-    for place, row in enumerate(rows):
-        labels = source.sample(row, seed).labels
-        total[place] = np.bincount(labels[labels != UNLABELED], minlength=total.shape[1])
-    return total
+    drawn = DataLoader(_Counted(source, rows, seed), batch_size=None, num_workers=workers)
+    counts = [np.asarray(row) for row in drawn]
+    return np.stack(counts) if counts else np.zeros((0, len(source.classes)), np.int64)
 
 
 def expected_counts(counts: I64, share: float) -> Tensor:

@@ -4,7 +4,7 @@ import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import lightning
 import numpy as np
@@ -17,6 +17,7 @@ from groundwork.files import write_bytes, write_text
 from groundwork.progress import Progress
 from learn.losses import components_only, cross_entropy, lovasz_softmax, noise_loss
 from learn.metrics import confusion, scores
+from learn.models.backbone import Backbone, Geometry, completed
 from learn.sample import UNLABELED
 from learn.trained import as_probabilities
 from learn.training.event_file import EVENTS, event_file
@@ -100,7 +101,7 @@ class Segmentation(lightning.LightningModule):
         # Dropout depends only on the seed and the step, so that a resumed training continues identically.
         place = [self._settings.seed, self.global_step] + ([self.global_rank] if self.global_rank else [])
         torch.manual_seed(int(np.random.SeedSequence(place).generate_state(1)[0]))
-        logits = self.network(batch["features"], batch["geometry"]).float().flatten(0, 1)
+        logits = self.network(batch["features"], self._geometry(batch)).float().flatten(0, 1)
         labels, loss = batch["labels"].flatten(), torch.zeros((), device=logits.device)
         if self._noisy is not None:
             loss = loss + noise_loss(logits, labels, self._noisy)
@@ -116,6 +117,9 @@ class Segmentation(lightning.LightningModule):
         self._losses.append(loss.detach())
         return loss
 
+    def _geometry(self, batch: dict[str, Any]) -> Geometry:
+        return completed(cast("Backbone", self.network), batch["geometry"])
+
     def on_validation_epoch_start(self) -> None:
         """Reset the confusion matrix."""
         self._matrix[:] = 0
@@ -127,7 +131,7 @@ class Segmentation(lightning.LightningModule):
             batch: Features, labels and geometry.
             number: Number of the batch.
         """
-        logits = self.network(batch["features"], batch["geometry"]).flatten(0, 1)
+        logits = self.network(batch["features"], self._geometry(batch)).flatten(0, 1)
         found = as_probabilities(logits, self._noisy, 1.0).argmax(dim=-1).cpu().numpy()
         self._matrix += confusion(batch["labels"].flatten().cpu().numpy(), found, len(self._matrix))
 

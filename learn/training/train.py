@@ -188,7 +188,7 @@ def _set_task(data: TrainingData, settings: TrainSettings, init: Path | None) ->
     channels = _check(source, validation, rows, held, settings)
     recipe, classes = recipe_of(settings), source.classes
     noisy = classes.index(NOISY) if recipe.noise_head and NOISY in classes and len(classes) > 2 else None
-    counts = count_labels(source, rows, settings.seed)
+    counts = count_labels(source, rows, settings.seed, settings.workers)
     if int(counts.any(axis=0).sum()) < 2:
         raise InputError(
             "all labeled points have one class; training needs at least two",
@@ -339,16 +339,16 @@ def _fit(
 
 def _loaders(network: Any, task: _Task, settings: TrainSettings) -> tuple[DataLoader[Any], DataLoader[Any]]:
     """Make the loaders: training samples differ in each epoch, validation samples never change."""
-    recipe = recipe_of(settings)
+    recipe, here = recipe_of(settings), not trains_on_gpu(settings)  # a GPU searches the neighborhoods itself
     several: dict[str, Any] = {
         "collate_fn": collate,
         "num_workers": settings.workers,
         "persistent_workers": settings.workers > 0,  # each number carries the seed of its epoch's draw
-        "pin_memory": trains_on_gpu(settings),
+        "pin_memory": not here,
     }
-    drawn = Loaded(task.source, network, task.channels, settings.seed, doubt=recipe.doubt)
+    drawn = Loaded(task.source, network, task.channels, settings.seed, doubt=recipe.doubt, searched=here)
     order = EpochOrder(task.rows, settings.seed, task.counts, recipe.class_aware)
-    same = Loaded(task.validation, network, task.channels, settings.seed, task.cache)
+    same = Loaded(task.validation, network, task.channels, settings.seed, task.cache, searched=here)
     return (
         DataLoader(drawn, batch_size=settings.batch, sampler=order, **several),
         DataLoader(same, batch_size=settings.batch, sampler=[(0, row) for row in task.held], **several),

@@ -9,8 +9,9 @@ import torch
 
 from groundwork.progress import Silent
 from learn.losses import cross_entropy, lovasz_softmax
-from learn.models.backbone import batched, geometry_of
+from learn.models.backbone import COORD, batched, completed, geometry_of
 from learn.models.registry import NETWORKS, build_network
+from learn.neighborhoods.batches import farthest_in_turn
 from learn.trained import read_network
 from learn.training.settings import TrainSettings
 from learn.training.train import TrainingData, train_network
@@ -53,6 +54,24 @@ def test_a_step_is_that_of_the_processor(name: str) -> None:
         assert torch.allclose(ours, theirs.cpu(), rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.parametrize("name", NETWORKS)
+def test_neighborhoods_are_those_of_the_processor(name: str) -> None:
+    """Farthest points by the kernel and without it, balls and nearest points: the same rows."""
+    from learn.neighborhoods.farthest_kernel import farthest_on_gpu  # needs Triton
+
+    rng = np.random.default_rng(1)
+    clouds = rng.random((3, 4096, 3), np.float32)
+    network: Any = build_network(name, {}, 3, 5)
+    alone = batched([geometry_of(network, cloud) for cloud in clouds])
+    together = completed(network, {COORD: torch.from_numpy(clouds).to(GPU)})
+    for key, rows in alone.items():
+        assert torch.equal(rows, together[key].cpu()), key
+    grid = torch.from_numpy(np.stack(np.meshgrid(*[np.arange(12)] * 3), axis=-1).reshape(1, -1, 3).astype(np.float32))
+    coord = torch.cat([grid, grid], dim=1).to(GPU)  # ties everywhere
+    assert torch.equal(farthest_on_gpu(coord, 1728), farthest_in_turn(coord, 1728))
+    assert torch.equal(farthest_on_gpu(coord, 1728).cpu(), farthest_in_turn(coord.cpu(), 1728))
+
+
 @pytest.mark.parametrize("precision", ["32-true", "bf16-mixed"])
 def test_a_training_on_a_gpu_learns_and_its_model_predicts_here(tmp_path: Path, precision: str) -> None:
     """Loader processes, mixed precision, the model's file: what `falsework train` does with `accelerator=gpu`."""
@@ -76,5 +95,5 @@ def test_a_training_on_a_gpu_learns_and_its_model_predicts_here(tmp_path: Path, 
         right.append(model.probabilities([sample])[0].argmax(axis=1) == sample.labels)
     assert np.concatenate(right).mean() > 0.6
     sample = source.sample(0, 1)
-    here, there = model.probabilities([sample])[0], read_network(tmp_path, "gpu").probabilities([sample])[0]
-    assert np.abs(here - there).max() < 1e-3
+    here, there = model.probabilities([sample])[0], read_network(tmp_path, "gpu").probabilities([sample] * 3)
+    assert all(np.abs(here - one).max() < 1e-3 for one in there)

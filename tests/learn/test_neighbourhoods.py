@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from groundwork.errors import InputError
-from learn.models.registry import build_network
+from learn.models.backbone import COORD, batched, completed, geometry_of
+from learn.models.registry import NETWORKS, build_network
+from learn.neighborhoods.batches import Batches
 from learn.neighborhoods.cache import cached_pyramid, pyramid_key
 from learn.neighborhoods.farthest import farthest_points
 from learn.neighborhoods.pyramids import Indices, farthest_pyramid, random_pyramid
 from learn.neighborhoods.search import ball_query, nearest
+from learn.neighborhoods.searcher import OneCloud
 from tests.learn import literal_networks as literal
 
 SEEDS = st.integers(0, 10_000)
+ONE, MANY = OneCloud(), Batches()
 
 
 def cloud(seed: int, count: int = 200) -> np.ndarray:
@@ -66,15 +72,44 @@ def test_nearest_points_equal_brute_force(seed: int, count: int) -> None:
 
 def test_more_points_than_there_are_is_refused() -> None:
     """One line that says how many are needed."""
-    for search in (lambda: farthest_points(cloud(0), 201), lambda: nearest(cloud(0), cloud(0), 201)):
+    both = torch.from_numpy(cloud(0))[None]
+    for search in (
+        lambda: farthest_points(cloud(0), 201),
+        lambda: nearest(cloud(0), cloud(0), 201),
+        lambda: MANY.farthest(both, 201),
+        lambda: MANY.nearest(both, both, 201),
+    ):
         with pytest.raises(InputError, match="201 or more"):
             search()
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_a_batch_has_the_pyramids_of_its_clouds(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Torch, all clouds at once and distances in parts, finds the rows that trees find cloud by cloud."""
+    monkeypatch.setattr("learn.neighborhoods.batches._DISTANCES", 1 << 20)
+    network: Any = build_network(name, {}, 3, 5)
+    clouds = [cloud(seed, 4096) for seed in range(2)]
+    alone = batched([geometry_of(network, coord) for coord in clouds])
+    together = completed(network, {COORD: torch.from_numpy(np.stack(clouds))})
+    assert alone.keys() == together.keys()
+    for key, rows in alone.items():
+        assert torch.equal(rows, together[key]), key
+
+
+def test_a_batch_orders_ties_by_number_and_fills_its_balls() -> None:
+    """As one cloud: the lowest number among equally far points; few or no points in a ball; fewer points than asked."""
+    grid = np.stack(np.meshgrid(*[np.arange(4)] * 3), axis=-1).reshape(-1, 3).astype(np.float32)
+    coord = np.concatenate([grid, grid])
+    assert np.array_equal(MANY.farthest(torch.from_numpy(coord)[None], 64)[0].numpy(), ONE.farthest(coord, 64))
+    line = torch.tensor([[[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]])
+    assert MANY.ball(line, line[:, :1], 1.0, 5).tolist() == [[[0, 1, 0, 0, 0]]]
+    assert MANY.ball(line, torch.tensor([[[9.0, 0, 0]]]), 1.0, 3).tolist() == [[[2, 2, 2]]]
 
 
 def test_the_random_pyramid_keeps_a_random_subset_at_every_level() -> None:
     """Rows are distinct, levels nest, neighbours and the nearest kept point are those of brute force."""
     coord = cloud(1, 512)
-    pyramid = random_pyramid(coord, (4, 2), 8, seed=0)
+    pyramid = random_pyramid(coord, (4, 2), 8, 0, ONE)
     here = coord
     for level, ratio in enumerate((4, 2)):
         kept = pyramid[f"kept{level}"]
@@ -86,7 +121,7 @@ def test_the_random_pyramid_keeps_a_random_subset_at_every_level() -> None:
     first = pyramid["kept0"].astype(float)
     assert abs(first.mean() - 255.5) < 60  # 4.6 standard deviations of the mean of 128 rows of 512
     assert not np.array_equal(np.sort(first), np.arange(128))
-    assert not np.array_equal(first, random_pyramid(coord, (4, 2), 8, seed=1)["kept0"])
+    assert not np.array_equal(first, random_pyramid(coord, (4, 2), 8, 1, ONE)["kept0"])
 
 
 def equal(one: Indices, other: Indices) -> bool:
@@ -106,8 +141,8 @@ def test_pyramids_do_not_change_under_rigid_motion_and_scale(seed: int, scale: f
     apart = np.sort(literal.distances(coord, coord), axis=1)
     gaps = min(np.diff(apart, axis=1).min(), abs(apart - 0.2).min(), abs(apart - 0.4).min())
     if gaps > 2e-6:
-        assert equal(farthest_pyramid(coord, (50, 10), rings), farthest_pyramid(moved, (50, 10), scaled))
-        assert equal(random_pyramid(coord, (4, 2), 8, 0), random_pyramid(moved, (4, 2), 8, 0))
+        assert equal(farthest_pyramid(coord, (50, 10), rings, ONE), farthest_pyramid(moved, (50, 10), scaled, ONE))
+        assert equal(random_pyramid(coord, (4, 2), 8, 0, ONE), random_pyramid(moved, (4, 2), 8, 0, ONE))
 
 
 def test_the_cache_reads_what_it_wrote(tmp_path: Path) -> None:
@@ -116,7 +151,7 @@ def test_the_cache_reads_what_it_wrote(tmp_path: Path) -> None:
 
     def build(coord: np.ndarray) -> Indices:
         calls.append(len(coord))
-        return farthest_pyramid(coord, (20, 5), [[(0.2, 4)], [(0.4, 4)]])
+        return farthest_pyramid(coord, (20, 5), [[(0.2, 4)], [(0.4, 4)]], ONE)
 
     coord = cloud(1)
     first = cached_pyramid(tmp_path, coord, {"a": 1}, build)

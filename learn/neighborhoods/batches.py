@@ -1,0 +1,158 @@
+"""Neighborhoods of a batch of clouds at once, with torch: made for a GPU, where all distances cost less than a tree.
+
+Distances are float64, as on the processor; rows may differ where two points are equally far.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from groundwork.errors import InputError
+from learn.neighborhoods.farthest import need_points
+
+MANY = 16_384
+"""Points of a cloud beyond which a GPU needs longer for all distances than some cores of a processor for trees."""
+
+_DISTANCES = 1 << 26  # at a time: half a gigabyte
+_ONE_BLOCK = 8192  # points that a processor of a GPU holds in its registers
+
+
+@dataclass(frozen=True)
+class Batches:
+    """Searches in all clouds of a batch; a `learn.neighborhoods.searcher.Searcher`."""
+
+    def count(self, coord: Tensor) -> int:
+        """Count the points of each cloud.
+
+        Args:
+            coord: Positions [m or 1], shape (B, N, 3), float32.
+        """
+        return coord.shape[1]
+
+    def take(self, coord: Tensor, rows: Tensor) -> Tensor:
+        """Take some points of each cloud.
+
+        Args:
+            coord: Positions [m or 1], shape (B, N, 3), float32.
+            rows: Their row numbers, shape (B, M), int64.
+        """
+        return coord.gather(1, rows[..., None].expand(-1, -1, 3))
+
+    def first(self, coord: Tensor, count: int) -> Tensor:
+        """Number the first points of each cloud.
+
+        Args:
+            coord: Positions [m or 1], shape (B, N, 3), float32.
+            count: How many.
+        """
+        return torch.arange(min(count, coord.shape[1]), device=coord.device).expand(len(coord), -1)
+
+    def shuffled(self, coord: Tensor, count: int, seed: int) -> Tensor:
+        """Choose random points, the same rows in every cloud.
+
+        Args:
+            coord: Positions [m or 1], shape (B, N, 3), float32.
+            count: How many.
+            seed: Seed of the choice.
+        """
+        rows = np.random.default_rng([seed, coord.shape[1]]).permutation(coord.shape[1])[:count]
+        return torch.from_numpy(rows.astype(np.int64)).to(coord.device).expand(len(coord), -1)
+
+    def farthest(self, coord: Tensor, count: int) -> Tensor:
+        """Choose points by farthest point sampling, beginning with point 0.
+
+        Args:
+            coord: Positions [m or 1], shape (B, N, 3), float32.
+            count: How many.
+
+        Returns:
+            Rows in the order of choice, shape (B, count), int64.
+
+        Raises:
+            InputError: Fewer points than `count`.
+        """
+        need_points(coord.shape[1], max(count, 1))
+        if coord.is_cuda and coord.shape[1] <= _ONE_BLOCK:
+            try:
+                from learn.neighborhoods.farthest_kernel import farthest_on_gpu
+            except ImportError:  # torch comes without Triton on some systems
+                pass
+            else:
+                return farthest_on_gpu(coord, count)
+        return farthest_in_turn(coord, count)
+
+    def ball(self, coord: Tensor, centers: Tensor, radius: float, count: int) -> Tensor:
+        """Find the points within a ball about each center, nearest first; missing ones are the first one again.
+
+        Args:
+            coord: Positions [m or 1], shape (B, N, 3), float32.
+            centers: Centers [m or 1], shape (B, M, 3), float32.
+            radius: Of the balls, points on the surface included [m or 1].
+            count: Entries of a row.
+
+        Returns:
+            Rows, shape (B, M, count), int64.
+        """
+        squared, rows = _nearest(coord, centers, min(count, coord.shape[1]))
+        rows = torch.where(squared.sqrt() <= radius, rows, rows[..., :1])
+        missing = count - rows.shape[-1]
+        return rows if missing <= 0 else torch.cat([rows, rows[..., :1].expand(-1, -1, missing)], dim=-1)
+
+    def nearest(self, coord: Tensor, centers: Tensor, count: int) -> Tensor:
+        """Find the k nearest points of each center, nearest first.
+
+        Args:
+            coord: Positions [m or 1], shape (B, N, 3), float32.
+            centers: Centers [m or 1], shape (B, M, 3), float32.
+            count: Neighbors of each.
+
+        Returns:
+            Rows, shape (B, M, count), int64.
+
+        Raises:
+            InputError: Fewer points than neighbors.
+        """
+        if coord.shape[1] < count:
+            raise InputError(
+                "fewer points than neighbors",
+                field="points",
+                value=coord.shape[1],
+                allowed=f"{count} or more",
+                hint="Use larger tiles or a smaller model",
+            )
+        return _nearest(coord, centers, count)[1]
+
+
+def farthest_in_turn(coord: Tensor, count: int) -> Tensor:
+    """Choose points by farthest point sampling, one after the other in all clouds.
+
+    Args:
+        coord: Positions [m or 1], shape (B, N, 3), float32.
+        count: How many, 1 to N.
+
+    Returns:
+        Rows in the order of choice, shape (B, count), int64.
+    """
+    x, y, z = coord.double().unbind(-1)
+    nearest = torch.full_like(x, torch.inf)
+    chosen = torch.zeros((len(coord), count), dtype=torch.int64, device=coord.device)
+    for step in range(1, count):
+        last = chosen[:, step - 1 : step]
+        dx, dy, dz = (axis - axis.gather(1, last) for axis in (x, y, z))
+        nearest = torch.minimum(nearest, dx * dx + dy * dy + dz * dz)
+        chosen[:, step] = nearest.argmax(dim=1)
+    return chosen
+
+
+def _nearest(coord: Tensor, centers: Tensor, count: int) -> tuple[Tensor, Tensor]:
+    """Find the nearest points among all: squared distances and rows, shape (B, M, count)."""
+    x, y, z = coord.double()[:, None].unbind(-1)
+    step = max(1, _DISTANCES // max(1, coord.shape[0] * coord.shape[1]))
+    found = []
+    for part in centers.double().split(step, dim=1):
+        own_x, own_y, own_z = part[:, :, None].unbind(-1)
+        squared = (x - own_x).square_().add_((y - own_y).square_()).add_((z - own_z).square_())
+        found.append(squared.topk(count, dim=-1, largest=False, sorted=True))
+    return torch.cat([one.values for one in found], dim=1), torch.cat([one.indices for one in found], dim=1)
