@@ -37,18 +37,19 @@ TILE = {"size": 20.0, "stride": 20.0, "scale": 10.0, "voxel": 0.15, "ground_reac
 
 
 def clouds_below(places: Sequence[Path]) -> list[Path]:
-    """Find clouds.
+    """Find clouds; those of a run in its scenes, so that its store does not give them twice.
 
     Args:
         places: Folders of clouds, or folders that hold some.
     """
-    found = [
-        Path(folder)
-        for place in places
-        for folder, _, files in os.walk(place, followlinks=True)  # the scenes of a run are links
-        if "cloud.json" in files
-    ]
-    return sorted(set(found))
+    found: set[Path] = set()
+    for place in places:
+        for folder, inner, files in os.walk(place, followlinks=True):  # the scenes of a run are links
+            if {"scenes", "store"} <= set(inner):
+                inner[:] = ["scenes"]
+            if "cloud.json" in files:
+                found.add(Path(folder))
+    return sorted(found)
 
 
 def bridge_of(cloud: Path) -> str:
