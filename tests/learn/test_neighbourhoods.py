@@ -86,7 +86,7 @@ def test_more_points_than_there_are_is_refused() -> None:
 @pytest.mark.parametrize("name", NETWORKS)
 def test_a_batch_has_the_pyramids_of_its_clouds(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Torch, all clouds at once and distances in parts, finds the rows that trees find cloud by cloud."""
-    monkeypatch.setattr("learn.neighborhoods.batches._DISTANCES", 1 << 20)
+    monkeypatch.setattr("learn.neighborhoods.batches._DISTANCES", 1 << 21)
     network: Any = build_network(name, {}, 3, 5)
     clouds = [cloud(seed, 4096) for seed in range(2)]
     alone = batched([geometry_of(network, coord) for coord in clouds])
