@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 
 from falsework.execution import cluster, memory
-from falsework.execution.memory import machine_memory, processes_below
+from falsework.execution.memory import processes_below
 from groundwork.errors import FalseworkError, InputError
+from groundwork.memory import available_memory, machine_memory
 from tests.falsework.test_run import Run, run  # noqa: F401 (a fixture)
 from tests.falsework.tiny_chain import ROOT
 
@@ -33,7 +34,8 @@ def test_all_processes_together_keep_a_limit_of_memory(run: Run, monkeypatch: py
 
 def test_a_process_that_ends_while_it_is_read_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its files are empty from one moment to the next; the watch goes on."""
-    monkeypatch.setattr(memory, "_read", lambda path: "" if path.name == "statm" else path.read_text(errors="replace"))
+    read = memory.read_kernel_file
+    monkeypatch.setattr(memory, "read_kernel_file", lambda path: "" if path.name == "statm" else read(path))
     assert memory.processes_below(os.getpid()) == []
 
 
@@ -48,15 +50,18 @@ def test_memory_of_a_job_is_that_of_its_group(groups: str, file: str, tmp_path: 
     """Slurm limits the job, a group above that of the process; the root group, and others, say nothing of it."""
     hierarchy = tmp_path / "sys/fs/cgroup" / Path(file).parent
     (tmp_path / "proc/self").mkdir(parents=True)
-    (tmp_path / "proc/meminfo").write_text("MemTotal:       64000000 kB\nMemFree: 1 kB\n")
+    (tmp_path / "proc/meminfo").write_text("MemTotal:       64000000 kB\nMemFree: 1 kB\nMemAvailable: 3000000 kB\n")
     (tmp_path / "proc/self/cgroup").write_text(f"3:cpuset:/small\n{groups}")
     limits = {"": "99000000000", "slurm": "max", "slurm/job_7": "4000000000", "slurm/job_7/step_0": "max", "small": "1"}
     for group, limit in limits.items():
         (hierarchy / group).mkdir(parents=True, exist_ok=True)
         (hierarchy / group / Path(file).name).write_text(f"{limit}\n")
+    (tmp_path / "proc/self/statm").write_text("900000 500000 100 1 0 7 0\n")  # pages: 2.048 GB of 4 kB
     assert machine_memory(tmp_path) == 4.0
+    assert available_memory(tmp_path) == pytest.approx(4.0 - 500_000 * os.sysconf("SC_PAGE_SIZE") / 1e9)
     (hierarchy / "slurm/job_7" / Path(file).name).unlink()
     assert machine_memory(tmp_path) == 65.536
+    assert available_memory(tmp_path) == 3.072
 
 
 def test_a_script_without_a_guard_is_told_of_it(tmp_path: Path) -> None:

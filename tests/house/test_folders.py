@@ -24,6 +24,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "settings.py",
         "marks.py",
         "canonical.py",
+        "memory.py",
         "child.py",
         "files.py",
         "output",
