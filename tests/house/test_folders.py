@@ -16,6 +16,7 @@ from tests.house.test_imports import imported_names
 FLOORS: dict[str, tuple[str, ...]] = {
     "groundwork": (
         "errors.py",
+        "length_units.py",
         "progress.py",
         "user_cache.py",
         "foreign_file.py",
