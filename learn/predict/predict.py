@@ -82,8 +82,7 @@ def predict_scan(
     former = _boxes_record(out.with_suffix(BOXES))
     _check_outputs(source, out, former)
     check_copy(file, out)
-    link = _link_of(settings, model)
-    ids = tuple(getattr(model, "ids", ()))  # of a user's own classes, which have their own numbers
+    link, ids = _link_of(settings, model), tuple(getattr(model, "ids", ()))  # a user's own classes have own numbers
     summing = sum_classes(model.classes, model.table, settings.table, settings.classes, ids)
     with open_scan(file, progress=progress) as stream:
         told = stream.unit if said is None else said or None
@@ -120,7 +119,7 @@ def predict_scan(
             }
         given = {name: int(counts[i]) for i, name in names.items() if counts[i]}
         doubts = _doubts(contradiction(told, frame), len(cloud), stream.count)
-        return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found), doubts)
+    return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found), doubts)
 
 
 def _check_outputs(source: Path, out: Path, former: dict[str, Any]) -> None:
