@@ -157,16 +157,25 @@ def mutants_of(subject: str, module: str) -> Iterator[Mutant]:
         subject: Row of `SUBJECTS`.
         module: File, from the root of the repository.
     """
-    source = (ROOT / module).read_text(encoding="utf-8")
-    places = len(list(_places(ast.parse(source))))
-    for place in range(places):
-        tree = ast.parse(source)
-        node, change = list(_places(tree))[place]
-        before = _shown(node)
+    tree = ast.parse((ROOT / module).read_text(encoding="utf-8"))
+    parts = [_part(tree, row) for row in range(len(tree.body))]
+    owner = {id(node): row for row, statement in enumerate(tree.body) for node in ast.walk(statement)}
+    for node, change in list(_places(tree)):
+        before, kept, row = _shown(node), vars(node).copy(), owner[id(node)]
         change()
-        after = _shown(node)
-        what, tests = f"`{before}` → `{after}`", SUBJECTS[subject][1]
-        yield Mutant(subject, module, getattr(node, "lineno", 0), what, ast.unparse(tree), tests)
+        what, tests = f"`{before}` → `{_shown(node)}`", SUBJECTS[subject][1]
+        text = "".join([*parts[:row], _part(tree, row), *parts[row + 1 :]])
+        vars(node).update(kept)
+        yield Mutant(subject, module, getattr(node, "lineno", 0), what, text, tests)
+
+
+def _part(tree: ast.Module, row: int) -> str:
+    """Write one statement of a module as `ast.unparse` writes it within the whole; joined, the parts are the whole."""
+    statement = tree.body[row]
+    if row == 0:
+        return ast.unparse(ast.Module([statement], []))  # a docstring, if it is a text
+    apart = isinstance(statement, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
+    return ("\n\n" if apart else "\n") + ast.unparse(statement)
 
 
 def named_mutants() -> list[Mutant]:

@@ -10,9 +10,11 @@ import threading
 import time
 import warnings
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import astuple, dataclass, field, replace
+from functools import partial
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
@@ -34,6 +36,7 @@ PATIENCE = "1 day"  # for the restart of a worker; Dask would end it after 15 s 
 CLOSING = 4.0  # [s]
 TOLD_EVERY = 1.0  # [s] between two progress messages of a worker
 LOOPBACK = "127.0.0.1"
+UNGUARDED = 86  # exit code of a worker that ran the user's script again, up to its run(…); Python itself never has it
 
 
 @dataclass(frozen=True)
@@ -123,8 +126,8 @@ def run_on_cluster(
         The outcome of all scenes.
 
     Raises:
-        InputError: The workers did not start, or no cluster answers at the address.
-        FalseworkError: The cluster was lost.
+        InputError: The script that calls this has no guard for workers, or no cluster answers at the address.
+        FalseworkError: The workers did not start, or the cluster was lost.
         OutOfSpaceError: The disk is full.
     """
     outcome = Outcome()
@@ -187,9 +190,9 @@ def _take(future: Any, job: SceneJob, outcome: Outcome, progress: Progress) -> S
 def _own_cluster(workers: int) -> Iterator[Any]:
     """Start workers that are reachable only from this machine and end with this process, with their children."""
     if getattr(multiprocessing.current_process(), "_inheriting", False):  # a worker that runs the user's script again
-        raise SystemExit(1)
+        raise SystemExit(UNGUARDED)
+    import distributed  # noqa: F401 (before the settings: its defaults overwrite them)
     from dask import config
-    from distributed import Client  # before the settings: its defaults overwrite them
 
     settings: dict[str, Any] = {
         "distributed.scheduler.allowed-failures": FAILURES,
@@ -200,46 +203,62 @@ def _own_cluster(workers: int) -> Iterator[Any]:
     with tempfile.TemporaryDirectory(prefix="falsework-") as scratch, config.set(settings):
         for name in ("distributed", "distributed.client"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
-        cluster = client = None
+        cluster, client = _started_apart(partial(_start_workers, workers, scratch))
         try:
-            with _deaf_to_interrupts(), warnings.catch_warnings():
-                warnings.filterwarnings(
-                    "ignore", "(?s).*Port .* is already in use"
-                )  # of a dashboard that we do not use
-                cluster = _start_workers(workers, scratch)
-                client = Client(cluster)
             yield client
         except BaseException:
-            if cluster is not None:
-                _kill_workers(cluster)
+            _kill_workers(cluster)
             raise
         finally:
-            for started in filter(None, (client, cluster)):
-                with suppress(Exception):
-                    started.close(timeout=CLOSING)
+            _close(client, cluster)
 
 
-def _start_workers(workers: int, scratch: str) -> Any:
-    from distributed import LocalCluster
+def _start_workers(workers: int, scratch: str) -> tuple[Any, Any]:
+    """Start a cluster and its client."""
+    from distributed import Client, LocalCluster, Nanny
+
+    codes: list[int] = []
+
+    class Watched(Nanny):  # only it knows how its worker ended
+        def _on_worker_exit_sync(self, exitcode: int) -> None:
+            codes.append(exitcode)
+            super()._on_worker_exit_sync(exitcode)
 
     how: dict[str, Any] = {"dashboard_address": None, "memory_limit": 0}  # no dashboard, no memory monitor
     try:
-        return LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            host=LOOPBACK,
-            local_directory=scratch,
-            silence_logs=logging.CRITICAL,
-            **how,
-        )
-    except RuntimeError as error:
-        raise InputError(
-            "the workers did not start",
-            field="workers",
-            value=workers,
-            hint='A script must call run(…) below `if __name__ == "__main__":`, because each worker reads it again',
-        ) from error
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "(?s).*Port .* is already in use")  # of a dashboard that we do not use
+            cluster = LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                host=LOOPBACK,
+                local_directory=scratch,
+                silence_logs=logging.CRITICAL,
+                worker_class=Watched,
+                **how,
+            )
+            return cluster, Client(cluster)
+    except (RuntimeError, OSError) as error:
+        if UNGUARDED in codes:
+            raise InputError(
+                "the workers did not start",
+                field="workers",
+                value=workers,
+                hint='A script must call run(…) below `if __name__ == "__main__":`, because each worker reads it again',
+            ) from error
+        raise FalseworkError(f"the workers did not start: {_start_fault(error, codes)}") from error
+
+
+def _start_fault(error: BaseException, codes: list[int]) -> str:
+    """Say in one line why workers did not start: how the first one ended, or the error below Dask's own."""
+    if codes and codes[0] < 0:
+        return f"one died of {signal.Signals(-codes[0]).name}"
+    if codes and codes[0] > 0:
+        return f"one ended with exit code {codes[0]}; above is what it printed"
+    while below := error.__cause__ or error.__context__:
+        error = below
+    return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 @contextmanager
@@ -266,31 +285,46 @@ def _standing_cluster(address: str) -> Iterator[Any]:
             "run the same command again"
         ) from None
     finally:
-        with suppress(Exception):
-            client.close(timeout=CLOSING)
+        _close(client)
 
 
-@contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
-    """Keep Ctrl-C, which a terminal sends to all, from processes started here: we end the workers ourselves.
+def _started_apart(start: Callable[[], tuple[Any, Any]]) -> tuple[Any, Any]:
+    """Start a cluster and its client in a thread that has Ctrl-C blocked, as have the workers: we end them ourselves.
 
-    One that arrives here meanwhile is raised at the end. Processes started here have the signal blocked, as this
-    thread has.
+    A terminal sends Ctrl-C to all of them. Here it ends the wait at once, and the workers that exist by then.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
     resource_tracker.ensure_running()  # now: Python unblocks the signal after it starts this process for the workers
-    heard: list[int] = []
-    former = signal.signal(signal.SIGINT, lambda number, frame: heard.append(number))  # other threads receive it
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = set(multiprocessing.active_children())
+    result: Future[tuple[Any, Any]] = Future()
+
+    def work() -> None:
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            result.set_result(start())
+        except BaseException as error:  # raised where the result is read
+            result.set_exception(error)
+
+    starter = threading.Thread(target=work, name="start of workers", daemon=True)
     try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, former)
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-        if heard:
-            signal.raise_signal(signal.SIGINT)
+        starter.start()
+        return result.result()
+    except BaseException:
+        end = time.monotonic() + CLOSING
+        while starter.is_alive() and time.monotonic() < end:
+            for process in set(multiprocessing.active_children()) - before:
+                process.kill()
+            starter.join(0.1)
+        if result.done() and result.exception() is None:
+            cluster, client = result.result()
+            _kill_workers(cluster)
+            _close(client, cluster)
+        raise
+
+
+def _close(*started: Any) -> None:
+    for one in started:
+        with suppress(Exception):
+            one.close(timeout=CLOSING)
 
 
 def _kill_workers(cluster: Any) -> None:

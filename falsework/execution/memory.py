@@ -6,16 +6,15 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from groundwork.errors import InputError
+from groundwork.memory import machine_memory, read_kernel_file
 
 SHARE = 0.9  # of the machine's memory that a run may use where nothing else is said [1]
 _EVERY = 0.5  # [s] between two looks
 _AFTER = 3.0  # [s] for the processes above to end after one was stopped
 _OURS = frozenset({"authoring", "render", "recon", "learn", "falsework"})  # rooms whose modules run as child processes
-_GROUPS = ("sys/fs/cgroup", "memory.max")  # control groups of version 2: their folder, and the file of a limit
-_OLD_GROUPS = ("sys/fs/cgroup/memory", "memory.limit_in_bytes")  # of version 1
 
 
 @dataclass(frozen=True)
@@ -60,27 +59,6 @@ def memory_guard(limit: float | None, note: Callable[[str], None]) -> Iterator[N
     finally:
         done.set()
         watcher.join()
-
-
-def machine_memory(root: Path = Path("/")) -> float:
-    """Read the memory of the machine, or of the container or the job of a queue if that is less [GB].
-
-    Args:
-        root: Folder that holds `proc` and `sys`.
-    """
-    total = next(line for line in _read(root / "proc/meminfo").splitlines() if line.startswith("MemTotal:"))
-    limits = [_read(file).strip() for file in _limit_files(root)]
-    return min([int(total.split()[1]) * 1024, *(int(limit) for limit in limits if limit.isdigit())]) / 1e9
-
-
-def _limit_files(root: Path) -> Iterator[Path]:
-    """List where this process's control groups and those above them state a limit: a job is below a group of others."""
-    for line in _read(root / "proc/self/cgroup").splitlines():
-        _, controllers, group = line.split(":", 2)
-        if not controllers or "memory" in controllers.split(","):
-            folder, name = _OLD_GROUPS if controllers else _GROUPS
-            place = PurePosixPath(group.lstrip("/"))
-            yield from (root / folder / above / name for above in (place, *place.parents))
 
 
 def processes_below(root: int) -> list[Resident]:
@@ -132,17 +110,10 @@ def _watch(limit: float, note: Callable[[str], None], done: threading.Event) -> 
 def _resident(folder: Path) -> Resident | None:
     """Read one process; None if it has just ended."""
     try:
-        parent = int(_read(folder / "stat").rpartition(")")[2].split()[1])
-        resident, shared = (int(word) for word in _read(folder / "statm").split()[1:3])
-        words = _read(folder / "cmdline").split("\0")
+        parent = int(read_kernel_file(folder / "stat").rpartition(")")[2].split()[1])
+        resident, shared = (int(word) for word in read_kernel_file(folder / "statm").split()[1:3])
+        words = read_kernel_file(folder / "cmdline").split("\0")
     except (IndexError, ValueError):
         return None
     module = words[words.index("-m") + 1] if "-m" in words[:-1] else ""
     return Resident(int(folder.name), parent, module, (resident - shared) * os.sysconf("SC_PAGE_SIZE") / 1e9)
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return ""

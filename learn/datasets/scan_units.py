@@ -1,14 +1,15 @@
 """Unit and up axis of a scan's coordinates, as a user states them."""
 
-from typing import Literal
+from typing import Literal, get_args
 
 from pydantic import Field
 
+from groundwork.length_units import METERS
 from groundwork.settings import Settings
 
 Up = Literal["x", "-x", "y", "-y", "z", "-z"]
 Unit = Literal["m", "cm", "mm", "ft", "us-ft"]
-UNITS: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200.0 / 3937.0}  # [m]
+UNITS: dict[str, float] = {name: METERS[name] for name in get_args(Unit)}  # [m]
 
 
 class ScanUnits(Settings):

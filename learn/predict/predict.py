@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json, write_json
+from groundwork.memory import available_memory
 from groundwork.output.file import check_output_file, fresh_file
 from groundwork.progress import SILENT, Progress
 from learn.datasets.build import tile_patch
@@ -34,6 +35,7 @@ _OWN_FILES = {".laz": "cloud.laz", ".las": "cloud.laz", ".ply": "cloud.ply"}  # 
 _ASPRS = "asprs"  # only this table has the codes of LAS' field `classification`
 FORMAT = "falsework.instances"
 BOXES = ".instances.json"
+_CUBE_BYTES = 140  # for each occupied cube, beside its probabilities: of tiles or of instances, whichever is more
 _FEWEST_SEEN = 0.002  # [1] share of occupied cubes to points: below, the unit is probably wrong
 
 
@@ -74,19 +76,19 @@ def predict_scan(
         progress: Listener.
 
     Raises:
-        InputError: The scan cannot be read, states no unit, or lacks a channel of the model.
+        InputError: The scan cannot be read, states no unit, lacks a channel of the model, or needs too much memory.
     """
     file, said = _file_of(source, out)
     former = _boxes_record(out.with_suffix(BOXES))
     _check_outputs(source, out, former)
     check_copy(file, out)
-    link = _link_of(settings, model)
-    ids = tuple(getattr(model, "ids", ()))  # of a user's own classes, which have their own numbers
+    link, ids = _link_of(settings, model), tuple(getattr(model, "ids", ()))  # a user's own classes have own numbers
     summing = sum_classes(model.classes, model.table, settings.table, settings.classes, ids)
     with open_scan(file, progress=progress) as stream:
         told = stream.unit if said is None else said or None
         frame = choose_frame(told, settings, source)
         cloud = thin_stream(stream, frame, model, settings.chunk, source)
+        check_memory(len(cloud), len(summing.names), available_memory(), source)
         summed = vote(cloud, model, settings.batch, progress, summing.matrix)
         classes, sure = summing.decide(summed, settings.min_confidence)
         instance = connected_parts(cloud.coord, classes, link, settings.fewest, summing.background)
@@ -117,7 +119,7 @@ def predict_scan(
             }
         given = {name: int(counts[i]) for i, name in names.items() if counts[i]}
         doubts = _doubts(contradiction(told, frame), len(cloud), stream.count)
-        return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found), doubts)
+    return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found), doubts)
 
 
 def _check_outputs(source: Path, out: Path, former: dict[str, Any]) -> None:
@@ -216,6 +218,38 @@ def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int,
         kept = {name: values for name, values in columns.items() if name in needed}
         cloud = add_points(cloud, frame.apply(scan.coord), kept)
     return cloud
+
+
+def memory_needed(cubes: int, classes: int) -> float:
+    """Forecast the memory that votes and instances take beside the thinned points and the model [GB].
+
+    Args:
+        cubes: Occupied cubes.
+        classes: Classes of the file.
+    """
+    return cubes * (4 * classes + _CUBE_BYTES) / 1e9
+
+
+def check_memory(cubes: int, classes: int, available: float, where: object) -> None:
+    """Refuse a scan before the work if its votes and instances do not fit into memory.
+
+    Args:
+        cubes: Occupied cubes.
+        classes: Classes of the file.
+        available: Memory that this process can still use [GB].
+        where: Scan, for the error.
+
+    Raises:
+        InputError: They do not fit.
+    """
+    needed = memory_needed(cubes, classes)
+    if needed > available:
+        raise InputError(
+            f"after thinning, its {cubes:,} points and {classes} classes need {needed:.1f} GB of memory",
+            where=where,
+            allowed=f"{available:.1f} GB, which are available",
+            hint="Cut the scan into parts, check its unit, or close other programs",
+        )
 
 
 def vote(

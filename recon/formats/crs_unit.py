@@ -6,9 +6,10 @@ Source: ASPRS LAS 1.4 R15 (records 2112 and 34735); GeoTIFF 1.0 (key 3076).
 import struct
 from collections.abc import Mapping
 
-from recon.placing.wkt_unit import FOOT, US_FOOT, unit_of_wkt
+from groundwork.length_units import METERS
+from recon.placing.wkt_unit import unit_of_wkt
 
-_GEOKEY_UNITS = {9001: 1.0, 9002: FOOT, 9003: US_FOOT}
+_GEOKEY_UNITS = {9001: METERS["m"], 9002: METERS["ft"], 9003: METERS["us-ft"]}
 _MODEL_KEY, _UNIT_KEY, _GEOGRAPHIC = 1024, 3076, 2
 
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from recon.placing.gravity import GravityCues
 from recon.placing.similarity import (
@@ -320,6 +319,8 @@ def _serial_correlation(whitened: F64, measured: int | None = None) -> float:
 
 def _alike(columns: F64, serial_correlation: float) -> F64:
     """Multiply by the matrix whose entries are serial_correlation to the power of |i - j|, shape (N, P)."""
+    from scipy.signal import lfilter  # which loads scipy.stats: it takes half of the time to import the room
+
     if serial_correlation == 0.0:
         return columns
     ahead = lfilter([1.0], [1.0, -serial_correlation], columns, axis=0)

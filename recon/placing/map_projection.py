@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from groundwork.length_units import METERS
 from recon.photos.photos import local_position
-from recon.placing.wkt_unit import FOOT, US_FOOT, is_wkt, unit_of_wkt
+from recon.placing.wkt_unit import is_wkt, unit_of_wkt
 
 F64 = NDArray[np.float64]
 
@@ -15,7 +16,6 @@ _A, _F, _K0 = 6_378_137.0, 1.0 / 298.257223563, 0.9996  # WGS 84; scale of UTM o
 _GEOGRAPHIC = frozenset(  # EPSG codes of longitude and latitude, all within two metres of WGS 84
     (4326, 4979, 4258, 4937, 4269, 4152, 6318, 6319, 4617, 4674, 4283, 7844, 7843, 4167, 4619, 4612, 6668, 4490, 4171)
 )
-_UNITS = {"m": 1.0, "us-ft": US_FOOT, "ft": FOOT, "km": 1000.0, "cm": 0.01, "mm": 0.001}  # [m]
 _ANGLES = re.compile(r"\+proj=(longlat|latlong)\b")
 _EAST, _SOUTH = 500_000.0, 10_000_000.0  # [m] false easting, and false northing south of the equator
 
@@ -118,7 +118,7 @@ def _stated_unit(text: str) -> tuple[float, float] | None:
     lengths = []
     for factor, name in (("to_meter", "units"), ("vto_meter", "vunits")):
         number, unit = re.search(rf"\+{factor}=(\S+)", text), re.search(rf"\+{name}=(\S+)", text)
-        lengths.append(_length(number.group(1)) if number else _UNITS.get(unit.group(1)) if unit else None)
+        lengths.append(_length(number.group(1)) if number else METERS.get(unit.group(1)) if unit else None)
     horizontal, up = lengths
     if _ANGLES.search(text):
         return 0.0, up or 1.0

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from groundwork.errors import InputError
 from recon.dense.undistort import lens_of
@@ -119,6 +118,8 @@ def mark_variances(places: list[MarkedPlace]) -> F64:
     Returns:
         Variances [px²], shape (P,), float64.
     """
+    from scipy.stats import chi2  # half of the time to import the room
+
     freedom = np.array([2 * place.images - 3 for place in places], np.float64)
     squares = np.array([place.images * place.pixels**2 for place in places])
     usual = max(float(np.median(squares / chi2.ppf(0.5, freedom))), _LEAST_NOISE**2)

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f as fisher
 
 from recon.placing.gps_fit import Fit
 
@@ -108,6 +107,8 @@ def _limit(parts: F64, freedom: F64) -> float:
     Its square is approximated by a multiple of F with the degrees of freedom that match its mean and variance.
     Source: Satterthwaite (1946), both for the sum and for the square of the vector.
     """
+    from scipy.stats import f as fisher  # half of the time to import the room
+
     total = parts.sum(axis=0)
     values = np.maximum(np.linalg.eigvalsh(total), 0.0)
     if not values.sum() > 0.0:

@@ -1,7 +1,6 @@
 """The scale of a model by measured distances between marked points."""
 
 import numpy as np
-from scipy.stats import t as student
 
 from recon.placing.ground_control import ScaleBar
 from recon.placing.marked_places import MarkedPlace, mark_variances
@@ -18,6 +17,8 @@ def scale_of_bars(bars: list[ScaleBar], places: dict[str, MarkedPlace]) -> tuple
         Scale [m per model unit], and the 95 % limit of its relative error [1]. If the bars contradict each other by
         more than their errors, the limit follows from the contradiction.
     """
+    from scipy.stats import t as student  # half of the time to import the room
+
     variances = dict(zip(places, mark_variances(list(places.values())), strict=True))
     ratios, stated, marked = np.zeros(len(bars)), np.zeros(len(bars)), np.zeros(len(bars))
     for row, bar in enumerate(bars):

@@ -1,11 +1,10 @@
 """The unit of a coordinate reference system's well-known text.
 
-Source: OGC 01-009 and 18-010 (WKT); EPSG registry for the two feet.
+Source: OGC 01-009 and 18-010 (WKT).
 """
 
 import re
 
-FOOT, US_FOOT = 0.3048, 1200.0 / 3937.0  # [m]
 _TOKEN = re.compile(r'"[^"]*"|[A-Za-z_]\w*\s*[\[(]|[\])]|[-+\d.][-+\d.eE]*|,')
 _LINEAR = ("UNIT", "LENGTHUNIT")
 _PROJECTED = ("PROJCS", "PROJCRS", "PROJECTEDCRS", "LOCAL_CS", "ENGCRS")

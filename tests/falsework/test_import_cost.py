@@ -100,3 +100,10 @@ def test_a_heavy_import_would_be_seen(tmp_path: Path) -> None:
     assert code == 2
     assert "falsework.scenario" in loaded
     assert "scipy" in loaded
+
+
+def test_reconstruction_loads_no_statistics_before_it_needs_them() -> None:
+    """`scipy.stats` takes half of the time to import the room; a few limits of placing need it."""
+    script = "import sys, recon.reconstruct; print('scipy' in sys.modules, 'scipy.stats' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout == "True False\n"

@@ -1,18 +1,23 @@
 """A run's workers and its memory: limits, starts that fail, interrupts."""
 
+import errno
 import multiprocessing
 import os
+import re
 import signal
 import subprocess
+import sys
+import time
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from falsework.execution import cluster, memory
-from falsework.execution.memory import machine_memory, processes_below
-from groundwork.errors import InputError
+from falsework.execution.memory import processes_below
+from groundwork.errors import FalseworkError, InputError
+from groundwork.memory import available_memory, machine_memory
 from tests.falsework.test_run import Run, run  # noqa: F401 (a fixture)
+from tests.falsework.tiny_chain import ROOT
 
 
 def test_all_processes_together_keep_a_limit_of_memory(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
@@ -29,7 +34,8 @@ def test_all_processes_together_keep_a_limit_of_memory(run: Run, monkeypatch: py
 
 def test_a_process_that_ends_while_it_is_read_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its files are empty from one moment to the next; the watch goes on."""
-    monkeypatch.setattr(memory, "_read", lambda path: "" if path.name == "statm" else path.read_text(errors="replace"))
+    read = memory.read_kernel_file
+    monkeypatch.setattr(memory, "read_kernel_file", lambda path: "" if path.name == "statm" else read(path))
     assert memory.processes_below(os.getpid()) == []
 
 
@@ -44,43 +50,74 @@ def test_memory_of_a_job_is_that_of_its_group(groups: str, file: str, tmp_path: 
     """Slurm limits the job, a group above that of the process; the root group, and others, say nothing of it."""
     hierarchy = tmp_path / "sys/fs/cgroup" / Path(file).parent
     (tmp_path / "proc/self").mkdir(parents=True)
-    (tmp_path / "proc/meminfo").write_text("MemTotal:       64000000 kB\nMemFree: 1 kB\n")
+    (tmp_path / "proc/meminfo").write_text("MemTotal:       64000000 kB\nMemFree: 1 kB\nMemAvailable: 3000000 kB\n")
     (tmp_path / "proc/self/cgroup").write_text(f"3:cpuset:/small\n{groups}")
     limits = {"": "99000000000", "slurm": "max", "slurm/job_7": "4000000000", "slurm/job_7/step_0": "max", "small": "1"}
     for group, limit in limits.items():
         (hierarchy / group).mkdir(parents=True, exist_ok=True)
         (hierarchy / group / Path(file).name).write_text(f"{limit}\n")
+    (tmp_path / "proc/self/statm").write_text("900000 500000 100 1 0 7 0\n")  # pages: 2.048 GB of 4 kB
     assert machine_memory(tmp_path) == 4.0
+    assert available_memory(tmp_path) == pytest.approx(4.0 - 500_000 * os.sysconf("SC_PAGE_SIZE") / 1e9)
     (hierarchy / "slurm/job_7" / Path(file).name).unlink()
     assert machine_memory(tmp_path) == 65.536
+    assert available_memory(tmp_path) == 3.072
 
 
-def test_script_without_a_guard(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:  # noqa: F811
+def test_a_script_without_a_guard_is_told_of_it(tmp_path: Path) -> None:
     """Each worker reads the script again: there the call ends it without a word, and the script's own says why."""
-    with monkeypatch.context() as worker:
-        worker.setattr(multiprocessing.current_process(), "_inheriting", True, raising=False)
-        with pytest.raises(SystemExit) as left:
-            run(workers=1, out=tmp_path / "worker")
-    assert left.value.code == 1
+    script = tmp_path / "script.py"
+    script.write_text("from falsework.execution.cluster import _own_cluster\nwith _own_cluster(1):\n    print('on')\n")
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False, env=environment)
+    said = done.stderr.splitlines()[-1]
+    assert re.search(r"InputError: workers: the workers did not start.*__name__", said)
+    assert done.stdout == ""
 
-    def start(**how: Any) -> None:
-        raise RuntimeError("Nanny failed to start.")
+
+@pytest.mark.parametrize(
+    ("codes", "said"),
+    [
+        ([], "OSError: [Errno 24] Too many open files"),
+        ([-signal.SIGKILL, 0], "one died of SIGKILL"),
+        ([3], "one ended with exit code 3; above is what it printed"),
+    ],
+)
+def test_workers_that_do_not_start_say_why(codes: list[int], said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Dask says of every error that a nanny failed; the reason is how a worker ended or the first error, no guard."""
+
+    def start(*, worker_class: type, **how: object) -> None:
+        nanny = object.__new__(worker_class)
+        monkeypatch.setattr("distributed.Nanny._on_worker_exit_sync", lambda nanny, code: None)
+        for code in codes:
+            nanny._on_worker_exit_sync(code)
+        raise RuntimeError("Nanny failed to start.") from OSError(errno.EMFILE, "Too many open files")
 
     monkeypatch.setattr("distributed.LocalCluster", start)
-    with pytest.raises(InputError, match=r"workers: the workers did not start.*__name__"):
-        run(workers=1)
+    with pytest.raises(FalseworkError) as failed:
+        cluster._start_workers(1, "")
+    assert str(failed.value) == f"the workers did not start: {said}"
+    assert not isinstance(failed.value, InputError)
 
 
-def test_interrupt_during_the_start_of_workers_is_not_lost() -> None:
-    """It is raised when they have started; a process started meanwhile does not get what a terminal sends to all."""
-    started: list[bytes] = []
+def test_an_interrupt_ends_the_start_of_workers_at_once() -> None:
+    """It ends the processes that exist by then, which never got what a terminal sends to all, and no others."""
+    context = multiprocessing.get_context("spawn")
+    other, worker = (context.Process(target=time.sleep, args=(60,)) for _ in range(2))
+    other.start()
+    blocked: list[set[int]] = []
 
-    def start() -> None:
-        with cluster._deaf_to_interrupts():
-            os.kill(os.getpid(), signal.SIGINT)
-            started.append(subprocess.check_output(["sh", "-c", "kill -INT $$; echo on"]))
+    def start() -> tuple[None, None]:
+        blocked.append(signal.pthread_sigmask(signal.SIG_BLOCK, ()))
+        worker.start()
+        os.kill(os.getpid(), signal.SIGINT)
+        worker.join()  # as Dask waits for it
+        raise RuntimeError("Nanny failed to start.")
 
     with pytest.raises(KeyboardInterrupt):
-        start()
-    assert started == [b"on\n"]
+        cluster._started_apart(start)
+    assert worker.exitcode == -signal.SIGKILL
+    assert other.is_alive()
+    other.kill()
+    assert blocked == [{signal.SIGINT}]
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())

@@ -288,7 +288,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "preset.preset_values",
         "programs._source",
         "doctor._available_memory",
-        "memory._read",
+        "memory.read_kernel_file",
         "platform.processor",
         "page._template",
         "page.figure_json",

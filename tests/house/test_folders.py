@@ -16,6 +16,7 @@ from tests.house.test_imports import imported_names
 FLOORS: dict[str, tuple[str, ...]] = {
     "groundwork": (
         "errors.py",
+        "length_units.py",
         "progress.py",
         "user_cache.py",
         "foreign_file.py",
@@ -24,6 +25,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "settings.py",
         "marks.py",
         "canonical.py",
+        "memory.py",
         "child.py",
         "files.py",
         "output",

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import ast
+from pathlib import Path
 
 import pytest
 
-from benchmarks.checks.mutants import SUBJECTS, _places, draw, named_mutants
+from benchmarks.checks.mutants import SUBJECTS, _places, draw, mutants_of, named_mutants
 from tests.house.house import ROOT
 
 
@@ -43,6 +44,18 @@ def faults_of(source: str) -> list[str]:
 def test_each_fault_changes_one_place(source: str, faults: list[str]) -> None:
     """Edges between whole numbers move by one, comparisons of measured values turn round, calls alone go."""
     assert faults_of(source) == faults
+
+
+def test_every_text_is_the_module_with_one_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Faults are put in one after the other and taken out: each text is as if the module were read anew for it."""
+    source = '"""A text."""\nimport os\nA = -1\n"""Another."""\n\n@f\ndef g(a: int) -> bool:\n    """B."""\n'
+    source += "    if not a < 1:\n        os.f(-a + A, axis=0)\n    return a and A\n\n"
+    source += "class B:\n    c = 1 - 2\n\nassert B.c == A\n"
+    (tmp_path / "a.py").write_text(source)
+    monkeypatch.setattr("benchmarks.checks.mutants.ROOT", tmp_path)
+    texts = [mutant.text for mutant in mutants_of("vote", "a.py")]
+    assert sorted(texts) == faults_of(source)
+    assert len(texts) == 11
 
 
 def test_a_seed_draws_the_same_faults() -> None:

@@ -4,8 +4,8 @@ import struct
 
 import pytest
 
+from groundwork.length_units import METERS
 from recon.formats.crs_unit import meters_per_unit
-from recon.placing.wkt_unit import US_FOOT
 
 GEOGRAPHIC = 'GEOGCS["NAD83",DATUM["d",SPHEROID["GRS 1980",6378137,298.257]],UNIT["degree",0.0174532925199433]]'
 FEET = (
@@ -46,7 +46,7 @@ def test_geokeys() -> None:
         return {("LASF_Projection", 34735): struct.pack("<4H", 1, 1, 0, len(rows)) + table}
 
     assert meters_per_unit(keys((1024, 1), (3076, 9001))) == 1.0
-    assert meters_per_unit(keys((1024, 1), (3076, 9003))) == US_FOOT
+    assert meters_per_unit(keys((1024, 1), (3076, 9003))) == METERS["us-ft"]
     assert meters_per_unit(keys((1024, 2))) == 0.0
     assert meters_per_unit(keys((1024, 1))) is None
     torn = {place: data[:-5] for place, data in keys((1024, 1), (3076, 9001)).items()}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from benchmarks.recon.gps_flights import frame_errors
 from groundwork.errors import InputError, MissingError
+from groundwork.length_units import METERS
 from groundwork.progress import SILENT
 from recon import reconstruct as conductor
 from recon.cloud import read_cloud
@@ -27,7 +28,6 @@ from recon.placing.map_projection import MapSystem, read_system
 from recon.placing.marked_places import intersect_rays
 from recon.placing.place import read_control
 from recon.placing.similarity import Similarity
-from recon.placing.wkt_unit import US_FOOT
 from recon.settings import ReconSettings
 from recon.sfm.colmap_model import SparseModel, read_model
 from recon.sfm.sparse import Sparse
@@ -238,7 +238,7 @@ def test_feet_become_metres(system: str) -> None:
     """A plane system in feet: the scale is that of metres, and so is the origin."""
     _, _, known, true = flown()
     feet = tuple(
-        replace(point, position=tuple((np.array(point.position) / US_FOOT + [2e6, 5e5, 0.0]).tolist()))
+        replace(point, position=tuple((np.array(point.position) / METERS["us-ft"] + [2e6, 5e5, 0.0]).tolist()))
         for point in marked(CORNERS, true)
     )
     read = read_system(system)
@@ -246,11 +246,11 @@ def test_feet_become_metres(system: str) -> None:
     assert not read.assumed
     found, _ = placed(GroundControl(FILE, read, feet))
     assert found.alignment.similarity.scale == pytest.approx(known.scale, rel=1e-5)
-    assert found.facts["origin"]["east"] == pytest.approx(2e6 * US_FOOT, abs=100.0)
+    assert found.facts["origin"]["east"] == pytest.approx(2e6 * METERS["us-ft"], abs=100.0)
     utm = read_system("+proj=utm +zone=10 +ellps=WGS84 +units=us-ft")
     assert utm is not None
     metres = MapSystem("", 10).geographic(np.array([[5e5, 4e6, 30.0]]))
-    np.testing.assert_allclose(utm.geographic(np.array([[5e5, 4e6, 30.0]]) / US_FOOT), metres, atol=1e-9)
+    np.testing.assert_allclose(utm.geographic(np.array([[5e5, 4e6, 30.0]]) / METERS["us-ft"]), metres, atol=1e-9)
 
 
 def test_what_does_not_fit_is_one_line(tmp_path: Path) -> None:

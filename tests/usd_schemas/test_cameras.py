@@ -281,6 +281,30 @@ def test_products(tmp_path: Path) -> None:
     assert any(line.startswith("/Render/Lost") for line in scene.warnings)
 
 
+@pytest.mark.parametrize(
+    ("cameras", "products", "names"),
+    [
+        (("X/a", "Y/a", "a_2"), (), ["a", "a_3", "a_2"]),
+        (("X/a", "Y/a", "a"), (), ["a", "a_2", "a_3"]),
+        (("a", "A"), (), ["a", "A_2"]),
+        (("X/a", "Y/a", "b"), ("b", "b", "c"), ["a", "b_2", "b"]),
+    ],
+)
+def test_products_have_names_of_their_own(
+    cameras: tuple[str, ...], products: tuple[str, ...], names: list[str], tmp_path: Path
+) -> None:
+    """No two captures are in one folder: a later one of a name gives way, and to no name that another one has."""
+    body = GROUND
+    for path in cameras:
+        parent, _, name = path.rpartition("/")
+        body += f'def Xform "{parent}" {{\n{camera(name)}}}\n' if parent else camera(name)
+    for row, name in enumerate(products):
+        body += f'def Scope "P{row}" {{\ndef RenderProduct "{name}" {{\nrel camera = </{cameras[row]}>\n}}\n}}\n'
+    scene = read_body(tmp_path, body)
+    assert [scene.cameras[product.camera].path for product in scene.products] == [f"/{path}" for path in cameras]
+    assert [product.name for product in scene.products] == names
+
+
 def test_what_a_product_asks_for_beyond_is_named(tmp_path: Path) -> None:
     """Policies, windows, stretched pixels and foreign variables: one line each, from the product or the settings."""
     body = """def Scope "Render" {

@@ -113,6 +113,30 @@ def test_omnipbr_weights_and_packed_channels(tmp_path: Path) -> None:
     assert scene.warnings == ()
 
 
+@pytest.mark.parametrize(
+    ("files", "gain", "warned"),
+    [
+        ({"emissive_color_texture": "a"}, (2.0, 2.0, 2.0), ""),
+        ({"emissive_mask_texture": "a"}, (1.0, 0.5, 2.0), ""),
+        ({"emissive_color_texture": "a", "emissive_mask_texture": "b"}, (2.0, 2.0, 2.0), "emissive_mask_texture"),
+        ({"emissive_color_texture": "gone"}, (0.0, 0.0, 0.0), "gone.png"),
+    ],
+)
+def test_omnipbr_emission_of_a_texture(
+    files: dict[str, str], gain: tuple[float, float, float], warned: str, tmp_path: Path
+) -> None:
+    """The picture stands for the color, or masks it, times the intensity; without emission it is not read."""
+    inputs = "color3f inputs:emissive_color = (0.5, 0.25, 1)\nfloat inputs:emissive_intensity = 2\n"
+    inputs += "".join(f"asset inputs:{name} = @./{file}.png@\n" for name, file in files.items())
+    scene, material = read_one(tmp_path, omni(inputs + "bool inputs:enable_emission = 1"))
+    assert material.emissive == (1.0, 0.5, 2.0)
+    assert material.emissive_texture == (Texture(str(tmp_path / "a.png"), True, gain=gain) if any(gain) else None)
+    assert len(scene.warnings) == bool(warned)
+    assert all(warned in line for line in scene.warnings)
+    scene, dark = read_one(tmp_path, omni(inputs))
+    assert (dark.emissive, dark.emissive_texture, scene.warnings) == ((0.0, 0.0, 0.0), None, ())
+
+
 def test_omnipbr_fed_by_a_node_is_named(tmp_path: Path) -> None:
     """An input that another MDL node computes falls back to its default, with one line."""
     scene, material = read_one(tmp_path, omni("color3f inputs:diffuse_color_constant.connect = </Mat/S.outputs:out>"))

@@ -14,7 +14,7 @@ from usd_schemas.apis import read_survey
 from usd_schemas.flat_scene import CameraTrack, Product
 from usd_schemas.pinhole import TENTH, USD_FROM_CAMERA, UsdLens, look_at
 from usd_schemas.reading.choices import AS_AUTHORED, MOST_FRAMES, StageChoices
-from usd_schemas.reading.file_names import capture_name, image_names
+from usd_schemas.reading.file_names import capture_name, distinct_names, image_names
 from usd_schemas.reading.labels import Warn
 from usd_schemas.reading.traversal import EARLIEST, composed_prims, guarded
 
@@ -253,12 +253,12 @@ def read_products(
     prims = [stage.GetPrimAtPath(path) for path in targets] or [
         prim for prim in composed_prims(stage) if prim.IsA(UsdRender.Product)
     ]
-    products: list[Product] = []
+    products: dict[str, Product] = {}
     for prim in prims:
         if prim and prim.IsA(UsdRender.Product):
             with guarded(prim, warn):
                 _add_product(prim, settings, rows, cameras, products, warn)
-    found = tuple(products) or tuple(_default_product(cameras, row) for row in range(len(cameras)))
+    found = _named(products, stage, warn) or _default_products(cameras)
     return tuple(sized(product, choices) for product in _of_camera(found, cameras, choices.camera))
 
 
@@ -272,7 +272,7 @@ def _of_camera(products: tuple[Product, ...], cameras: tuple[CameraTrack, ...], 
         names = ", ".join(dict.fromkeys(camera.path or camera.name for camera in cameras))
         raise InputError("no such camera on the stage", field="--camera", value=wanted, allowed=names)
     kept = tuple(product for product in products if product.camera in rows)
-    return kept or tuple(_default_product(cameras, row) for row in rows)
+    return kept or tuple(product for product in _default_products(cameras) if product.camera in rows)
 
 
 def sized(product: Product, choices: StageChoices) -> Product:
@@ -294,7 +294,7 @@ def _add_product(
     settings: UsdRender.Settings,
     rows: dict[str, int],
     cameras: tuple[CameraTrack, ...],
-    products: list[Product],
+    products: dict[str, Product],
     warn: Warn,
 ) -> None:
     base = UsdRender.SettingsBase(prim)
@@ -313,7 +313,7 @@ def _add_product(
         warn(f"{prim.GetPath()}: a RenderProduct of {width} x {height} pixels")
         return
     _note_unread(prim, settings, cameras[row].lens, width / height, warn)
-    products.append(Product(_free_name(cameras[row].name, prim, products, warn), row, width, height))
+    products[str(prim.GetPath())] = Product(cameras[row].name, row, width, height)
 
 
 def _note_unread(prim: Usd.Prim, settings: UsdRender.Settings, lens: UsdLens, aspect: float, warn: Warn) -> None:
@@ -341,22 +341,24 @@ def _note_unread(prim: Usd.Prim, settings: UsdRender.Settings, lens: UsdLens, as
         warn(f"{prim.GetPath()}: RenderVars {unknown} are not among {', '.join(tokens.RENDER_VAR_NAMES)}: not written")
 
 
-def _free_name(wanted: str, prim: Usd.Prim, products: list[Product], warn: Warn) -> str:
-    taken = {product.name for product in products}
-    if wanted not in taken:
-        return wanted
-    other = capture_name(prim, "", warn)
-    numbered = (f"{other}_{number}" for number in range(2, len(taken) + 3))
-    return next(name for name in (other, *numbered) if name not in taken)
+def _named(products: dict[str, Product], stage: Usd.Stage, warn: Warn) -> tuple[Product, ...]:
+    """Give products, by path, the names of their cameras; a second one of a name has its own name."""
+    paths = list(products)
+    wanted = [product.name for product in products.values()]
+    names = distinct_names(wanted, lambda row: capture_name(stage.GetPrimAtPath(paths[row]), "", warn))
+    return tuple(replace(product, name=name) for product, name in zip(products.values(), names, strict=True))
 
 
-def _default_product(cameras: tuple[CameraTrack, ...], row: int) -> Product:
-    camera = cameras[row]
+def _default_products(cameras: tuple[CameraTrack, ...]) -> tuple[Product, ...]:
+    names = distinct_names([camera.name for camera in cameras], lambda row: cameras[row].name)
+    return tuple(Product(name, row, *_default_size(cameras[row])) for row, name in enumerate(names))
+
+
+def _default_size(camera: CameraTrack) -> tuple[int, int]:
+    """Find the width and height of a camera's images without a product [px]."""
     if camera.calibration is not None:
-        return Product(camera.name, row, camera.calibration.width, camera.calibration.height)
-    height = round(DEFAULT_WIDTH * camera.lens.vertical_aperture / camera.lens.horizontal_aperture)
-    same = [other.name for other in cameras[:row]].count(camera.name)
-    return Product(f"{camera.name}_{same + 1}" if same else camera.name, row, DEFAULT_WIDTH, max(height, 1))
+        return camera.calibration.width, camera.calibration.height
+    return DEFAULT_WIDTH, max(round(DEFAULT_WIDTH * camera.lens.vertical_aperture / camera.lens.horizontal_aperture), 1)
 
 
 def framing_camera(low: F64, high: F64, images: int = 1) -> tuple[CameraTrack, Product]:

@@ -1,5 +1,8 @@
 """Names from a stage that become names of files and folders."""
 
+from collections.abc import Callable, Sequence
+from itertools import chain, count
+
 from pxr import Usd
 
 from groundwork.slug import slug
@@ -24,6 +27,32 @@ def capture_name(prim: Usd.Prim, told: str, warn: Warn) -> str:
     if name != wanted:
         warn(f"{prim.GetPath()}: {wanted[:_SHOWN]!r} is not a plain file name: its capture is named {name}")
     return name
+
+
+def distinct_names(wanted: Sequence[str], instead: Callable[[int], str]) -> list[str]:
+    """Make names of captures different, also on file systems that ignore the case.
+
+    The first that wants a name has it. Each of the others has another name, which no other one wants.
+
+    Args:
+        wanted: Name that each product should have.
+        instead: Returns the name that a row has if its own is taken; a number follows where that one is taken, too.
+
+    Returns:
+        A name for each row.
+    """
+    claimed = {name.casefold() for name in wanted}
+    given: set[str] = set()
+    names = []
+    for row, name in enumerate(wanted):
+        if name.casefold() in given:
+            other = instead(row)
+            numbered = (f"{other}_{number}" for number in count(2))
+            name = next(one for one in chain((other,), numbered) if one.casefold() not in claimed)
+            claimed.add(name.casefold())
+        given.add(name.casefold())
+        names.append(name)
+    return names
 
 
 def image_names(prim: Usd.Prim, told: tuple[str, ...], count: int, warn: Warn) -> tuple[str, ...]:

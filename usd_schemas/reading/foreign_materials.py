@@ -18,6 +18,7 @@ Flat = tuple[Material, tuple[str, str]]
 Triple = tuple[float, float, float]
 
 _WHITE: Triple = (1.0, 1.0, 1.0)
+_BLACK: Triple = (0.0, 0.0, 0.0)
 _ZERO = (0.0, 0.0)
 _IMAGES = ("ND_image_", "ND_tiledimage_", "ND_gltf_image", "ND_gltf_colorimage", "ND_gltf_normalmap")
 _PASSED = ("ND_normalmap", "ND_convert_", "ND_extract_", "ND_separate")  # nodes that pass on their one texture
@@ -97,7 +98,9 @@ def _read_omni(path: str, shader: UsdShade.Shader, note: Callable[[str], None]) 
             note(f"{name} of OmniPBR is left out")
     rough, metal = number_of(source("reflection_roughness_constant"), 0.5), number_of(source("metallic_constant"), 0.0)
     color = triple_of(source("diffuse_color_constant"), (0.2, 0.2, 0.2))
-    glow = number_of(source("emissive_intensity"), 40.0) if source("enable_emission").value else 0.0
+    emissive, emissive_texture = (
+        _omni_emission(source, texture, note) if source("enable_emission").value else (_BLACK, None)
+    )
     return Material(
         name=path,
         base_color=_times(color, tint),
@@ -109,8 +112,23 @@ def _read_omni(path: str, shader: UsdShade.Shader, note: Callable[[str], None]) 
         metallic=metal,
         metallic_texture=number(metal, "metallic_texture_influence", "metallic_texture", _ORM_METALLIC),
         normal_texture=texture("normalmap_texture", False),
-        emissive=_times(triple_of(source("emissive_color"), (1.0, 0.1, 0.1)), (glow, glow, glow)),
+        emissive=emissive,
+        emissive_texture=emissive_texture,
     )
+
+
+def _omni_emission(
+    source: Callable[[str], Source], texture: Callable[[str, bool], Texture | None], note: Callable[[str], None]
+) -> tuple[Triple, Texture | None]:
+    """Read what OmniPBR emits: a color or its texture, times a mask, times an intensity."""
+    glow = _gray(number_of(source("emissive_intensity"), 40.0))
+    color = _times(triple_of(source("emissive_color"), (1.0, 0.1, 0.1)), glow)
+    colored, mask = texture("emissive_color_texture", True), texture("emissive_mask_texture", True)
+    if colored is not None and mask is not None:
+        note("emissive_mask_texture of OmniPBR is left out beside an emissive_color_texture")
+    if colored is not None:
+        return color, replace(colored, gain=glow)
+    return color, mask and replace(mask, gain=color)
 
 
 @dataclass(frozen=True)
