@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from render.gpu.programs import set_uniform
 from render.light.daylight import Daylight
+from render.light.half_axes import MEAN
 from render.light.light_volume import LightVolume
 from render.light.local_lights import LocalLights
 from render.light.shadows import Shadows
+from render.light.surface_fit import AHEAD
 from render.settings import ShadingSettings
 from usd_schemas.flat_scene import FlatScene
 
@@ -140,11 +142,17 @@ def _extinction(distance: float) -> F64:
 
 
 def _volume_textures(context: moderngl.Context, volume: LightVolume) -> list[moderngl.Texture3D]:
-    """Upload one texture per color channel; its four channels are the coefficients."""
+    """Upload one texture per axis: its lower half holds light along the axis, its upper half against it.
+
+    The fourth channels of the three are red, green and blue of the mean.
+    """
     coefficients = volume.coefficients.astype(np.float32)  # float16 would take a CPU longer to read
     textures = []
-    for channel in range(3):
-        texture = context.texture3d(coefficients.shape[2::-1], 4, coefficients[..., channel].tobytes(), dtype="f4")
+    for axis in range(3):
+        mean = coefficients[..., MEAN, axis, None]
+        halves = [np.concatenate([coefficients[..., 2 * axis + side, :], mean], axis=-1) for side in range(2)]
+        both = np.concatenate(halves)
+        texture = context.texture3d(both.shape[2::-1], 4, both.tobytes(), dtype="f4")
         texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
         texture.repeat_x = texture.repeat_y = texture.repeat_z = False
         textures.append(texture)
@@ -168,11 +176,12 @@ def _uniforms(light: Illumination, anchor: F64) -> dict[str, object]:
     if light.volume is not None:
         cell, counts = light.volume.cell, np.array(light.volume.coefficients.shape[2::-1])
         values |= {
-            "volume_red": _VOLUME_UNIT,
-            "volume_green": _VOLUME_UNIT + 1,
-            "volume_blue": _VOLUME_UNIT + 2,
+            "volume_x": _VOLUME_UNIT,
+            "volume_y": _VOLUME_UNIT + 1,
+            "volume_z": _VOLUME_UNIT + 2,
             "volume_lower": tuple((light.volume.lower - cell / 2 - anchor).tolist()),
             "volume_scale": tuple((1.0 / (cell * counts)).tolist()),
             "volume_cell": cell,
+            "volume_ahead": AHEAD * cell,
         }
     return values | light.local.uniforms(anchor)

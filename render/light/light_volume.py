@@ -1,7 +1,7 @@
 """The light volume: irradiance from sky and reflected sunlight around the bridge, ray cast once per scene.
 
-A grid of probes stores the irradiance of the first two bands of spherical harmonics. The shader reads it one cell away
-from the surface, so that a wall receives no light from its far side. It depends only on the scene, never on the view,
+A grid of probes stores the irradiance of surfaces that face along each half axis, so that the two sides of a thin slab
+share nothing. The shader reads it half a cell in front of the surface. It depends only on the scene, never on the view,
 so a surface looks the same in every photograph.
 """
 
@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.progress import Progress
-from render.light.daylight import Daylight, irradiance_coefficients, sphere
-from render.light.surface_fit import cast_places, fit_to_surfaces, spread_places
+from render.light.daylight import Daylight, sphere
+from render.light.half_axes import COUNT, HALF_AXES, project, weigh
+from render.light.surface_fit import AHEAD, cast_places, fit_to_surfaces, spread_places
 from render.light.tracing import CHUNK, Hits, LightTracer, joined
 from usd_schemas.flat_scene import FlatScene
 
@@ -22,9 +23,12 @@ I64 = NDArray[np.int64]
 
 _MARGIN = np.array([5.0, 5.0, 1.5])  # [m] the volume reaches beyond the region of interest
 _SMALLEST_CELL = 0.35  # [m]
+_MOST_LAYERS = 1000  # of probes, for a texture has at most 2048, and holds every layer twice
 _BURIED = 0.3  # a probe that sees more back faces than this is inside a solid
-_PLACES = 1.2  # positions on surfaces for each probe [1]
+_PLACES = 2.4  # positions on surfaces for each probe [1]
 _BOUNCES = 2  # reflections of light between surfaces, after those that the probes include
+_BESIDE = (0.02, 0.2)  # weight of the neighbor behind a surface, and of those beside it, to that in front of it [1]
+_SEED = 4  # of the positions at which reflected light is looked up
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ class LightVolume:
     Attributes:
         lower: Position of the first probe [m], shape (3,), float64.
         cell: Distance of neighbouring probes [m].
-        coefficients: c0, c1, c2, c3 of E(n) = c0 + c1 nx + c2 ny + c3 nz [1], shape (Z, Y, X, 4, 3), float32.
+        coefficients: Irradiance by half axis, and its mean, as in `half_axes` [1], shape (Z, Y, X, 7, 3), float32.
     """
 
     lower: F64
@@ -85,11 +89,11 @@ def cast_light_volume(
     """
     probes, rays = sampling.probes, sampling.rays
     low, high = box[0] - _MARGIN, box[1] + _MARGIN
-    cell = max(_SMALLEST_CELL, float(np.cbrt(np.prod(high - low) / probes)))
+    cell = max(_SMALLEST_CELL, float(np.cbrt(np.prod(high - low) / probes)), float(high[2] - low[2]) / _MOST_LAYERS)
     counts = np.maximum(np.ceil((high - low) / cell).astype(int), 1) + 1
     tracer = LightTracer(scene, light, albedo)
     volume = _cast_probes(
-        tracer, light, LightVolume(low, cell, np.zeros((*counts[::-1], 4, 3), np.float32)), rays, progress
+        tracer, light, LightVolume(low, cell, np.zeros((*counts[::-1], COUNT, 3), np.float32)), rays, progress
     )
     places = spread_places(tracer, low, low + cell * (counts - 1), round(_PLACES * probes))
     if not len(places.position):
@@ -127,7 +131,7 @@ def _cast_probes(tracer: LightTracer, light: Daylight, grid: LightVolume, rays: 
     parts.clear()  # a hundred megabytes that are not needed again
 
     def volume() -> LightVolume:
-        coefficients = irradiance_coefficients(directions, radiance.reshape(-1, rays, 3)).reshape(*counts, 4, 3)
+        coefficients = project(directions, radiance.reshape(-1, rays, 3)).reshape(*counts, COUNT, 3)
         return replace(grid, coefficients=_filled(coefficients, buried))
 
     radiance[hits.ray] += hits.albedo / np.float32(np.pi) * _ambient(volume(), light, hits)
@@ -135,31 +139,45 @@ def _cast_probes(tracer: LightTracer, light: Daylight, grid: LightVolume, rays: 
 
 
 def _ambient(volume: LightVolume, light: Daylight, hits: Hits) -> F32:
-    """Compute irradiance at the hits: from the volume one cell off the surface, of the open sky outside it; (N, 3)."""
-    table, open_sky = volume.coefficients.reshape(-1, 4, 3), light.open_sky.astype(np.float32)
+    """Compute irradiance at the hits: from the volume as the shader does, of the open sky outside it; shape (N, 3).
+
+    A position that is moved at random by up to half a cell has on average the mean of the probes around it.
+    """
+    table, open_sky = volume.coefficients.reshape(-1, 3), light.open_sky.astype(np.float32)
+    rng = np.random.default_rng(_SEED)
     result = np.empty((len(hits.ray), 3), np.float32)
     for start in range(0, len(result), CHUNK):
         rows = slice(start, start + CHUNK)
-        normal = hits.normal[rows]
-        probe, inside = volume.nearest(hits.position[rows] + volume.cell * normal.astype(np.float64))
-        for channel in range(3):
-            held = np.where(inside[:, None], table[probe, :, channel], open_sky[:, channel])
-            result[rows, channel] = held[:, 0] + np.einsum("nk,nk->n", held[:, 1:], normal)
+        normal = hits.normal[rows].astype(np.float64)
+        moved = rng.random((len(normal), 3)) - 0.5
+        probe, inside = volume.nearest(hits.position[rows] + volume.cell * (AHEAD * normal + moved))
+        number, weight = weigh(normal)
+        held = np.zeros((len(normal), 3), np.float32)
+        for column in range(number.shape[1]):
+            held += weight[:, column, None].astype(np.float32) * table[COUNT * probe + number[:, column]]
+        outside = open_sky[0] + hits.normal[rows] @ open_sky[1:]
+        result[rows] = np.where(inside[:, None], held, outside)
     return np.maximum(result, 0)
 
 
 def _filled(coefficients: F64, buried: NDArray[np.bool_]) -> F32:
-    """Fill probes inside solids with the mean of their neighbors outside solids, layer by layer."""
+    """Fill probes inside solids with the mean of their neighbors outside solids, layer by layer.
+
+    A surface that faces along a half axis has its air there: the neighbor on that side counts most.
+    """
     values, known = coefficients.astype(np.float32), ~buried
     values[buried] = 0
     while known.any() and not known.all():
-        total, weight = np.zeros_like(values), np.zeros(known.shape, np.float32)
+        total, weight = np.zeros_like(values), np.zeros((*known.shape, COUNT, 1), np.float32)
         for axis in range(3):
             for shift in (-1, 1):
-                total += _shifted(values * known[..., None, None], axis, shift)
-                weight += _shifted(known.astype(np.float32), axis, shift)
-        grown = ~known & (weight > 0)
-        values[grown] = total[grown] / weight[grown][:, None, None]
+                facing = HALF_AXES[:, 2 - axis] * -shift  # 1 for the half axis that points to this neighbor
+                share = np.append(np.where(facing > 0, 1.0, np.where(facing < 0, *_BESIDE)), 1.0).astype(np.float32)
+                there = _shifted(known.astype(np.float32), axis, shift)[..., None, None] * share[:, None]
+                total += _shifted(values, axis, shift) * there
+                weight += there
+        grown = ~known & (weight[..., 0, 0] > 0)
+        values[grown] = total[grown] / weight[grown]
         known = known | grown
     return values
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.light.daylight import sphere
+from render.light.half_axes import COUNT, MEAN, weigh
 from render.light.tracing import CHUNK, Hits, LightTracer, joined
 from usd_schemas.components import BACKGROUND
 
@@ -22,15 +23,20 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
+AHEAD = 0.25  # distance in front of a surface at which the volume is read [cells]
 _SEED = 28  # of positions and of the rotations of their rays
 _TURNS = 61  # sets of rays, rotated against each other
 _LIFT = 0.004  # [m] rays start off the surface
 _TOUCHING = 0.6  # [m] if a ray from a surface hits something this close, the surface may be covered
-_COVERED = 0.6  # share of such rays from which on the position counts as covered, such as a slab by its surfacing
+_COVERED = 0.6  # share of rays that hit such things or back faces from which on the position may be covered
+_WITHIN = 0.08  # of them, share of all rays that hit back faces from which on it is, such as a slab by its surfacing
+# [m] Else it is if the upper side of what covers it is this close. Nobody sees it, and it would darken that upper side.
+# A pier cap and the soffit over it are as near to each other, and seen: without their positions they would glow.
+_COVER = 0.6
 _DARKEST = 0.03  # share of the greatest irradiance below which errors count as absolute, not relative [1]
-_TRUST = 0.15  # weight of a probe's cast value, relative to 1 for a position on a surface [1]
+_TRUST = 0.1  # weight of a probe's cast value, relative to 1 for a position on a surface [1]
 _SMOOTH = 0.5  # weight of a difference between the changes of neighbouring probes, relative to `_TRUST` [1]
-_STEPS = 40  # of conjugate gradients; the residual falls below a thousandth
+_STEPS = 20  # of conjugate gradients: twice as many change no surface's light by a hundredth
 _SHARE = 0.7  # share of the positions that are on labeled objects [1]
 
 
@@ -113,8 +119,12 @@ def cast_places(tracer: LightTracer, places: Places, rays: int) -> tuple[Places,
         aims = (aims / np.linalg.norm(aims, axis=2, keepdims=True)).reshape(-1, 3)
         starts = np.repeat(places.position[rows] + _LIFT * places.normal[rows], rays, axis=0)
         light, hits = tracer.trace(starts, aims, _TOUCHING)
-        hidden = np.bincount(hits.ray[hits.near | hits.behind] // rays, minlength=len(rows)) / rays
-        open_rows = hidden <= _COVERED
+        behind, hidden = (
+            np.bincount(hits.ray[met] // rays, minlength=len(rows)) / rays
+            for met in (hits.behind, hits.near | hits.behind)
+        )
+        under = (behind > _WITHIN) | tracer.topped(places.position[rows], places.normal[rows], _COVER)
+        open_rows = (hidden <= _COVERED) | ~under
         number = np.cumsum(open_rows) - 1 + done
         stays = open_rows[hits.ray // rays]
         ray = number[hits.ray // rays] * rays + hits.ray % rays
@@ -138,7 +148,7 @@ def cast_places(tracer: LightTracer, places: Places, rays: int) -> tuple[Places,
 def fit_to_surfaces(
     coefficients: F32, lower: F64, cell: float, places: Places, irradiance: F32, before: F32 | None = None
 ) -> F32:
-    """Change probes as little as needed for the correct irradiance one cell off each surface.
+    """Change probes as little as needed for the correct irradiance of each surface.
 
     Solves (A' W A + L) d = A' W (e - A c) for the change d, where A is the shader's look-up in the volume, and W and L
     weigh errors as shares of the irradiance.
@@ -146,18 +156,18 @@ def fit_to_surfaces(
     Source: Hestenes and Stiefel, Methods of conjugate gradients for solving linear systems, 1952.
 
     Args:
-        coefficients: c0 to c3 of every probe [1], shape (Z, Y, X, 4, 3), float32.
+        coefficients: Those of every probe, as in `half_axes` [1], shape (Z, Y, X, 7, 3), float32.
         lower: Position of the first probe [m], shape (3,), float64.
         cell: Distance of neighbouring probes [m].
         places: Positions on surfaces, N of them.
         irradiance: Their irradiance [1], shape (N, 3), float32.
-        before: Coefficients of an earlier fit, whose irradiance errors are related to [1], shape (Z, Y, X, 4, 3),
+        before: Coefficients of an earlier fit, whose irradiance errors are related to [1], shape (Z, Y, X, 7, 3),
             float32. A position casts few rays: relative to the light that these few find, light that they miss would
             count more than light that they hit, and the fit would be a fifth too dark below decks. None: there is no
             earlier fit.
 
     Returns:
-        Coefficients [1], shape (Z, Y, X, 4, 3), float32.
+        Coefficients [1], shape (Z, Y, X, 7, 3), float32.
     """
     matrix, inside = look_up_matrix(coefficients.shape[2::-1], lower, cell, places)
     wanted = irradiance[inside].astype(np.float64)
@@ -166,11 +176,11 @@ def fit_to_surfaces(
     table = coefficients.reshape(-1, 3).astype(np.float64)
     # From surfaces and air: if few positions are lit, surfaces alone would give the errors of dark ones too much
     # weight.
-    greatest = max(float(np.quantile(light.mean(axis=1), 0.99)) for light in (wanted, table[::4]))
+    greatest = max(float(np.quantile(light.mean(axis=1), 0.99)) for light in (wanted, table[MEAN::COUNT]))
     level = _DARKEST * max(greatest, 1e-9)
     guess = wanted if before is None else np.maximum(matrix @ before.reshape(-1, 3).astype(np.float64), 0)
     weight = 1 / (guess.mean(axis=1) + level) ** 2
-    held = _TRUST / (np.repeat(np.maximum(table[::4].mean(axis=1), 0), 4) + level) ** 2
+    held = _TRUST / (np.repeat(np.maximum(table[MEAN::COUNT].mean(axis=1), 0), COUNT) + level) ** 2
     weighted = matrix.multiply(weight[:, None]).tocsr()
     scale = 1 / np.sqrt(np.asarray(matrix.multiply(matrix).T @ weight).ravel() + held)
 
@@ -208,28 +218,28 @@ def look_up_matrix(
         places: Positions on surfaces.
 
     Returns:
-        Weight of every coefficient, shape (N, 4 * probes), for the positions in the volume; whether each is in it,
+        Weight of every coefficient, shape (N, 7 * probes), for the positions in the volume; whether each is in it,
         bool.
     """
     from scipy.sparse import csr_array
 
     shape = np.array(counts)
-    at = (places.position + cell * places.normal - lower) / cell
+    at = (places.position - lower) / cell + AHEAD * places.normal
     inside = np.all((at >= 0) & (at < shape - 1), axis=1)
-    at, normal = at[inside], places.normal[inside]
+    at = at[inside]
     first = at.astype(np.int64)
     part = at - first
-    basis = np.column_stack([np.ones(len(at)), normal])
+    number, weight = weigh(places.normal[inside])
     columns, values = [], []
     for corner in range(8):
         step = np.array([corner & 1, corner >> 1 & 1, corner >> 2])
         x, y, z = (first + step).T
         share = np.prod(np.where(step, part, 1 - part), axis=1)
-        columns.append(4 * ((z * shape[1] + y) * shape[0] + x)[:, None] + np.arange(4))
-        values.append(share[:, None] * basis)
+        columns.append(COUNT * ((z * shape[1] + y) * shape[0] + x)[:, None] + number)
+        values.append(share[:, None] * weight)
     rows = np.arange(len(at) + 1) * 32
     content = (np.hstack(values).ravel(), np.hstack(columns).ravel(), rows)
-    return csr_array(content, shape=(len(at), 4 * int(np.prod(shape)))), inside
+    return csr_array(content, shape=(len(at), COUNT * int(np.prod(shape)))), inside
 
 
 def _solved(applied: Callable[[F64], F64], wanted: F64) -> F64:

@@ -18,6 +18,7 @@ _LIFT = 0.01  # [m] rays start off the surface
 # facets of a roughness of 0.9, the mean over all directions. Grass, which is dark, reflects a third more because of it.
 # Source: Walter et al., Microfacet models for refraction, EGSR 2007.
 _MIRRORED = 0.025
+_LAYERS = 3  # of surfaces that are followed along a normal: the lower and the upper side of a thin part, and one more
 CHUNK = 400_000  # rays cast at once
 
 
@@ -96,6 +97,27 @@ class LightTracer:
         radiance[met] = color * self._sunlight(point, normal)[:, None] * (light.sun_irradiance / np.pi)
         behind &= ~self._alike[triangle[met]]
         return radiance, Hits(met, point.astype(np.float32), normal, color, distance[met] < touching, behind)
+
+    def topped(self, points: F64, normals: F64, reach: float) -> NDArray[np.bool_]:
+        """Find positions on surfaces that have another surface, which faces the same way, close in front of them.
+
+        Args:
+            points: Positions [m], shape (N, 3), float64.
+            normals: Unit normals [1], shape (N, 3), float64.
+            reach: Largest distance [m].
+
+        Returns:
+            One flag each, shape (N,), bool.
+        """
+        found, height, left = np.zeros(len(points), bool), np.full(len(points), _LIFT), np.arange(len(points))
+        for _ in range(_LAYERS):
+            distance, triangle, _ = self._rays.cast(points[left] + height[left, None] * normals[left], normals[left])
+            height[left] += np.minimum(distance, reach) + _LIFT
+            met = (triangle >= 0) & (height[left] < reach)
+            alike = np.einsum("ij,ij->i", self.normals[triangle], normals[left]) > 0.5
+            found[left[met & alike]] = True
+            left = left[met & ~alike]
+        return found
 
     def _sunlight(self, points: F64, normals: F32) -> F32:
         """Compute the cosine of the sun's rays where they reach a surface, else 0; shape (N,)."""

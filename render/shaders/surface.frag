@@ -10,12 +10,13 @@ uniform vec3 haze[3];           // of far air by the cosine of the angle to the 
 uniform vec3 haze_density;      // [1/m] in powers of two
 uniform float code_scale;       // 1 / brightest radiance that the target can hold
 
-uniform sampler3D volume_red;
-uniform sampler3D volume_green;
-uniform sampler3D volume_blue;
+uniform sampler3D volume_x;     // irradiance along the axis, below it against it; a share of the mean in each alpha
+uniform sampler3D volume_y;
+uniform sampler3D volume_z;
 uniform vec3 volume_lower;
 uniform vec3 volume_scale;      // 1 / size of the texture [1/m]
 uniform float volume_cell;      // [m]
+uniform float volume_ahead;     // distance from the surface at which it is read [m]
 
 #ifdef LOCAL_LIGHTS
 uniform vec4 local_places[LOCAL_LIGHTS];      // centre, counted from the scene's anchor; radius [m]
@@ -83,10 +84,14 @@ const float GLOW = 0.08;        // as in daylight.py
 vec3 sky_irradiance(vec3 scene, vec3 n) {
     vec3 open = open_sky[0] + n.x * open_sky[1] + n.y * open_sky[2] + n.z * open_sky[3];
 #ifdef VOLUME
-    vec3 place = (scene + n * volume_cell - volume_lower) * volume_scale;
-    vec4 basis = vec4(1.0, n);
-    vec3 held = vec3(dot(texture(volume_red, place), basis), dot(texture(volume_green, place), basis),
-                     dot(texture(volume_blue, place), basis));
+    vec3 place = (scene + n * volume_ahead - volume_lower) * volume_scale;
+    vec3 layer = 0.5 * (place.z + vec3(lessThan(n, vec3(0.0))));
+    vec4 along_x = texture(volume_x, vec3(place.xy, layer.x));
+    vec4 along_y = texture(volume_y, vec3(place.xy, layer.y));
+    vec4 along_z = texture(volume_z, vec3(place.xy, layer.z));
+    vec3 weight = abs(n);
+    vec3 held = weight.x * along_x.rgb + weight.y * along_y.rgb + weight.z * along_z.rgb
+                + (1.0 - weight.x - weight.y - weight.z) * vec3(along_x.a, along_y.a, along_z.a);
     vec3 rim = min(place, 1.0 - place) / (volume_cell * volume_scale) - 0.5;
     return max(mix(open, held, clamp(min(rim.x, min(rim.y, rim.z)), 0.0, 1.0)), 0.0);
 #else
