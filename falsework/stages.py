@@ -201,7 +201,7 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 STAGES: dict[str, Stage] = {
     "stage": Stage(15, author),
-    "capture": Stage(15, capture, resumes=True),
+    "capture": Stage(16, capture, resumes=True),
     "model": Stage(4, model, resumes=True),
     "cloud": Stage(15, cloud, resumes=True),
     "sample": Stage(1, sample),
