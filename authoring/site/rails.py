@@ -88,7 +88,9 @@ def _railway(
 ) -> list[Piece]:
     axis, along = land.layout.alignment, line.length()
     profile = bed_profile(track, underlay)
-    bed = ribbon(axis, [_row(land, line, crown, *corner) for corner in profile], along, tuple(range(4)))
+    steps = np.linalg.norm(np.diff(profile, axis=0), axis=1)
+    girth = np.concatenate([[0.0], np.cumsum(steps)])  # of the surface [m]: stones keep their size
+    bed = ribbon(axis, [_row(land, line, crown, *corner) for corner in profile], along, tuple(girth.tolist()))
     rails = []
     for left in track.rails:
         ring = track.rail_outline(left)
