@@ -8,7 +8,8 @@ from authoring.shapes.component import Mesh
 from authoring.site.roads import Piece, approach_pieces, crossing_pieces, spread
 
 FAR_STEP = 8.0  # distance between cross-sections of far roads and rivers [m]
-TRACK = 300.0  # distance from the site up to which a railway has rails and sleepers [m]
+SLEEPERS, RAILS = 300.0, 1200.0  # distance from the site up to which a railway has them [m]
+FAR_BED = "ballast_limestone"  # as pale as ballast and concrete sleepers together, where these cannot be told apart
 
 
 def far_ways(terrain: Terrain) -> list[Piece]:
@@ -27,10 +28,8 @@ def far_ways(terrain: Terrain) -> list[Piece]:
         pieces += crossing_pieces(land, spread(start, stop, FAR_STEP), hills, suffix, terrain.height)
     for number, start, stop in ((0, first, field.stations[1]), (1, last, field.stations[-2])):
         pieces += approach_pieces(land, number, spread(start, stop, FAR_STEP), hills, "_Far", terrain.height)
-    return [
-        (prim, kind, role, _near_track(terrain, mesh) if "Sleepers" in prim or "Rails" in prim else mesh)
-        for prim, kind, role, mesh in pieces
-    ]
+    timber = any(role == "timber" for _, _, role, _ in pieces)
+    return [part for piece in pieces for part in _thinned(terrain, piece, FAR_BED if not timber else piece[2])]
 
 
 def without(mesh: Mesh, lost: NDArray[np.bool_]) -> Mesh:
@@ -41,17 +40,31 @@ def without(mesh: Mesh, lost: NDArray[np.bool_]) -> Mesh:
         lost: Which of its points are removed, shape (N,), bool.
     """
     face = np.repeat(np.arange(len(mesh.face_counts)), mesh.face_counts)
-    gone = np.bincount(face, lost[mesh.corners], len(mesh.face_counts)) > 0
-    kept = ~gone[face]
+    return _chosen(mesh, np.bincount(face, lost[mesh.corners], len(mesh.face_counts)) == 0)
+
+
+def _chosen(mesh: Mesh, faces: NDArray[np.bool_]) -> Mesh:
+    kept = np.repeat(faces, mesh.face_counts)
     used, corners = np.unique(mesh.corners[kept], return_inverse=True)
     return Mesh(
         mesh.points[used],
-        mesh.face_counts[~gone],
+        mesh.face_counts[faces],
         corners.reshape(-1).astype(np.int32),
         mesh.normals[kept],
         mesh.st[kept],
     )
 
 
-def _near_track(terrain: Terrain, mesh: Mesh) -> Mesh:
-    return without(mesh, terrain.beyond(*terrain.land.layout.alignment.locate(mesh.points)) > TRACK)
+def _thinned(terrain: Terrain, piece: Piece, far_bed: str) -> list[Piece]:
+    """Leave out distant sleepers and rails; the top of the ballast, whose color they change, is a separate piece."""
+    prim, kind, role, mesh = piece
+    if "Sleepers" not in prim and "Rails" not in prim and "RailBed" not in prim:
+        return [piece]
+    away = terrain.beyond(*terrain.land.layout.alignment.locate(mesh.points))
+    if "RailBed" not in prim:
+        return [(prim, kind, role, without(mesh, away > (SLEEPERS if "Sleepers" in prim else RAILS)))]
+    strips = np.arange(len(mesh.face_counts)) // (len(mesh.face_counts) // 3)  # flank, level top, flank
+    distant = (strips == 1) & (away[mesh.corners].reshape(-1, 4).max(axis=1) > SLEEPERS)
+    if role == far_bed or not distant.any():
+        return [piece]
+    return [(prim, kind, role, _chosen(mesh, ~distant)), (f"Distant{prim}", kind, far_bed, _chosen(mesh, distant))]

@@ -10,15 +10,18 @@ from authoring.backgrounds.far_ways import far_ways, without
 from authoring.backgrounds.terrain import Terrain
 from authoring.shapes.component import Mesh
 from authoring.site.covers import Cover, Soup, chunked, covered, drape
+from authoring.site.rails import buffer_stops
 from authoring.site.relief import smoothstep
 from authoring.site.roads import Piece
 from authoring.site.shape import SHOULDER, Hills, Land
+from authoring.site.ways import Line
 
 F64 = NDArray[np.float64]
 GroundPiece = tuple[str, str, str, str, Mesh]
 
 SNAP = 0.06  # ground this close to the water's level is moved to it, so that the shore passes through vertices [m]
 ROAD_END = 9.0  # distance from the shore at which the road under the bridge ends [m]
+STOP = 1.5  # distance from the rails' end at which a buffer stop stands [m]
 MOUTH = 12.0  # length of open water in a river's channel [m]
 BANKS = 1.5  # distance from a river's edge up to which land may lie below the open water's level [m]
 BEACH = 0.6  # height up to which the shore has no plants [m]
@@ -195,4 +198,19 @@ def ways_to_water(terrain: Terrain, basin: Basin) -> list[Piece]:
             station, left = terrain.land.layout.alignment.locate(mesh.points)
             mesh = without(mesh, basin.side * left - basin.near(station) > -ROAD_END)
         pieces.append((prim, kind, role, mesh))
-    return pieces
+    return [*pieces, *_track_end(terrain, basin, pieces)]
+
+
+def _track_end(terrain: Terrain, basin: Basin, pieces: list[Piece]) -> list[Piece]:
+    """End a railway under the bridge at buffer stops, before the water."""
+    suffix, land = "_Left" if basin.side > 0.0 else "_Right", terrain.land
+    rails = [mesh.points for prim, _, _, mesh in pieces if prim == f"Rails{suffix}" and len(mesh.points)]
+    if not rails:
+        return []
+    end = float(np.max(basin.side * land.layout.alignment.locate(rails[0])[1]))
+    left = basin.side * np.array([end - STOP, end - STOP - 5.0])
+    station = land.crossing.center(left)
+    aside = -basin.side * land.crossing.stretch(left)
+    line = Line(station, left, np.column_stack([aside, np.zeros(2)]))
+    crown = land.crossing.level + terrain.hills(station, left)
+    return [(f"BufferStops{suffix}", "rail_bed", "deck_concrete", buffer_stops(land, line, crown))]

@@ -19,6 +19,7 @@ Piece = tuple[str, str, str, Mesh]
 _BALLAST, _DEEPER = 0.30, 0.30  # [m] ballast under the sleepers, and its flanks below the ground
 _CLEAR = 0.05  # [m] ballast above the ground of a far background
 _SLOPE = 1.5  # horizontal metres for each metre of height of the ballast's flanks
+_STOP, _STOP_TOP = (0.9, 2.7, 2.2), 1.15  # [m] along, across and down of a buffer stop; its top above the rails'
 _SHOULDER = 0.40  # [m] ballast beyond the sleepers' ends
 MAIN_LINE = TrackSection(
     lines=(-2.0, 2.0),
@@ -83,12 +84,31 @@ def crossing_railway(land: Land, line: Line, crown: F64, suffix: str) -> list[Pi
     return _railway(land, MAIN_LINE, line, crown, RAIL_UNDERLAY, names)
 
 
+def buffer_stops(land: Land, line: Line, crown: F64) -> Mesh:
+    """Build a block of concrete across each track of the line under a bridge, where it ends.
+
+    Args:
+        land: The land.
+        line: Two points of its axis: where the blocks stand, and one farther back.
+        crown: World height of the rails' top at these [m], shape (2,), float64.
+    """
+    axis = land.layout.alignment
+    rows = np.stack([to_world(axis, _row(land, line, crown, left, _STOP_TOP)) for left in MAIN_LINE.lines])
+    ahead = rows[:, 0] - rows[:, 1]
+    ahead[:, 2] = 0.0
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    up = np.tile([0.0, 0.0, 1.0], (len(ahead), 1))
+    return boxes(rows[:, 0], ahead, np.cross(up, ahead), up, _STOP)
+
+
 def _railway(
     land: Land, track: TrackSection, line: Line, crown: F64, underlay: float, names: tuple[str, str, str]
 ) -> list[Piece]:
     axis, along = land.layout.alignment, line.length()
     profile = bed_profile(track, underlay)
-    bed = ribbon(axis, [_row(land, line, crown, *corner) for corner in profile], along, tuple(range(4)))
+    steps = np.linalg.norm(np.diff(profile, axis=0), axis=1)
+    girth = np.concatenate([[0.0], np.cumsum(steps)])  # of the surface [m]: stones keep their size
+    bed = ribbon(axis, [_row(land, line, crown, *corner) for corner in profile], along, tuple(girth.tolist()))
     rails = []
     for left in track.rails:
         ring = track.rail_outline(left)

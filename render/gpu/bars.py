@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from render.gpu.embedded import Faces, embedded_faces
 from render.gpu.welding import mixed, welded_places
 from usd_schemas.flat_scene import FlatScene
 
@@ -41,6 +42,8 @@ class Bars:
         vertices: Vertices of the geometry that lie on bars, ascending, shape (M,), int64.
         segment: A segment that each of these belongs to, shape (M,), int64.
         end: Which end of the segment the vertex belongs to, shape (M,), int64.
+        embedded: Whether a segment is what stands out of a surface of an embedded bar, its second half axis leading to
+            its exposed face, shape (S,), bool.
     """
 
     part: I64
@@ -52,6 +55,7 @@ class Bars:
     vertices: I64
     segment: I64
     end: I64
+    embedded: NDArray[np.bool_]
 
 
 def find_bars(scene: FlatScene) -> Bars:
@@ -65,7 +69,8 @@ def find_bars(scene: FlatScene) -> Bars:
     if not len(edges):
         sections = np.zeros((0, 2, 3))
         none = np.zeros(0, np.int64)
-        return Bars(none, sections, sections, sections, np.zeros(0, bool), np.zeros((0, 2), np.int64), none, none, none)
+        no, two = np.zeros(0, bool), np.zeros((0, 2), np.int64)
+        return Bars(none, sections, sections, sections, no, two, none, none, none, no)
     count, used = len(part), place >= 0
     positions = np.zeros((count, 3))
     positions[place[used]] = geometry.positions[used]
@@ -74,7 +79,9 @@ def find_bars(scene: FlatScene) -> Bars:
     across = length < _longest_across(body[edges[:, 0]], length, int(body.max(initial=-1)) + 1)[body[edges[:, 0]]]
     ring = _joined(edges[across], count)
     path = _paths(ring, body, edges[~across])
-    return _segments(place, part, positions, ring, path)
+    bars = _segments(place, part, positions, ring, path)
+    faces = embedded_faces(scene, positions, part, body)
+    return _with_faces(bars, faces, place, part) if len(faces.ends) else bars
 
 
 def _edges(scene: FlatScene) -> tuple[I64, I64, I64]:
@@ -244,6 +251,39 @@ def _listed(
         members,
         segment[own],
         end[own],
+        np.zeros(len(path), bool),
+    )
+
+
+def _with_faces(bars: Bars, faces: Faces, place: I64, part: I64) -> Bars:
+    """Add what stands out of embedded bars to bodies without other segments."""
+    used = np.flatnonzero(place >= 0)
+    taken = np.zeros(len(faces.ends) + 1, bool)
+    taken[faces.face[place[bars.vertices]]] = True
+    row = np.full(len(taken), -1)
+    kept = np.flatnonzero(~taken[:-1])
+    row[kept] = len(bars.part) + np.arange(len(kept))
+    of_place = np.zeros(len(part), np.int64)
+    of_place[place[used][::-1]] = used[::-1]
+    members = used[row[faces.face[place[used]]] >= 0]
+    aside, up = (np.repeat(axis[kept][:, None], 2, axis=1) for axis in (faces.aside, faces.up))
+    parts = np.concatenate([bars.part, part[faces.corner[kept, 0]]])
+    order = np.argsort(parts, kind="stable")
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    vertices = np.concatenate([bars.vertices, members])
+    by_vertex = np.argsort(vertices, kind="stable")
+    return Bars(
+        parts[order],
+        np.concatenate([bars.ends, faces.ends[kept]])[order],
+        np.concatenate([bars.first, aside])[order],
+        np.concatenate([bars.second, up])[order],
+        np.append(bars.round, np.zeros(len(kept), bool))[order],
+        np.concatenate([bars.vertex, of_place[faces.corner[kept]]])[order],
+        vertices[by_vertex],
+        rank[np.append(bars.segment, row[faces.face[place[members]]])][by_vertex],
+        np.append(bars.end, faces.end[place[members]])[by_vertex],
+        np.append(bars.embedded, np.ones(len(kept), bool))[order],
     )
 
 

@@ -19,14 +19,17 @@ I64 = NDArray[np.int64]
 
 BAR_NAMES = ("in_axis", "in_first", "in_second", "in_shape")
 _BAR_FORMATS = ("3f4", "3f4", "3f4", "3f4")
-# Vector to the segment's other end, half axes of the cross-section here; then side of a ribbon, whether it is round or
-# `_NOT_A_BAR`, and 1 at one end of a segment, -1 at the other.
+# Vector to the segment's other end, half axes of the cross-section here; then side of a ribbon, 1 if it is round or
+# `_NOT_A_BAR` or `_EMBEDDED` or 0, and 1 at one end of a segment, -1 at the other.
 _BAR = np.dtype([("axis", "3f4"), ("first", "3f4"), ("second", "3f4"), ("shape", "3f4")])
 _NOT_A_BAR = -1.0
+_EMBEDDED = 0.25
 WIDEST = 2.5  # [px] from this thickness on only the surface is drawn; as in bar.glsl
 _EDGED = 8.0 / WIDEST  # the same of bars with edges over that of others; as in bar.glsl
 _FLAT = 1e-2  # bars thinner than this share of their width have no two sides that are seen; as in bar.glsl
 _SHORTEST = 8.0  # [px]; shorter ones, such as distant grass, do not look like lines, and are many
+_ROWS = 4.0  # by which embedded bars may be shorter: a row of sleepers is seen where a single one is not [1]
+_BEYOND = 0.5  # [stage units] by which a sleeper's body and fastenings reach beyond its exposed face at most
 _LEAST = 1e-3  # [m] smallest thickness of a flat bar seen from the side
 
 
@@ -39,13 +42,15 @@ class PartBars:
         count: Number of these triangles, 0 without bars, shape (P, 2), int64.
         thickness: Thickness of its thinnest bar [stage units], of one with edges divided by `_EDGED`, +inf without any,
             shape (P,), float64.
-        length: Length of its longest segment [stage units], shape (P,), float64.
+        length: Length of its longest segment [stage units], of an embedded one times `_ROWS`, shape (P,), float64.
+        embedded: Whether it consists of bars embedded in a surface, shape (P,), bool.
     """
 
     first: I64
     count: I64
     thickness: F64
     length: F64
+    embedded: NDArray[np.bool_]
 
     def placed(self, draws: Draws, commands: NDArray[np.void]) -> dict[str, Any]:
         """Compute the fields of `Ribbons` that depend on the draws.
@@ -61,7 +66,8 @@ class PartBars:
         thickness = np.full(len(part), np.inf)
         np.multiply(self.thickness[part], scale.min(axis=1), out=thickness, where=self.count[part, 1] > 0)
         length = self.length[part] * scale.max(axis=1)
-        return {"surfaces": tables[0], "ribbons": tables[1], "thickness": thickness, "length": length}
+        sizes = {"thickness": thickness, "length": length, "embedded": self.embedded[part]}
+        return {"surfaces": tables[0], "ribbons": tables[1], **sizes}
 
 
 @dataclass(frozen=True)
@@ -76,7 +82,8 @@ class Ribbons:
         ribbons: Draw command of the ribbons of each draw, shape (D,), dtype as the scene's.
         thickness: Thickness of the thinnest bar of each draw [m], of one with edges divided by `_EDGED`, +inf without
             any, shape (D,), float64.
-        length: Length of the longest segment of each draw [m], shape (D,), float64.
+        length: Length of the longest segment of each draw [m], of an embedded one times `_ROWS`, shape (D,), float64.
+        embedded: Whether a draw consists of bars embedded in a surface, shape (D,), bool.
         parts: Positions of the bars of each part.
     """
 
@@ -87,6 +94,7 @@ class Ribbons:
     ribbons: NDArray[np.void]
     thickness: F64
     length: F64
+    embedded: NDArray[np.bool_]
     parts: PartBars
 
     def moved(self, draws: Draws, commands: NDArray[np.void]) -> "Ribbons":
@@ -114,6 +122,14 @@ class Ribbons:
         nearest = np.linalg.norm(np.where(inside, 0.0, np.minimum(one, other)), axis=1)
         is_long = self.length[rows] * focal > _SHORTEST * nearest
         return is_long & (self.thickness[rows] * focal < WIDEST * farthest)
+
+    def upwards(self, rows: I64) -> I64:
+        """Order draws so that what is embedded in a surface comes before what stands on it, shape (N,).
+
+        Args:
+            rows: Draws, shape (N,), int64.
+        """
+        return rows[np.argsort(~self.embedded[rows], kind="stable")]
 
 
 def upload_ribbons(
@@ -151,6 +167,7 @@ def upload_ribbons(
         np.stack([_starts(surfaces), len(corners) + 2 * _starts(counts)], axis=1),
         np.stack([surfaces, 2 * counts], axis=1).astype(np.int64),
         *_sizes(bars, len(counts)),
+        _embedded(scene, bars, parts),
     )
     return Ribbons(
         context.buffer(every.tobytes() or bytes(4)),
@@ -183,7 +200,7 @@ def _surface_shapes(bars: Bars, used: I64) -> NDArray[np.void]:
     on, segment, end = np.searchsorted(used, bars.vertices), bars.segment, bars.end
     shapes["axis"][on] = bars.ends[segment, 1 - end] - bars.ends[segment, end]
     shapes["first"][on], shapes["second"][on] = bars.first[segment, end], bars.second[segment, end]
-    shapes["shape"][on, 1] = bars.round[segment]
+    shapes["shape"][on, 1] = np.where(bars.embedded, _EMBEDDED, bars.round)[segment]
     return shapes
 
 
@@ -193,7 +210,7 @@ def _ribbon_shapes(bars: Bars) -> NDArray[np.void]:
     shapes["axis"] = np.stack([way, -way], axis=1)[:, :, None]
     shapes["first"], shapes["second"] = bars.first[:, :, None], bars.second[:, :, None]
     shapes["shape"][..., 0] = [-1.0, 1.0]
-    shapes["shape"][..., 1] = bars.round[:, None, None]
+    shapes["shape"][..., 1] = np.where(bars.embedded, _EMBEDDED, bars.round)[:, None, None]
     shapes["shape"][..., 2] = np.array([1.0, -1.0])[:, None]
     return shapes.reshape(-1)
 
@@ -202,11 +219,26 @@ def _sizes(bars: Bars, parts: int) -> tuple[F64, F64]:
     """Compute the thickness of the thinnest bar and length of the longest segment of each part, each shape (P,)."""
     least, longest = np.full(parts, np.inf), np.zeros(parts)
     first, second = np.linalg.norm(bars.first, axis=-1), np.linalg.norm(bars.second, axis=-1)
-    edged = ~bars.round & (second >= _FLAT * first).any(axis=1)
+    edged = ~bars.round & ~bars.embedded & (second >= _FLAT * first).any(axis=1)
     thickness = np.maximum(2 * np.minimum(second, first).min(axis=1), _LEAST)
     np.minimum.at(least, bars.part, thickness / np.where(edged, _EDGED, 1.0))
-    np.maximum.at(longest, bars.part, np.linalg.norm(bars.ends[:, 1] - bars.ends[:, 0], axis=-1))
+    length = np.linalg.norm(bars.ends[:, 1] - bars.ends[:, 0], axis=-1) * np.where(bars.embedded, _ROWS, 1.0)
+    np.maximum.at(longest, bars.part, length)
     return least, longest
+
+
+def _embedded(scene: FlatScene, bars: Bars, parts: I64) -> NDArray[np.bool_]:
+    """Tell which of the parts that have bars consist of embedded ones, shape (P,): nothing reaches far beyond these."""
+    geometry = scene.geometry
+    found = np.zeros(len(geometry.part_first), bool)
+    for part in parts[np.isin(parts, bars.part[bars.embedded])].tolist():
+        own = bars.part == part
+        faces = (bars.ends[own, :, None] + bars.first[own][:, :, None] * [[1], [-1]]).reshape(-1, 3)
+        first = geometry.part_first[part]
+        corners = geometry.positions[geometry.triangles[first : first + geometry.part_count[part]].ravel()]
+        beyond = np.maximum(faces.min(axis=0) - corners.min(axis=0), corners.max(axis=0) - faces.max(axis=0)).max()
+        found[part] = bars.embedded[own].all() and beyond < _BEYOND
+    return found
 
 
 def _starts(counts: I64) -> I64:

@@ -125,6 +125,7 @@ class Shadows:
         clip[:2] /= half
         clip[:2, 3] += self.maps[number, 1:3]
         reached = np.all((self._low <= center + half) & (self._high >= center - half), axis=1)
+        reached &= ~gpu.ribbons.embedded  # shadows of what is hidden in a surface would show through thin ribbons
         gpu.place(gpu.anchor)
         gpu.bind()
         framebuffer = self._framebuffer

@@ -5,11 +5,16 @@ uniform vec2 half_size;         // of the image [px]
 in vec3 in_axis;                // from here to the other end of a segment
 in vec3 in_first;               // half axes of the cross-section
 in vec3 in_second;
-in vec3 in_shape;               // side of a ribbon; 1 for round, 0 for rectangular, -1 for no bar; which end, 1 or -1
+in vec3 in_shape;               // side of a ribbon; 1 for round, 0 for rectangular, 0.25 for embedded in a
+                                // surface, -1 for no bar; which end, 1 or -1
 
 const vec2 FADING = vec2(1.5, 2.5);         // [px] between them a surface gives way to its ribbon; as in ribbons.py
 const vec2 EDGED_FADING = vec2(6.0, 8.0);   // the same of one with edges: a side of it is a fraction as wide
 const float NEAREST = 0.3;                  // [m] in front of the camera
+
+bool is_embedded() {
+    return in_shape.y > 0.1 && in_shape.y < 0.4;
+}
 
 // Where a place goes on the image if it is shifted [px].
 vec2 shifted(vec4 clip, vec3 way) {
@@ -25,7 +30,7 @@ vec2 across_bar(vec4 clip, vec3 axis) {
 }
 
 vec2 fading(bool is_edged) {
-    return is_edged ? EDGED_FADING : FADING;
+    return is_edged && !is_embedded() ? EDGED_FADING : FADING;
 }
 
 // Whether a bar has two sides that differ in light: it is neither round nor flat.

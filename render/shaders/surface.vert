@@ -113,12 +113,16 @@ void lay_ribbon(Draw row) {
         one_share = 0.5;
     }
     float slant = max(length(cross(along, view)), 0.1);  // the surface of one seen nearly along lies the farther before it
-    float nearer = is_flat ? 0.01 : (radius + length(second)) * max(1.5, 0.75 / slant);
-    if (is_flat) {  // it stays in its plane, which something else may lie in too
-        float lean = dot(across, shifted(clip, first));
-        float longer = min(reach / max(abs(lean), 1e-6), 20.0);
+    bool is_level = is_flat || is_embedded();
+    float nearer = is_level ? 0.01 : (radius + length(second)) * max(1.5, 0.75 / slant);
+    if (is_level) {  // it stays in the plane of its exposed face, which something else may lie in or stand on
+        float lean = dot(across, shifted(clip, first)), thin = max(abs(lean), 1e-6);
+        float longer = min(reach / thin, 20.0);
+        float below = is_flat ? 0.0 : dot(across, shifted(clip, second));
         reach = abs(lean) * longer;
-        gl_Position = clip_from_relative * vec4(relative + first * (lean < 0.0 ? -1.0 : 1.0) * in_shape.x * longer, 1.0);
+        vec3 aside = first * (lean < 0.0 ? -1.0 : 1.0);
+        vec3 corner = aside * (in_shape.x * longer - clamp(below / thin, -10.0, 10.0)) + (is_flat ? vec3(0.0) : second);
+        gl_Position = clip_from_relative * vec4(relative + corner, 1.0);
     } else {
         gl_Position = clip;
         gl_Position.xy += across * in_shape.x * reach / half_size * clip.w;

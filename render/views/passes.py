@@ -211,7 +211,7 @@ class Painter:
     def _draw_ribbons(self, coverage_layer: CoverageLayer, seen: _Seen, sight: Sight, rows: tuple[int, int]) -> None:
         """Draw members thinner than a pixel, and transparent surfaces in front of them."""
         coverage_layer.bind(*rows, self._camera.height, panes=bool(len(seen.through)))
-        self._calls.surfaces(seen.thin, sight, self._features, "RIBBON")
+        self._calls.surfaces(self._gpu.ribbons.upwards(seen.thin), sight, self._features, "RIBBON")
         if len(seen.through):
             coverage_layer.open_panes()
             self._calls.panes(seen.through, sight, (*self._features, "VEILED"))

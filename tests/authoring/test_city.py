@@ -1,6 +1,5 @@
 """The city: joins the site without a gap, leaves it empty, keeps to its streets, and holds together."""
 
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
@@ -309,12 +308,10 @@ def test_triangles_are_sound(kind: CrossingKind) -> None:
         np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-5)
 
 
-def test_a_square_kilometre_is_quick_and_light() -> None:
-    """The default city covers over 1 km2 in under 30 s of work; with its site it keeps to 1.4 million triangles."""
+def test_a_square_kilometre_is_light() -> None:
+    """The default city covers over 1 km2; with its site it keeps to 1.4 million triangles."""
     site = site_of("river")
-    start = time.process_time()
     pieces = build_background("city", BackgroundSettings(), site, stream(7, "background"))
-    assert time.process_time() - start < 30.0
     paved = [part for part in solids(pieces) if "Pavement" in part.name]
     plan = np.concatenate([part.mesh.points[:, :2] for part in paved])
     assert np.prod(np.ptp(plan, axis=0)) > 1e6
