@@ -19,6 +19,7 @@ from groundwork.files import write_text
 from groundwork.progress import Progress
 from learn.device import check_device, torch_device
 from learn.losses import class_weights
+from learn.models.backbone import completed
 from learn.models.registry import build_network
 from learn.sample import UNLABELED, SampleSource
 from learn.trained import (
@@ -131,7 +132,7 @@ def train_network(
         channels=task.channels,
         data=data.facts,
         noisy=task.noisy,
-        temperature=_temperature(network, task),
+        temperature=_temperature(network, task, torch_device(settings.accelerator)),
         training={
             "settings": settings.model_dump(mode="json"),
             "picked_epoch": module.best,
@@ -368,14 +369,15 @@ def _best_weights(folder: Path) -> dict[str, Tensor]:
     return load((folder / BEST).read_bytes())
 
 
-def _temperature(network: Any, task: _Task) -> float:
+def _temperature(network: Any, task: _Task, device: str) -> float:
     """Fit the temperature on the labeled points of the validation."""
-    samples = Loaded(task.validation, network.eval(), task.channels, 0)
+    samples = Loaded(task.validation, network.to(device).eval(), task.channels, 0, searched=device == "cpu")
 
     def score(row: int) -> tuple[Tensor, Tensor]:
         item = collate([samples[0, row]])
+        geometry = completed(network, {name: rows.to(device) for name, rows in item["geometry"].items()})
         with torch.no_grad():
-            found = network(item["features"], item["geometry"])[0]
+            found = network(item["features"].to(device), geometry)[0].cpu()
         known = item["labels"][0] != UNLABELED
         return found[known].double(), item["labels"][0][known]
 
