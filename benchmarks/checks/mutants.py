@@ -163,19 +163,18 @@ def mutants_of(subject: str, module: str) -> Iterator[Mutant]:
     for node, change in list(_places(tree)):
         before, kept, row = _shown(node), vars(node).copy(), owner[id(node)]
         change()
-        what, tests = f"`{before}` → `{_shown(node)}`", SUBJECTS[subject][1]
-        text = "".join([*parts[:row], _part(tree, row), *parts[row + 1 :]])
+        what, text = f"`{before}` → `{_shown(node)}`", "".join([*parts[:row], _part(tree, row), *parts[row + 1 :]])
         vars(node).update(kept)
-        yield Mutant(subject, module, getattr(node, "lineno", 0), what, text, tests)
+        yield Mutant(subject, module, getattr(node, "lineno", 0), what, text, SUBJECTS[subject][1])
 
 
 def _part(tree: ast.Module, row: int) -> str:
     """Write one statement of a module as `ast.unparse` writes it within the whole; joined, the parts are the whole."""
-    statement = tree.body[row]
+    part = tree.body[row]
     if row == 0:
-        return ast.unparse(ast.Module([statement], []))  # a docstring, if it is a text
-    apart = isinstance(statement, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
-    return ("\n\n" if apart else "\n") + ast.unparse(statement)
+        return ast.unparse(ast.Module([part], []))  # a docstring, if it is a text
+    apart = "\n\n" if isinstance(part, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef) else "\n"
+    return apart + ast.unparse(part)
 
 
 def named_mutants() -> list[Mutant]:
@@ -200,14 +199,12 @@ class TestRunner:
         """
         self.tree = tree
         command = [sys.executable, "-m", "benchmarks.checks.mutant_tests", str(TIME_LIMIT), *tests]
-        environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(tree)}
-        pipe = subprocess.PIPE
-        self._process = subprocess.Popen(command, cwd=tree, env=environment, stdin=pipe, stdout=pipe, text=True)
+        pipe, env = subprocess.PIPE, {**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(tree)}
+        self._process = subprocess.Popen(command, cwd=tree, env=env, stdin=pipe, stdout=pipe, text=True)
 
     def passes(self) -> bool:
         """Check whether all tests pass; an endless loop counts as a failure."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
+        assert self._process.stdin is not None and self._process.stdout is not None  # noqa: PT018
         self._process.stdin.write("\n")
         self._process.stdin.flush()
         return self._process.stdout.readline() == "0\n"

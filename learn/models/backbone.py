@@ -88,7 +88,7 @@ def completed(backbone: Backbone, geometry: Geometry) -> Geometry:
             int64, or no pyramids.
 
     Returns:
-        The same with pyramids.
+        `coord` [m or 1], shape (B, N, 3), float32, and the pyramids, shape (B, rows) or (B, rows, neighbors), int64.
     """
     if len(geometry) > 1:
         return geometry

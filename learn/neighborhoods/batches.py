@@ -38,6 +38,9 @@ class Batches:
         Args:
             coord: Positions [m or 1], shape (B, N, 3), float32.
             rows: Their row numbers, shape (B, M), int64.
+
+        Returns:
+            Their positions [m or 1], shape (B, M, 3), float32.
         """
         return coord.gather(1, rows[..., None].expand(-1, -1, 3))
 
@@ -47,6 +50,9 @@ class Batches:
         Args:
             coord: Positions [m or 1], shape (B, N, 3), float32.
             count: How many.
+
+        Returns:
+            Row numbers, shape (B, count), int64.
         """
         return torch.arange(min(count, coord.shape[1]), device=coord.device).expand(len(coord), -1)
 
@@ -57,6 +63,9 @@ class Batches:
             coord: Positions [m or 1], shape (B, N, 3), float32.
             count: How many.
             seed: Seed of the choice.
+
+        Returns:
+            Row numbers, shape (B, count), int64.
         """
         rows = np.random.default_rng([seed, coord.shape[1]]).permutation(coord.shape[1])[:count]
         return torch.from_numpy(rows.astype(np.int64)).to(coord.device).expand(len(coord), -1)

@@ -1,7 +1,7 @@
 """Farthest point sampling on a GPU in one launch: each processor has a cloud in its registers.
 
-A choice needs the one before it. With a launch for each operation, a thousand choices take fifty milliseconds of
-waiting; here four. Imported only where torch has a GPU and Triton.
+A choice needs the one before it: operation by operation, a thousand choices would wait for the start of six thousand.
+Here they take one millisecond on an H100, for 8 clouds and for 64. Imported only where torch has a GPU and Triton.
 """
 
 import torch
@@ -11,7 +11,7 @@ from torch import Tensor
 
 
 @triton.jit
-def _choose(coord, chosen, points, count, block: tl.constexpr):  # noqa: ANN001, ANN202
+def _choose(coord: tl.tensor, chosen: tl.tensor, points: tl.tensor, count: tl.tensor, block: tl.constexpr) -> None:
     cloud = tl.program_id(0).to(tl.int64)
     own = coord + cloud * points * 3
     rows = tl.arange(0, block)

@@ -35,6 +35,9 @@ class Searcher(Protocol[Points, Rows]):
         Args:
             coord: Positions [m or 1], shape (N, 3) or (B, N, 3), float32.
             rows: Their row numbers, shape (M,) or (B, M).
+
+        Returns:
+            Their positions [m or 1], shape (M, 3) or (B, M, 3), float32.
         """
         ...
 
@@ -106,6 +109,9 @@ class OneCloud:
         Args:
             coord: Positions [m or 1], shape (N, 3), float32.
             rows: Their row numbers, shape (M,), int32.
+
+        Returns:
+            Their positions [m or 1], shape (M, 3), float32.
         """
         return coord[rows]
 
@@ -115,6 +121,9 @@ class OneCloud:
         Args:
             coord: Positions [m or 1], shape (N, 3), float32.
             count: How many.
+
+        Returns:
+            Row numbers, shape (count,), int32.
         """
         return np.arange(min(count, len(coord)), dtype=np.int32)
 
@@ -125,6 +134,9 @@ class OneCloud:
             coord: Positions [m or 1], shape (N, 3), float32.
             count: How many.
             seed: Seed of the choice.
+
+        Returns:
+            Row numbers, shape (count,), int32.
         """
         return np.random.default_rng([seed, len(coord)]).permutation(len(coord))[:count].astype(np.int32)
 
@@ -134,6 +146,9 @@ class OneCloud:
         Args:
             coord: Positions [m or 1], shape (N, 3), float32.
             count: How many.
+
+        Returns:
+            Row numbers, shape (count,), int32.
         """
         return farthest_points(coord, count).astype(np.int32)
 
@@ -145,6 +160,9 @@ class OneCloud:
             centers: Centers [m or 1], shape (M, 3), float32.
             radius: Of the balls [m or 1].
             count: Entries of a row.
+
+        Returns:
+            Row numbers, shape (M, count), int32.
         """
         return ball_query(coord, centers, radius, count).astype(np.int32)
 
@@ -155,5 +173,8 @@ class OneCloud:
             coord: Positions [m or 1], shape (N, 3), float32.
             centers: Centers [m or 1], shape (M, 3), float32.
             count: Neighbors of each.
+
+        Returns:
+            Row numbers, shape (M, count), int32.
         """
         return nearest(coord, centers, count).astype(np.int32)
