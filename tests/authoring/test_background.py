@@ -1,6 +1,5 @@
 """The countryside: joins the site without a gap, leaves it empty, and holds together."""
 
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
