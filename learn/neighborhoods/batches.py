@@ -4,6 +4,7 @@ What is found is what float64 finds, as on the processor; rows may differ where 
 """
 
 from dataclasses import dataclass
+from subprocess import SubprocessError
 
 import numpy as np
 import torch
@@ -84,14 +85,8 @@ class Batches:
             InputError: Fewer points than `count`.
         """
         need_points(coord.shape[1], max(count, 1))
-        if coord.is_cuda and coord.shape[1] <= _ONE_BLOCK:
-            try:
-                from learn.neighborhoods.farthest_kernel import farthest_on_gpu
-            except ImportError:  # torch comes without Triton on some systems
-                pass
-            else:
-                return farthest_on_gpu(coord, count)
-        return farthest_in_turn(coord, count)
+        in_one_launch = coord.is_cuda and coord.shape[1] <= _ONE_BLOCK
+        return farthest_by_kernel(coord, count) if in_one_launch else farthest_in_turn(coord, count)
 
     def ball(self, coord: Tensor, centers: Tensor, radius: float, count: int) -> Tensor:
         """Find the points within a ball about each center, nearest first; missing ones are the first one again.
@@ -133,6 +128,26 @@ class Batches:
                 hint="Use larger tiles or a smaller model",
             )
         return _nearest(coord, centers, count)[1]
+
+
+def farthest_by_kernel(coord: Tensor, count: int) -> Tensor:
+    """Choose points by farthest point sampling in one launch, or one after the other where Triton cannot compile it.
+
+    Torch comes without Triton on some systems, and Triton needs a C compiler and Python's headers.
+
+    Args:
+        coord: Positions on a GPU [m or 1], shape (B, N, 3), float32.
+        count: How many, 1 to N.
+
+    Returns:
+        Rows in the order of choice, shape (B, count), int64.
+    """
+    try:
+        from learn.neighborhoods.farthest_kernel import farthest_on_gpu
+
+        return farthest_on_gpu(coord, count)
+    except (ImportError, OSError, RuntimeError, SubprocessError):
+        return farthest_in_turn(coord, count)
 
 
 def farthest_in_turn(coord: Tensor, count: int) -> Tensor:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from groundwork.errors import InputError
 from learn.models.backbone import COORD, batched, completed, geometry_of
 from learn.models.registry import NETWORKS, build_network
-from learn.neighborhoods.batches import Batches
+from learn.neighborhoods.batches import Batches, farthest_by_kernel, farthest_in_turn
 from learn.neighborhoods.cache import cached_pyramid, pyramid_key
 from learn.neighborhoods.farthest import farthest_points
 from learn.neighborhoods.pyramids import Indices, farthest_pyramid, random_pyramid
@@ -94,6 +96,20 @@ def test_a_batch_has_the_pyramids_of_its_clouds(name: str, monkeypatch: pytest.M
     assert alone.keys() == together.keys()
     for key, rows in alone.items():
         assert torch.equal(rows, together[key]), key
+
+
+@pytest.mark.parametrize("error", [ImportError(), RuntimeError("no C compiler")])
+def test_without_a_compiler_points_are_chosen_in_turn(error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Triton is not there, or cannot compile its kernel: the same rows, one after the other."""
+
+    def fails(*_: object) -> None:
+        raise error
+
+    kernel = ModuleType("learn.neighborhoods.farthest_kernel")
+    setattr(kernel, "farthest_on_gpu", fails)  # noqa: B010
+    monkeypatch.setitem(sys.modules, kernel.__name__, kernel)
+    coord = torch.from_numpy(cloud(0))[None]
+    assert torch.equal(farthest_by_kernel(coord, 50), farthest_in_turn(coord, 50))
 
 
 def test_a_batch_orders_ties_by_number_and_fills_its_balls() -> None:
