@@ -1,10 +1,10 @@
 """Compose the picture of six families in four worlds: each as a photograph, by class, and as a reconstructed cloud.
 
-Usage: python -m docs.hero_picture ROWS [picture.jpg]
+Usage: python -m docs.hero_picture RUNS [picture.jpg]
 
-ROWS is what `python -m benchmarks.recon.accuracy ROWS` made. Each bridge is checked out, its world is swapped, one
-picture of it is taken, and its dense cloud is drawn from the same place: the cloud was made in another world, from
-photographs of another flight.
+RUNS is a folder that keeps the runs of `docs.hero_bridges`; what is missing there is made. Each bridge is checked out,
+its world is swapped, one picture of it is taken, and its dense cloud is drawn from the same place: the cloud was made
+in the countryside, from photographs of another flight.
 """
 
 import sys
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from authoring.scenes.checkout import checkout_scene
 from authoring.variants.add import set_choices
+from docs.hero_bridges import BRIDGES, reconstruct
 from falsework.commands.console import ConsoleProgress
 from falsework.gallery.camera import EACH_FOR_ITSELF, seen_from
 from falsework.gallery.viewpoint import best_view
@@ -36,14 +37,7 @@ F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
 PICTURE = Path(__file__).resolve().parent / "images" / "hero.jpg"
-TILES = (  # row of the benchmark, world, key of `falsework.gallery.viewpoint.VIEWS`
-    ("inspection-suspension-road", "lakeside", "air"),
-    ("global-arch-road", "hillside", "air"),
-    ("global-cable_stayed-road", "city", "air"),
-    ("global-girder-rail", "countryside", "air"),
-    ("global-beam-rail", "lakeside", "air"),
-    ("global-slab-road", "city", "air"),
-)
+VIEW = "air"  # key of `falsework.gallery.viewpoint.VIEWS`
 COLUMNS, TILE, GAP = 3, (620, 400), 6  # side by side; size of one; between two [px]
 FINER = 2  # drawn that many times as large, and made smaller
 FOCAL = 32.0 / 36.0  # of the width, as in `falsework preview`
@@ -52,18 +46,19 @@ PAPER, DIM, PALE = 250, 178, 0.5  # gray behind a cloud; of its ground; how much
 QUALITY = 88  # of the JPEG
 
 
-def main(rows: Path, picture: Path) -> None:
+def main(runs: Path, picture: Path) -> None:
     """Write the picture.
 
     Args:
-        rows: Folder of the benchmark.
+        runs: Folder that keeps the runs.
         picture: JPEG to write.
     """
     tiles = list[U8]()
     with ConsoleProgress() as progress:
-        for name, world, view in TILES:
+        for bridge in BRIDGES:
+            scene = reconstruct(bridge, runs, progress)
             with tempfile.TemporaryDirectory() as scratch:
-                tiles.append(tile(rows / name / "scenes" / "0000", world, view, Path(scratch), progress))
+                tiles.append(tile(scene, bridge.world, Path(scratch), progress))
     gap = np.full((TILE[1], GAP, 3), 255, np.uint8)
     lines = [
         np.concatenate([part for each in tiles[k : k + COLUMNS] for part in (each, gap)][:-1], axis=1)
@@ -75,13 +70,12 @@ def main(rows: Path, picture: Path) -> None:
     write_bytes(picture, data.tobytes())
 
 
-def tile(scene: Path, world: str, view: str, scratch: Path, progress: Progress) -> U8:
+def tile(scene: Path, world: str, scratch: Path, progress: Progress) -> U8:
     """Show one bridge three times over, cut along two slanted lines.
 
     Args:
         scene: Folder of the scene in a run.
         world: Background that it gets.
-        view: Key of `falsework.gallery.viewpoint.VIEWS`.
         scratch: Empty folder.
         progress: Listener.
 
@@ -94,7 +88,7 @@ def tile(scene: Path, world: str, view: str, scratch: Path, progress: Progress) 
     flat = load_scene(own / "scene.usda")
     width, height = FINER * TILE[0], FINER * TILE[1]
     camera = Pinhole(width, height, FOCAL * width, FOCAL * width, 0.5 * width, 0.5 * height)
-    pose = best_view(flat, camera, view)
+    pose = best_view(flat, camera, VIEW)
     seen = seen_from(flat, pose[None], camera)
     track = replace(seen.cameras[0], near=0.1, distortion=type(seen.cameras[0].distortion)(), readout_time=0.0)
     shots.mkdir()

@@ -24,7 +24,7 @@ NEEDS = {
     "CLOUD": "a cloud of that run, RUN/scenes/0000/cloud/global",
     "SCAN": "a laser scan of that run's bridge: falsework sample lidar RUN/scenes/0000/stage/scene.usda -o SCAN",
     "FLIGHTS": "a scene with several flights: falsework author docs/gallery/flights.toml -o FLIGHTS",
-    "ROWS": "a folder of python -m benchmarks.recon.accuracy ROWS",
+    "RUNS": "a folder that keeps the runs of docs.hero_bridges; made where they are missing",
     "WORK": "a folder that keeps what Cycles drew",
     "SCANS": "folder with checkouts of the repositories that benchmarks/shipped/real_scans.py names",
     "WORLD": "a city: falsework background import CITY -o WORLD",
@@ -60,7 +60,7 @@ def _gallery(folder: str, names: Sequence[str], *words: str) -> Recipe:
 
 RECIPES = (
     Recipe(("architecture.svg",), ("docs.generate",)),
-    Recipe(("hero.jpg",), ("docs.hero_picture", "ROWS")),
+    Recipe(("hero.jpg",), ("docs.hero_picture", "RUNS")),
     Recipe(("chain.png",), ("docs.picture", "RUN")),
     Recipe(("dense_cloud.png",), ("docs.cloud_picture", "CLOUD")),
     Recipe(("sampling.png",), ("docs.sampling_picture", "RUN")),

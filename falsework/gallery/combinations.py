@@ -37,7 +37,7 @@ _WIDTH, _HEIGHT, _FOCAL = 480, 240, 480.0  # [px] of one picture, which a bridge
 _SAMPLES = 2  # pixels of a photograph along a side of a pixel of the picture: railings are thin
 _TEXELS = 256
 _VIEW = "air"  # over trees and houses, whichever world it is
-_FAST = {"quality": "fast", "shadow_size": 2048, "triangle_budget": 0}  # 96 pictures of one view each
+_RENDER = {"quality": "standard", "shadow_size": 2048}
 _LETTERS, _QUALITY = 0.55, 66  # of captions, of the JPEG
 
 
@@ -117,7 +117,7 @@ def _photograph(scene: FlatScene, pose: F64, folder: Path, seed: int) -> U8:
     """Render one picture; shape (H, W, 3)."""
     camera = _camera()
     scene = seen_from(_in_view(scene, camera, pose), pose[None], camera)
-    render = RenderSettings.model_validate({**_FAST, "sensor": {**EACH_FOR_ITSELF, "noise": False}})
+    render = RenderSettings.model_validate({**_RENDER, "sensor": {**EACH_FOR_ITSELF, "noise": False}})
     render_scene(scene, folder, render, seed, SILENT)
     photograph = load_image(read_capture(folder), 0)
     return np.asarray(cv2.resize(photograph, (_WIDTH, _HEIGHT), interpolation=cv2.INTER_AREA), np.uint8)
