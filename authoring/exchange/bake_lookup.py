@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from groundwork.errors import InputError
 from groundwork.foreign_file import check_regular
+from usd_schemas.texels import srgb_to_linear
 
 F32 = NDArray[np.float32]
 Picture = NDArray[np.uint8]
@@ -61,7 +62,7 @@ class TextureLookup:
 
         found = self._read(file)
         picture = (found[..., 2:] if first else found).astype(np.float32) / np.float32(255)
-        picture = _linear(picture) if srgb else picture
+        picture = srgb_to_linear(picture) if srgb else picture
         if size != picture.shape[:2]:
             reduced = cv2.resize(picture, size[::-1], interpolation=cv2.INTER_AREA).reshape(*size, -1)
             picture = reduced.astype(np.float32, copy=False)
@@ -105,7 +106,3 @@ def _remap(picture: F32, uv: F32) -> F32:
         sampled = cv2.remap(picture, x[part], y[part], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
         values[part] = sampled.reshape(-1, channels)
     return values
-
-
-def _linear(values: F32) -> F32:
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4).astype(np.float32)

@@ -15,6 +15,7 @@ from groundwork.output.file import SIGNATURE
 from usd_schemas.flat_scene import FlatScene, Material, Texture
 from usd_schemas.guard.layer_walk import Warn
 from usd_schemas.reading.stage_reader import read_stage
+from usd_schemas.texels import opacity, placed, srgb_to_linear
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -109,7 +110,7 @@ def _mesh(
             settings |= {"alphaMode": "MASK", "alphaCutoff": float(material.opacity_threshold)}
         if not texture.is_plain and not texture.alpha:  # GLB has a factor, but no offset
             settings["baseColorFactor"] = [*(round(min(value, 1.0) * 255) for value in texture.gain), 255]
-        uv = _placed((geometry.st1 if texture.uv_set else geometry.st)[vertices], texture)
+        uv = placed(texture, (geometry.st1 if texture.uv_set else geometry.st)[vertices])
     visual = TextureVisuals(uv=uv, material=PBRMaterial(**settings))
     return trimesh.Trimesh(
         geometry.positions[vertices],
@@ -118,14 +119,6 @@ def _mesh(
         visual=visual,
         process=False,
     )
-
-
-def _placed(uv: NDArray[np.float32], texture: Texture) -> NDArray[np.float64]:
-    """Apply UsdTransform2d: scale, then rotation, then translation."""
-    scaled = uv.astype(np.float64) * texture.scale
-    angle = np.radians(texture.rotation)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return scaled @ turn.T + texture.translation
 
 
 class _Picture:
@@ -176,15 +169,9 @@ def _composed(texture: Texture) -> NDArray[np.uint8]:
 
     color = _read(texture.file, cv2.IMREAD_COLOR)[..., ::-1].astype(np.float32) / 255
     if texture.srgb:
-        color = np.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4)
+        color = srgb_to_linear(color)
     color = encode_srgb((color * np.array(texture.gain) + np.array(texture.bias)).astype(np.float32))
     mask = _read(texture.alpha, cv2.IMREAD_UNCHANGED)
-    whole = 65535.0 if mask.dtype == np.uint16 else 255.0
-    if mask.ndim == 3:  # blue, green, red, opacity
-        channel = (2, 1, 0, 3)[texture.alpha_channel]
-        mask = mask[..., channel] if channel < mask.shape[2] else np.full(mask.shape[:2], whole)
-    elif texture.alpha_channel == 3:
-        mask = np.full(mask.shape, whole)
-    told = mask.astype(np.float32) / whole * texture.alpha_gain + texture.alpha_bias
-    opacity = cv2.resize(encode_raw(told), color.shape[1::-1], interpolation=cv2.INTER_AREA)
-    return np.dstack([color[..., ::-1], opacity]).astype(np.uint8, copy=False)
+    mask = mask[..., None] if mask.ndim == 2 else mask[..., [2, 1, 0, 3][: mask.shape[2]]]
+    alpha = cv2.resize(encode_raw(opacity(texture, mask)), color.shape[1::-1], interpolation=cv2.INTER_AREA)
+    return np.dstack([color[..., ::-1], alpha]).astype(np.uint8, copy=False)
