@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.exchange.texture_files import read_all, read_color
 from authoring.looks.encode import encode_raw, encode_srgb
-from groundwork.errors import InputError
 from groundwork.files import write_bytes
-from groundwork.foreign_file import check_regular
 from groundwork.output.file import SIGNATURE
 from usd_schemas.flat_scene import FlatScene, Material, Texture
 from usd_schemas.guard.layer_walk import Warn
@@ -132,7 +131,7 @@ class _Picture:
         if texture.alpha:
             image = _composed(texture)
         else:
-            image = _read(texture.file, cv2.IMREAD_UNCHANGED if keeps_alpha else cv2.IMREAD_COLOR)
+            image = read_all(texture.file) if keeps_alpha else read_color(texture.file)
         if texture.uv_set == 0 and max(image.shape) > MOST_TEXELS:
             image = cv2.resize(image, (MOST_TEXELS, MOST_TEXELS), interpolation=cv2.INTER_AREA)
         ending, quality = (".png", []) if keeps_alpha else (".jpg", [cv2.IMWRITE_JPEG_QUALITY, 90])
@@ -152,26 +151,15 @@ class _Picture:
         file.write(self._data)
 
 
-def _read(file: str, flags: int) -> Any:
-    """Read an image as OpenCV does: blue, green, red."""
-    import cv2
-
-    check_regular(Path(file))
-    image = cv2.imread(file, flags)
-    if image is None:
-        raise InputError("not readable as an image", where=file)
-    return image
-
-
 def _composed(texture: Texture) -> NDArray[np.uint8]:
     """Join a color and the opacity of a file or channel of its own, each with scale and bias; shape (H, W, 4)."""
     import cv2
 
-    color = _read(texture.file, cv2.IMREAD_COLOR)[..., ::-1].astype(np.float32) / 255
+    color = read_color(texture.file)[..., ::-1].astype(np.float32) / 255
     if texture.srgb:
         color = srgb_to_linear(color)
     color = encode_srgb((color * np.array(texture.gain) + np.array(texture.bias)).astype(np.float32))
-    mask = _read(texture.alpha, cv2.IMREAD_UNCHANGED)
+    mask = read_all(texture.alpha)
     mask = mask[..., None] if mask.ndim == 2 else mask[..., [2, 1, 0, 3][: mask.shape[2]]]
     alpha = cv2.resize(encode_raw(opacity(texture, mask)), color.shape[1::-1], interpolation=cv2.INTER_AREA)
     return np.dstack([color[..., ::-1], alpha]).astype(np.uint8, copy=False)
