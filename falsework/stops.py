@@ -13,16 +13,16 @@ INTERRUPTED = 130
 """Exit code after Ctrl-C."""
 INTERRUPTED_LINE = "falsework: interrupted; repeat the command: it continues\n"
 
-_LONGEST = 3.0  # [s] that a stop waits for an import
+_LONGEST = 8.0  # [s] that a stop waits for an import
 _STEP = 0.05  # [s] after which it looks again
 
 
 def catch_stops() -> None:
     """Let Ctrl-C and SIGTERM end the command: the first as `KeyboardInterrupt`, the second as `SystemExit`.
 
-    While a module is being imported they wait for its end, up to 3 s: libraries import others on trial and pass over
-    every error, this one too. A second one in that time ends the process at once. Ctrl-C that the parent ignores, as a
-    shell does for a command in the background, stays ignored. A second call changes nothing.
+    While a module is being imported they wait for its end: libraries import others on trial and pass over every error,
+    this one too. After 8 s, or at a second signal, the process ends within the import, which loses nothing. Ctrl-C that
+    the parent ignores, as a shell does for a command in the background, stays ignored. A second call changes nothing.
     """
     if isinstance(signal.getsignal(signal.SIGTERM), _Stop):
         return  # a stop may be waiting in it
@@ -49,7 +49,10 @@ class _Stop:
             os._exit(128 + number)
         else:
             self._waiting, self._end = number, time.monotonic() + _LONGEST
-        if _imports(frame) and time.monotonic() < self._end:
+        if _imports(frame):
+            if time.monotonic() > self._end:
+                os.write(2, INTERRUPTED_LINE.encode())
+                os._exit(128 + self._waiting)
             signal.setitimer(signal.ITIMER_REAL, _STEP)
             return
         stopped, self._waiting = self._waiting, 0

@@ -19,7 +19,7 @@ def srgb_to_linear(coded: Floats) -> Floats:
         coded: Coded values from 0 to 1 [1], shape (...), float32 or float64.
 
     Returns:
-        Linear values [1], same shape and dtype.
+        Linear values [1], shape (...), same dtype.
 
     Source: IEC 61966-2-1.
     """
@@ -33,7 +33,7 @@ def linear_to_srgb(linear: Floats) -> Floats:
         linear: Linear values [1], shape (...), float32 or float64.
 
     Returns:
-        Coded values [1], same shape and dtype.
+        Coded values [1], shape (...), same dtype.
 
     Source: IEC 61966-2-1.
     """
