@@ -6,7 +6,7 @@ import typing
 from pydantic_core import PydanticUndefined
 
 from authoring.surveys.settings import LegSettings
-from groundwork.settings import Settings
+from groundwork.settings import Settings, models_in
 
 
 def table(model: type[Settings]) -> list[str]:
@@ -22,7 +22,7 @@ def table(model: type[Settings]) -> list[str]:
     for key, field in model.model_fields.items():
         if _is_list_of_kinds(field.annotation):
             rows.append(f"| `{key}` | sections `[[survey.{key}]]` of the kinds above | – | {field.description} |")
-        elif not _models_in(field.annotation) and not (key == "kind" and kind_of(model)):
+        elif not models_in(field.annotation) and not (key == "kind" and kind_of(model)):
             default = field.get_default(call_default_factory=True, validated_data={})
             nothing = "–" if "left out" in (field.description or "") else "drawn"
             shown = (
@@ -45,7 +45,7 @@ def sections(model: type[Settings], name: str = "") -> list[tuple[str, type[Sett
     """
     found = [(name, model)]
     for key, field in model.model_fields.items():
-        for inner in [] if _is_list_of_kinds(field.annotation) else _models_in(field.annotation):
+        for inner in [] if _is_list_of_kinds(field.annotation) else models_in(field.annotation):
             found += sections(inner, f"{name}.{key}" if name else key)
     return found
 
@@ -71,13 +71,7 @@ def _toml(value: object) -> str:
 
 def _is_list_of_kinds(annotation: object) -> bool:
     """Check whether a field lists sections of several kinds that the page shows anyway, such as the legs of a mix."""
-    return {model.__name__ for model in _models_in(annotation)} == {model.__name__ for model in _models_in(LegSettings)}
-
-
-def _models_in(annotation: object) -> list[type[Settings]]:
-    if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
-        return [annotation] if issubclass(annotation, Settings) else []
-    return [inner for argument in typing.get_args(annotation) for inner in _models_in(argument)]
+    return {model.__name__ for model in models_in(annotation)} == {model.__name__ for model in models_in(LegSettings)}
 
 
 def _type_name(annotation: object) -> str:

@@ -2,7 +2,6 @@
 
 import errno
 import os
-import signal
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -19,10 +18,9 @@ from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import need_scenario
 from falsework.commands.parsing import parse, parse_verb
 from falsework.commands.render_verb import render
-from falsework.stops import TERMINATED, stop_behind
+from falsework.stops import INTERRUPTED, INTERRUPTED_LINE, catch_stops, stop_behind
 from groundwork.errors import FalseworkError, InputError, MissingError, RejectedSceneError
 
-INTERRUPTED = 130
 PIPE_CLOSED = 141
 ABOUT = (
     "Bridges as USD stages, inspection flights around them, and annotated point clouds. Start with: falsework demo. "
@@ -236,7 +234,7 @@ def main(arguments: list[str] | None = None) -> None:
     Args:
         arguments: Words after the program's name; those of the process when None.
     """
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(TERMINATED))
+    catch_stops()
     words = sys.argv[1:] if arguments is None else arguments
     try:
         _check_here()
@@ -274,7 +272,7 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stderr.write(f"falsework: {refusal}\n")
         code = refusal.exit_code
     except KeyboardInterrupt:
-        sys.stderr.write("falsework: interrupted; repeat the command: it continues\n")
+        sys.stderr.write(INTERRUPTED_LINE)
         code = INTERRUPTED
     sys.exit(code)
 

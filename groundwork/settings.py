@@ -111,7 +111,7 @@ def _models_at(model: type[Settings], location: tuple[int | str, ...]) -> list[t
         if isinstance(part, int):
             continue
         fields = [m.model_fields[part] for m in current if part in m.model_fields]
-        below = [inner for field in fields for inner in _models_in(field.annotation)]
+        below = [inner for field in fields for inner in models_in(field.annotation)]
         tagged = [m for m in current if m.__name__ == part or _is_tagged(m, part)]
         current = below or tagged or current
     return current
@@ -122,7 +122,12 @@ def _is_tagged(model: type[Settings], tag: str) -> bool:
     return any(tag in typing.get_args(field.annotation) for field in model.model_fields.values())
 
 
-def _models_in(annotation: object) -> list[type[Settings]]:
+def models_in(annotation: object) -> list[type[Settings]]:
+    """List the sections that a field may hold.
+
+    Args:
+        annotation: Type of the field: a section, or a union or container of sections.
+    """
     if isinstance(annotation, type) and not isinstance(annotation, types.GenericAlias):
         return [annotation] if issubclass(annotation, Settings) else []
-    return [inner for argument in typing.get_args(annotation) for inner in _models_in(argument)]
+    return [inner for argument in typing.get_args(annotation) for inner in models_in(argument)]

@@ -35,6 +35,7 @@ from recon.sfm.stored_model import MODEL, read_stored_model, write_stored_model
 from recon.steps import enter_work, leave_work
 from recon.truth.annotate import Annotation, ObservedTruth, annotate, gather
 from recon.truth.bridge_digest import bridge_digest
+from recon.truth.component_kinds import component_kinds, kind_rows
 from recon.truth.noise_figures import describe_noise
 from recon.truth.per_class import describe_classes, lost_classes, scarce_classes_in_words
 from recon.truth.pixel_classes import describe_pixels
@@ -243,7 +244,7 @@ def _label(
 ) -> tuple[dict[str, NDArray[Any]], tuple[str, ...]]:
     """Fill the columns that need the truth; without it, with the values for unknown."""
     count, total = len(points), len(seen.image)
-    components = ("", *sorted({row.component for row in truth.instances} - {""})) if truth else ("",)
+    components = component_kinds(truth.instances if truth else ())
     if truth is None:
         nothing, unknown = np.full(count, np.nan), np.full(count, UNLABELED, np.uint8)
         nan32 = nothing.astype(np.float32)
@@ -257,7 +258,7 @@ def _label(
         error, measured = measure(points, depth, observed.depth.astype(float), truth, seen, threads)
         verdict = annotate(observed, error, seen)
         distance, nearest = without_moving(verdict.instance, truth, *nearest_surface(points, truth))
-        component = _components(verdict.instance, truth, components)
+        component = kind_rows(verdict.instance, truth.instances)
     columns |= {
         "segment": verdict.label,
         "instance": verdict.instance,
@@ -311,14 +312,6 @@ def _those(
     start = np.concatenate([[0], np.cumsum(counts[kept])]).astype(np.int64)
     rows = {name: values[seen] for name, values in observed.items() if name != "start"}
     return {name: values[kept] for name, values in columns.items()}, {"start": start, **rows}, depth[seen]
-
-
-def _components(instance: NDArray[np.uint32], truth: Truth, components: tuple[str, ...]) -> NDArray[np.uint16]:
-    known = sorted(truth.instances, key=lambda row: row.id)
-    ids = np.array([0, *(row.id for row in known)])
-    kinds = np.array([0, *(components.index(row.component) for row in known)], np.uint16)
-    at = np.minimum(np.searchsorted(ids, instance), len(ids) - 1)
-    return np.where(ids[at] == instance, kinds[at], 0).astype(np.uint16)
 
 
 def _write_poses(path: Path, capture: Capture, model: SparseModel, poses: NDArray[np.float64]) -> None:

@@ -18,9 +18,10 @@ from authoring.looks.encode import encode_srgb, png
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
 from usd_schemas import tokens
-from usd_schemas.flat_scene import Detail, Material, Texture
+from usd_schemas.flat_scene import Detail, Material
 from usd_schemas.guard.layer_walk import Warn
 from usd_schemas.reading.materials import read_material
+from usd_schemas.texels import placed
 
 F32 = NDArray[np.float32]
 
@@ -159,7 +160,7 @@ def _shade(image: F32, raster: AtlasRaster, number: int, material: Material, tex
     texture = material.base_texture
     if texture:
         tiles = 1 / texels if texture.uv_set else meters
-        place = _place(st, st1, texture)
+        place = placed(texture, st1 if texture.uv_set else st).astype(np.float32)
         color = textures.colors(texture.file, place, tiles * max(texture.scale), texture.srgb)
     image[rows, columns] = np.minimum(color * _detail(material.detail, st, st1, meters, textures), _BRIGHTEST)
 
@@ -172,13 +173,6 @@ def _detail(detail: Detail, st: F32, st1: F32, meters: float, textures: TextureL
     if detail.macro_file:
         factor *= 2 * textures.colors(detail.macro_file, st1, 0.0, False)
     return factor
-
-
-def _place(st: F32, st1: F32, texture: Texture) -> F32:
-    angle = np.radians(texture.rotation)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    source = st1 if texture.uv_set else st
-    return ((source * np.array(texture.scale)) @ turn.T + np.array(texture.translation)).astype(np.float32)
 
 
 def _copy_material(stage: Usd.Stage, path: Sdf.Path, file: str, mean: list[float]) -> UsdShade.Material:

@@ -1,16 +1,14 @@
 """Texture lookup for baking: tiled, in linear values, averaged over a texel."""
 
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from groundwork.errors import InputError
-from groundwork.foreign_file import check_regular
+from authoring.exchange.texture_files import read_color
+from usd_schemas.texels import srgb_to_linear
 
 F32 = NDArray[np.float32]
-Picture = NDArray[np.uint8]
 
 _READ = 8  # images cached unchanged, up to 50 MB each
 _REDUCED = 4  # images cached in linear values, up to 200 MB each
@@ -22,7 +20,7 @@ class TextureLookup:
 
     def __init__(self) -> None:
         """Start with an empty cache."""
-        self._read = lru_cache(_READ)(read_picture)
+        self._read = lru_cache(_READ)(read_color)
         self._reduced = lru_cache(_REDUCED)(self._reduce)
 
     def colors(self, file: str, uv: F32, footprint: float, srgb: bool) -> F32:
@@ -61,32 +59,11 @@ class TextureLookup:
 
         found = self._read(file)
         picture = (found[..., 2:] if first else found).astype(np.float32) / np.float32(255)
-        picture = _linear(picture) if srgb else picture
+        picture = srgb_to_linear(picture) if srgb else picture
         if size != picture.shape[:2]:
             reduced = cv2.resize(picture, size[::-1], interpolation=cv2.INTER_AREA).reshape(*size, -1)
             picture = reduced.astype(np.float32, copy=False)
         return picture
-
-
-def read_picture(file: str) -> Picture:
-    """Read a texture.
-
-    Args:
-        file: Texture.
-
-    Returns:
-        Levels of blue, green and red, shape (H, W, 3), uint8.
-
-    Raises:
-        InputError: It is no regular file, or no image.
-    """
-    import cv2
-
-    check_regular(Path(file))
-    found = cv2.imread(file, cv2.IMREAD_COLOR)
-    if found is None:
-        raise InputError("not readable as an image", where=file)
-    return found.astype(np.uint8, copy=False)
 
 
 def _reduced_side(side: int, footprint: float) -> int:
@@ -105,7 +82,3 @@ def _remap(picture: F32, uv: F32) -> F32:
         sampled = cv2.remap(picture, x[part], y[part], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
         values[part] = sampled.reshape(-1, channels)
     return values
-
-
-def _linear(values: F32) -> F32:
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4).astype(np.float32)

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.exchange.texture_files import read_all, read_color
 from authoring.looks.encode import encode_raw, encode_srgb
-from groundwork.errors import InputError
 from groundwork.files import write_bytes
-from groundwork.foreign_file import check_regular
 from groundwork.output.file import SIGNATURE
 from usd_schemas.flat_scene import FlatScene, Material, Texture
 from usd_schemas.guard.layer_walk import Warn
 from usd_schemas.reading.stage_reader import read_stage
+from usd_schemas.texels import opacity, placed, srgb_to_linear
 
 if TYPE_CHECKING:
     from trimesh import Trimesh
@@ -109,7 +109,7 @@ def _mesh(
             settings |= {"alphaMode": "MASK", "alphaCutoff": float(material.opacity_threshold)}
         if not texture.is_plain and not texture.alpha:  # GLB has a factor, but no offset
             settings["baseColorFactor"] = [*(round(min(value, 1.0) * 255) for value in texture.gain), 255]
-        uv = _placed((geometry.st1 if texture.uv_set else geometry.st)[vertices], texture)
+        uv = placed(texture, (geometry.st1 if texture.uv_set else geometry.st)[vertices])
     visual = TextureVisuals(uv=uv, material=PBRMaterial(**settings))
     return trimesh.Trimesh(
         geometry.positions[vertices],
@@ -118,14 +118,6 @@ def _mesh(
         visual=visual,
         process=False,
     )
-
-
-def _placed(uv: NDArray[np.float32], texture: Texture) -> NDArray[np.float64]:
-    """Apply UsdTransform2d: scale, then rotation, then translation."""
-    scaled = uv.astype(np.float64) * texture.scale
-    angle = np.radians(texture.rotation)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return scaled @ turn.T + texture.translation
 
 
 class _Picture:
@@ -139,7 +131,7 @@ class _Picture:
         if texture.alpha:
             image = _composed(texture)
         else:
-            image = _read(texture.file, cv2.IMREAD_UNCHANGED if keeps_alpha else cv2.IMREAD_COLOR)
+            image = read_all(texture.file) if keeps_alpha else read_color(texture.file)
         if texture.uv_set == 0 and max(image.shape) > MOST_TEXELS:
             image = cv2.resize(image, (MOST_TEXELS, MOST_TEXELS), interpolation=cv2.INTER_AREA)
         ending, quality = (".png", []) if keeps_alpha else (".jpg", [cv2.IMWRITE_JPEG_QUALITY, 90])
@@ -159,32 +151,15 @@ class _Picture:
         file.write(self._data)
 
 
-def _read(file: str, flags: int) -> Any:
-    """Read an image as OpenCV does: blue, green, red."""
-    import cv2
-
-    check_regular(Path(file))
-    image = cv2.imread(file, flags)
-    if image is None:
-        raise InputError("not readable as an image", where=file)
-    return image
-
-
 def _composed(texture: Texture) -> NDArray[np.uint8]:
     """Join a color and the opacity of a file or channel of its own, each with scale and bias; shape (H, W, 4)."""
     import cv2
 
-    color = _read(texture.file, cv2.IMREAD_COLOR)[..., ::-1].astype(np.float32) / 255
+    color = read_color(texture.file)[..., ::-1].astype(np.float32) / 255
     if texture.srgb:
-        color = np.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4)
+        color = srgb_to_linear(color)
     color = encode_srgb((color * np.array(texture.gain) + np.array(texture.bias)).astype(np.float32))
-    mask = _read(texture.alpha, cv2.IMREAD_UNCHANGED)
-    whole = 65535.0 if mask.dtype == np.uint16 else 255.0
-    if mask.ndim == 3:  # blue, green, red, opacity
-        channel = (2, 1, 0, 3)[texture.alpha_channel]
-        mask = mask[..., channel] if channel < mask.shape[2] else np.full(mask.shape[:2], whole)
-    elif texture.alpha_channel == 3:
-        mask = np.full(mask.shape, whole)
-    told = mask.astype(np.float32) / whole * texture.alpha_gain + texture.alpha_bias
-    opacity = cv2.resize(encode_raw(told), color.shape[1::-1], interpolation=cv2.INTER_AREA)
-    return np.dstack([color[..., ::-1], opacity]).astype(np.uint8, copy=False)
+    mask = read_all(texture.alpha)
+    mask = mask[..., None] if mask.ndim == 2 else mask[..., [2, 1, 0, 3][: mask.shape[2]]]
+    alpha = cv2.resize(encode_raw(opacity(texture, mask)), color.shape[1::-1], interpolation=cv2.INTER_AREA)
+    return np.dstack([color[..., ::-1], alpha]).astype(np.uint8, copy=False)

@@ -11,6 +11,7 @@ from authoring.looks.encode import png
 from authoring.looks.material import MaterialRecipe
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
+from usd_schemas.texels import srgb_to_linear
 
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
@@ -121,8 +122,7 @@ def skin_recipes(skins: tuple[Skin, ...], folder: Path) -> dict[str, MaterialRec
 
 
 def _skin(data: bytes, suffix: str, pixels: U8) -> Skin:
-    levels = np.arange(256) / 255.0
-    linear = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4)
+    linear = srgb_to_linear(np.arange(256) / 255.0)
     red, green, blue = (
         round(float(np.bincount(pixels[..., k].ravel(), minlength=256) @ linear / pixels[..., k].size), 4)
         for k in range(3)

@@ -23,6 +23,7 @@ from usd_schemas.guard.guard import check_stage
 from usd_schemas.guard.layer_walk import Warn
 from usd_schemas.reading.choices import StageChoices
 from usd_schemas.reading.stage_reader import read_stage
+from usd_schemas.texels import placed
 
 F64 = NDArray[np.float64]
 
@@ -114,7 +115,7 @@ def _part(scene: FlatScene, row: int, cache: dict[str, Skin], file: Path) -> Mes
         sets = geometry.st1 if material.base_texture.uv_set else geometry.st
         return MeshSoup(
             triangles,
-            _looked_up(material.base_texture, sets[corners].astype(np.float64)),
+            placed(material.base_texture, sets[corners].astype(np.float64)),
             np.zeros(len(corners), np.int32),
             (skin,),
             {},
@@ -131,13 +132,6 @@ def _colors(material: Material, vertex: F64) -> F64 | None:
     if material.use_display_color and not (vertex == 1.0).all():
         return np.asarray(vertex, np.float64)
     return None if not material.name.startswith("/") else np.tile(np.array(material.base_color), (len(vertex), 1))
-
-
-def _looked_up(texture: Texture, st: F64) -> F64:
-    """Scale, rotate and translate texture coordinates as UsdTransform2d does [1], same shape, float64."""
-    angle = np.radians(texture.rotation)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return (st * texture.scale) @ turn.T + texture.translation
 
 
 def _image(texture: Texture, cache: dict[str, Skin], file: Path) -> Skin:

@@ -13,6 +13,7 @@ from authoring.looks.library import SheetFiles
 from authoring.looks.user_maps import MapSet, Picture, find_sets
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
+from usd_schemas.texels import srgb_to_linear
 from usd_schemas.tokens import ROLES
 
 U8 = NDArray[np.uint8]
@@ -93,7 +94,7 @@ def place_set(one: MapSet, folder: Path, metres: float, texels: int) -> tuple[Sh
     """
     color = _squared(_decode(one.maps["albedo"]), texels)
     coarse = (color.reshape(-1, 3)[::16] / 255.0).astype(np.float64)
-    linear = np.where(coarse <= 0.04045, coarse / 12.92, ((coarse + 0.055) / 1.055) ** 2.4)
+    linear = srgb_to_linear(coarse)
     red, green, blue = (round(float(value), 4) for value in linear.mean(axis=0))
     files = {"albedo.jpg": jpeg(color)}
     arm = _decode(one.maps["arm"]) if "arm" in one.maps else None

@@ -9,7 +9,7 @@ from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import ABUTMENT_BACK, Spans
 from authoring.shapes.component import F64
-from authoring.shapes.sections import cut_corners, rectangle
+from authoring.shapes.sections import cut_corners, on_side, rectangle
 from authoring.solids.extrusion import Prism, extruded
 from authoring.solids.sweep import Surface, joined
 from groundwork.errors import InputError
@@ -291,17 +291,13 @@ def kerb_parts(roadway: Roadway, name: str, low: float, high: float, place: Alig
         # Curb and footway extend slightly under adjacent parts, so that there are neither shared faces nor gaps.
         behind = back + (0.0 if roadway.footway_width else 2.0 * EMBEDDED)
         kerb = cut_corners(rectangle((face, bottom), (behind, roadway.kerb_height)), np.array([0.0, 0.0, 0.0, 0.02]))
-        surface = Prism(_sided(kerb, sign), low, high, "station", place)
+        surface = Prism(on_side(kerb, sign), low, high, "station", place)
         size: dict[str, object] = {"width": roadway.kerb_width, "height": roadway.kerb_height, "length": high - low}
         parts.append(Part(f"Kerb_{name}_{side}", "kerb", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))
         if roadway.footway_width:
             far = roadway.half_width + 2.0 * EMBEDDED
             path = rectangle((back - EMBEDDED, bottom - 2.0 * _SHORTER), (far, roadway.kerb_height - 0.006))
-            surface = Prism(_sided(path, sign), low + _SHORTER, high - _SHORTER, "station", place)
+            surface = Prism(on_side(path, sign), low + _SHORTER, high - _SHORTER, "station", place)
             size = {"width": roadway.footway_width, "length": high - low}
             parts.append(Part(f"Footway_{name}_{side}", "footway", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))
     return parts
-
-
-def _sided(outline: F64, sign: float) -> F64:
-    return outline if sign > 0.0 else (outline * (-1.0, 1.0))[::-1]

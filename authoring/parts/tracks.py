@@ -16,7 +16,7 @@ from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import ABUTMENT_BACK, Spans
 from authoring.shapes.component import F64
-from authoring.shapes.sections import cut_corners, rectangle
+from authoring.shapes.sections import cut_corners, on_side, rectangle
 from authoring.solids.copies import LOCAL, copied, frames_along
 from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, joined, sweep
@@ -335,7 +335,7 @@ def side_parts(tracks: Tracks, edge: float, name: str, low: float, high: float, 
     for side, sign in (("L", 1.0), ("R", -1.0)):
         if tracks.upstand:
             outline = cut_corners(rectangle((face, bottom), (back, top)), np.array([0.0, 0.0, 0.0, 0.02]))
-            surface = Prism(_sided(outline, sign), low, high, "station", place)
+            surface = Prism(on_side(outline, sign), low, high, "station", place)
             size: dict[str, object] = {"width": back - face, "height": top - bottom - EMBEDDED, "length": high - low}
             parts.append(Part(f"Upstand_{name}_{side}", "kerb", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))
         if not tracks.upstand:
@@ -343,18 +343,14 @@ def side_parts(tracks: Tracks, edge: float, name: str, low: float, high: float, 
         outline = cut_corners(
             rectangle((back - EMBEDDED, bottom - _SHORTER), (edge, tracks.walk_level)), np.array([0.0, 0.02, 0.02, 0.0])
         )
-        surface = Prism(_sided(outline, sign), low + _SHORTER, high - _SHORTER, "station", place)
+        surface = Prism(on_side(outline, sign), low + _SHORTER, high - _SHORTER, "station", place)
         size = {"width": edge - back, "length": high - low}
         parts.append(Part(f"Walkway_{name}_{side}", "footway", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))
         if room > 0.34:  # a trough for cables, closed by covers of one metre
             outline = rectangle(
                 (back + 0.05, tracks.walk_level - EMBEDDED), (back + 0.05 + 0.28, tracks.walk_level + 0.04)
             )
-            surface = Prism(_sided(outline, sign), low + 0.02, high - 0.02, "station", place, 0.006, covers)
+            surface = Prism(on_side(outline, sign), low + 0.02, high - 0.02, "station", place, 0.006, covers)
             size = {"width": 0.28, "length": high - low}
             parts.append(Part(f"Trough_{name}_{side}", "footway", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))
     return parts
-
-
-def _sided(outline: F64, sign: float) -> F64:
-    return outline if sign > 0.0 else (outline * (-1.0, 1.0))[::-1]

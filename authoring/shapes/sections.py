@@ -51,6 +51,19 @@ def mirrored(right_half: list[tuple[float, float]]) -> F64:
     return np.concatenate([half, half[::-1] * (-1.0, 1.0)])
 
 
+def on_side(outline: F64, sign: float) -> F64:
+    """Return an outline of the left side as it is, or mirrored to the right side.
+
+    Args:
+        outline: Corners [m], shape (N, 2), float64, counter-clockwise.
+        sign: 1 for left, -1 for right [1].
+
+    Returns:
+        Corners [m], shape (N, 2), float64, counter-clockwise.
+    """
+    return outline if sign > 0.0 else (outline * (-1.0, 1.0))[::-1]
+
+
 def area(outline: F64) -> float:
     """Measure the signed area of an outline, positive when counter-clockwise.
 

@@ -10,6 +10,7 @@ from falsework.children.products import ADDRESS_LIMIT
 from falsework.children.shown_triangles import LAND_PARTS, shown_triangles
 from groundwork.child import answer_parent
 from groundwork.progress import Progress
+from usd_schemas.texels import linear_to_srgb, srgb_to_linear
 
 SMALL = 64  # [px] to which a texture is reduced for its mean
 GRAY = (0.5, 0.5, 0.5)
@@ -26,7 +27,7 @@ def material_color(material: Any) -> tuple[float, float, float]:
     import cv2
 
     if material.base_texture is None:
-        return _coded(material.base_color)
+        return _coded(np.array(material.base_color))
     pixels = cv2.imread(material.base_texture.file, cv2.IMREAD_REDUCED_COLOR_8)
     if pixels is None:
         return GRAY
@@ -35,22 +36,12 @@ def material_color(material: Any) -> tuple[float, float, float]:
     texture = material.base_texture
     if texture.srgb and texture.gain == (1.0, 1.0, 1.0) and texture.bias == (0.0, 0.0, 0.0):
         return color
-    linear = _linear(color) if texture.srgb else color
-    red, green, blue = (
-        value * gain + bias for value, gain, bias in zip(linear, texture.gain, texture.bias, strict=True)
-    )
-    return _coded((red, green, blue))
+    linear = srgb_to_linear(np.array(color)) if texture.srgb else np.array(color)
+    return _coded(linear * np.array(texture.gain) + np.array(texture.bias))
 
 
-def _coded(linear: tuple[float, float, float]) -> tuple[float, float, float]:
-    red, green, blue = (
-        12.92 * v if v <= 0.0031308 else 1.055 * v ** (1 / 2.4) - 0.055 for v in (min(max(c, 0.0), 1.0) for c in linear)
-    )
-    return red, green, blue
-
-
-def _linear(coded: tuple[float, float, float]) -> tuple[float, float, float]:
-    red, green, blue = (v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in coded)
+def _coded(linear: NDArray[Any]) -> tuple[float, float, float]:
+    red, green, blue = linear_to_srgb(np.clip(linear, 0.0, 1.0)).tolist()
     return red, green, blue
 
 
@@ -78,8 +69,7 @@ def _colors(scene: Any, rows: NDArray[np.uint32]) -> U8:
         part = draws.part[row]
         first, count = geometry.part_first[part], geometry.part_count[part]
         mean = geometry.colors[geometry.triangles[first : first + count]].mean(axis=1)
-        coded = np.where(mean <= 0.0031308, 12.92 * mean, 1.055 * np.maximum(mean, 1e-9) ** (1 / 2.4) - 0.055)
-        colors[rows == row] = coded
+        colors[rows == row] = linear_to_srgb(mean)
     return (255.0 * np.clip(colors, 0.0, 1.0)).round().astype(np.uint8)
 
 

@@ -99,7 +99,7 @@ class ConsoleProgress:
             self._live.console.print(message, markup=False, highlight=False)
 
     def _left(self, now: float) -> str:
-        """Say how long the rest takes, by what followed the first unit: until that one is done much is loaded."""
+        """Estimate the time left from the rate after the first unit, which includes imports and loading."""
         if self._first is None or self._done <= self._first[1]:
             return ""
         rate = (now - self._first[0]) / (self._done - self._first[1])

@@ -115,10 +115,10 @@ def _later(verb: Verb) -> Callable[..., Callable[[], int]]:
 
 
 def _quiet(said: Any) -> Any:
-    """Let the help be silent of a default that says nothing: what is left out is left out."""
+    """Leave out of the help a default that only means that the option is not given."""
     known = getattr(said, "__metadata__", ())
     base = said.__origin__ if known else said
-    if tyro.conf.UseAppendAction in known:  # of these the help says that they may be repeated
+    if tyro.conf.UseAppendAction in known:  # their help says that they may be repeated
         return said
     return Annotated[(base, tyro.conf.arg(help_behavior_hint=_default), *known)]
 
@@ -146,7 +146,7 @@ def _as_input_error(printed: str, program: str) -> InputError:
         return InputError(what, where=verb, value=found[1], hint=f"Did you mean {like[0]}? {hint}" if like else hint)
     if found := re.fullmatch(r"invalid choice '(.*)' for argument '(.*)'\. Expected one of \((.*?),?\)\.", said):
         choices = re.findall(r"'([^']*)'", found[3])
-        if "None" in choices:  # where an option may be left out, the parser's have no order
+        if "None" in choices:  # the parser does not sort the choices of an optional one
             choices = sorted({*choices} - {"None"})
         near = difflib.get_close_matches(found[1], choices, n=1)
         return InputError(

@@ -4,6 +4,7 @@ import os
 import signal
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -39,9 +40,9 @@ def prompt_ending(seconds: float = SOON) -> Iterator[None]:
 
 def _watch(here: socket.socket, stop: threading.Event, seconds: float) -> None:
     """Count the signals, which the signal handler writes into the socket, even if the main thread is busy."""
-    first = 0
-    here.settimeout(None)
+    first, end = 0, 0.0
     while True:
+        here.settimeout(max(end - time.monotonic(), 0.001) if first else None)
         try:
             numbers = [number for number in here.recv(64) or b"" if number in ENDING]
         except TimeoutError:
@@ -54,5 +55,4 @@ def _watch(here: socket.socket, stop: threading.Event, seconds: float) -> None:
         for number in numbers:
             if first:
                 os._exit(128 + first)
-            first = number
-            here.settimeout(seconds)
+            first, end = number, time.monotonic() + seconds

@@ -10,6 +10,7 @@ import plotly.graph_objects as go
 from falsework.report.page import BLUE, GRAY, SERIES, number, percent, plain_layout, settings_rows, write_page
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json
+from learn.compare.tables import arm_name
 
 RECORD = "comparison.json"
 FEW_BRIDGES, FEW_SEEDS = 12, 5  # fewer give a weak comparison
@@ -96,12 +97,7 @@ def _model_of(row: Mapping[str, Any], record: Mapping[str, Any]) -> list[str]:
 
 def _place(row: Mapping[str, Any], record: Mapping[str, Any]) -> list[str]:
     """Name the model, what it was trained on, and its test."""
-    return [*_model_of(row, record), _trained_on(row, record), str(row["test"])]
-
-
-def _trained_on(row: Mapping[str, Any], record: Mapping[str, Any]) -> str:
-    """Name an arm; with several groups, also the arms that it shares its windows with."""
-    return row["arm"] if len(record["groups"]) < 2 else f"{row['arm']} ({' · '.join(row['group'])})"
+    return [*_model_of(row, record), arm_name(row, record), str(row["test"])]
 
 
 def _score_row(row: Mapping[str, Any], record: Mapping[str, Any]) -> list[str]:
@@ -206,7 +202,7 @@ def _matrix(row: Mapping[str, Any], record: Mapping[str, Any], names: Sequence[s
     matrix, places = row["confusion"], [list(record["classes"]).index(name) for name in names]
     models = "".join(f"{model}, " for model in _model_of(row, record))
     return {
-        "title": f"{models}trained on {_trained_on(row, record)}, tested on {row['test']}",
+        "title": f"{models}trained on {arm_name(row, record)}, tested on {row['test']}",
         "rows": [
             (name, [matrix[i][j] / sum(matrix[i]) for j in places])
             for name, i in zip(names, places, strict=True)

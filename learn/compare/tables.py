@@ -122,7 +122,7 @@ def _scores(record: Row) -> list[str]:
         lines += [f"**{model}**, tested on `{test}`, {about}:", ""]
         table = [
             [
-                _arm(row, record),
+                arm_name(row, record),
                 _spread(row, "mean_iou"),
                 _spread(row, "mean_accuracy"),
                 _spread(row, "overall_accuracy"),
@@ -173,7 +173,7 @@ def _matrices(record: Row) -> list[str]:
     names = _present(record)
     places = [record["classes"].index(name) for name in names]
     for row in record["scores"]:
-        lines += [f"{row['model']}, trained on {_arm(row, record)}, tested on `{row['test']}`:", ""]
+        lines += [f"{row['model']}, trained on {arm_name(row, record)}, tested on `{row['test']}`:", ""]
         cells = []
         for name, place in zip(names, places, strict=True):
             counts = row["confusion"][place]
@@ -199,8 +199,16 @@ def _by(rows: Sequence[Row]) -> list[tuple[str, str, list[Row]]]:
     ]
 
 
-def _arm(row: Row, record: Row) -> str:
-    """Format an arm's name; if it is trained once for each pair, with its partner."""
+def arm_name(row: Row, record: Row) -> str:
+    """Format an arm's name; with several groups, also the arms that it shares its windows with.
+
+    Args:
+        row: One row of the results.
+        record: Content of comparison.json.
+
+    Returns:
+        The name, such as `dense (mesh · dense)`.
+    """
     return row["arm"] if len(record["groups"]) < 2 else f"{row['arm']} ({' · '.join(row['group'])})"
 
 

@@ -11,7 +11,8 @@ from torch import Tensor
 
 from learn.neighborhoods.batches import Batches
 from learn.neighborhoods.cache import cached_pyramid
-from learn.neighborhoods.searcher import OneCloud, Points, Rows, Searcher
+from learn.neighborhoods.searcher import Points, Rows, Searcher
+from learn.neighborhoods.trees import Trees
 
 F32 = NDArray[np.float32]
 
@@ -71,9 +72,7 @@ def geometry_of(
     Returns:
         `coord` [m or 1], shape (N, 3), float32, and the pyramid, shape (rows,) or (rows, neighbors), int64.
     """
-    arrays = cached_pyramid(
-        cache, coord, backbone.pyramid_parameters(), lambda cloud: backbone.pyramid(cloud, OneCloud())
-    )
+    arrays = cached_pyramid(cache, coord, backbone.pyramid_parameters(), lambda cloud: backbone.pyramid(cloud, Trees()))
     geometry = {name: torch.from_numpy(rows.astype(np.int64)) for name, rows in arrays.items()}
     seen = coord if moved is None else moved
     return {COORD: torch.from_numpy(np.ascontiguousarray(seen, dtype=np.float32)), **geometry}

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.neighborhoods.search import nearest
+from learn.neighborhoods.trees import Trees
 
 F32 = NDArray[np.float32]
 
@@ -37,7 +37,7 @@ def covariance_features(coord: F32, scales: Sequence[int]) -> F32:
 
 def _of_different(coord: F32, scales: Sequence[int]) -> F32:
     points = coord.astype(np.float64)
-    rows = nearest(coord, coord, min(max(scales), len(coord)))
+    rows = Trees().nearest(coord, coord, min(max(scales), len(coord)))
     columns = []
     for scale in scales:
         near = points[rows[:, :scale]]

@@ -10,7 +10,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from groundwork.errors import InputError
 from learn.neighborhoods.farthest import need_points
 
 MANY = 16_384
@@ -119,14 +118,7 @@ class Batches:
         Raises:
             InputError: Fewer points than neighbors.
         """
-        if coord.shape[1] < count:
-            raise InputError(
-                "fewer points than neighbors",
-                field="points",
-                value=coord.shape[1],
-                allowed=f"{count} or more",
-                hint="Use larger tiles or a smaller model",
-            )
+        need_points(coord.shape[1], count)
         return _nearest(coord, centers, count)[1]
 
 

@@ -1,16 +1,6 @@
-"""What searches neighborhoods: the processor, cloud by cloud, or torch, a batch at a time on any device."""
+"""Interface of what searches neighborhoods: `Trees` on the processor, cloud by cloud, or `Batches` with torch."""
 
-from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
-
-from learn.neighborhoods.farthest import farthest_points
-from learn.neighborhoods.search import ball_query, nearest
-
-F32 = NDArray[np.float32]
-I32 = NDArray[np.int32]
 
 Points = TypeVar("Points")
 """Positions [m or 1]: an array, shape (N, 3), or a tensor, shape (B, N, 3); float32."""
@@ -70,111 +60,35 @@ class Searcher(Protocol[Points, Rows]):
         ...
 
     def ball(self, coord: Points, centers: Points, radius: float, count: int) -> Rows:
-        """Search as `learn.neighborhoods.search.ball_query`.
+        """Find the points within a ball about each center, nearest first.
+
+        If a ball holds more than `count` points, the nearest are kept. (The published code keeps those with the lowest
+        indices, which depend on the order of the file.) If it holds fewer, the row is filled up with its first entry,
+        as published: repeats do not change a maximum over the row.
 
         Args:
             coord: Positions [m or 1], shape (N, 3) or (B, N, 3), float32.
             centers: Centers [m or 1], shape (M, 3) or (B, M, 3), float32.
-            radius: Of the balls [m or 1].
+            radius: Of the balls, points on the surface included [m or 1].
             count: Entries of a row.
+
+        Returns:
+            Rows of `coord`, shape (M, count) or (B, M, count); for an empty ball the nearest point, repeated.
         """
         ...
 
     def nearest(self, coord: Points, centers: Points, count: int) -> Rows:
-        """Search as `learn.neighborhoods.search.nearest`.
+        """Find the k nearest points of each center, nearest first.
 
         Args:
             coord: Positions [m or 1], shape (N, 3) or (B, N, 3), float32.
             centers: Centers [m or 1], shape (M, 3) or (B, M, 3), float32.
-            count: Neighbors of each.
+            count: Neighbors k; a center that is one of the points is its own first neighbor.
+
+        Returns:
+            Rows of `coord`, shape (M, count) or (B, M, count).
+
+        Raises:
+            InputError: Fewer points than neighbors.
         """
         ...
-
-
-@dataclass(frozen=True)
-class OneCloud:
-    """Searches in one cloud at a time, with trees, on the processor; a `Searcher`."""
-
-    def count(self, coord: F32) -> int:
-        """Count the points of a cloud.
-
-        Args:
-            coord: Positions [m or 1], shape (N, 3), float32.
-        """
-        return len(coord)
-
-    def take(self, coord: F32, rows: I32) -> F32:
-        """Take some points.
-
-        Args:
-            coord: Positions [m or 1], shape (N, 3), float32.
-            rows: Their row numbers, shape (M,), int32.
-
-        Returns:
-            Their positions [m or 1], shape (M, 3), float32.
-        """
-        return coord[rows]
-
-    def first(self, coord: F32, count: int) -> I32:
-        """Number the first points.
-
-        Args:
-            coord: Positions [m or 1], shape (N, 3), float32.
-            count: How many.
-
-        Returns:
-            Row numbers, shape (count,), int32.
-        """
-        return np.arange(min(count, len(coord)), dtype=np.int32)
-
-    def shuffled(self, coord: F32, count: int, seed: int) -> I32:
-        """Choose random points.
-
-        Args:
-            coord: Positions [m or 1], shape (N, 3), float32.
-            count: How many.
-            seed: Seed of the choice.
-
-        Returns:
-            Row numbers, shape (count,), int32.
-        """
-        return np.random.default_rng([seed, len(coord)]).permutation(len(coord))[:count].astype(np.int32)
-
-    def farthest(self, coord: F32, count: int) -> I32:
-        """Choose points by farthest point sampling.
-
-        Args:
-            coord: Positions [m or 1], shape (N, 3), float32.
-            count: How many.
-
-        Returns:
-            Row numbers, shape (count,), int32.
-        """
-        return farthest_points(coord, count).astype(np.int32)
-
-    def ball(self, coord: F32, centers: F32, radius: float, count: int) -> I32:
-        """Find the points within balls.
-
-        Args:
-            coord: Positions [m or 1], shape (N, 3), float32.
-            centers: Centers [m or 1], shape (M, 3), float32.
-            radius: Of the balls [m or 1].
-            count: Entries of a row.
-
-        Returns:
-            Row numbers, shape (M, count), int32.
-        """
-        return ball_query(coord, centers, radius, count).astype(np.int32)
-
-    def nearest(self, coord: F32, centers: F32, count: int) -> I32:
-        """Find the nearest points.
-
-        Args:
-            coord: Positions [m or 1], shape (N, 3), float32.
-            centers: Centers [m or 1], shape (M, 3), float32.
-            count: Neighbors of each.
-
-        Returns:
-            Row numbers, shape (M, count), int32.
-        """
-        return nearest(coord, centers, count).astype(np.int32)

@@ -11,6 +11,7 @@ from recon.cloud import Cloud, without_observations
 from recon.sampling.scene_surface import SceneSurface
 from recon.sampling.thinning import one_in_each_cube
 from recon.truth.bridge_digest import bridge_digest
+from recon.truth.component_kinds import component_kinds, kind_rows
 from usd_schemas.flat_scene import FlatScene
 from usd_schemas.raycast import RayScene
 
@@ -80,12 +81,12 @@ def annotate_samples(
     segment, instance = surface.labels[samples.rows], surface.instances[samples.rows]
     displacement = np.linalg.norm(samples.points - samples.true_points, axis=1)
     distance, nearest = _nearest(samples, displacement, rays)
-    components = ("", *sorted({row.component for row in scene.instances} - {""}))
+    components = component_kinds(scene.instances)
     columns = {
         **_measured_columns(samples),
         "segment": segment,
         "instance": instance,
-        "component": _components(instance, scene, components),
+        "component": kind_rows(instance, scene.instances),
         "displacement": displacement.astype(np.float32),
         "surface_distance": distance.astype(np.float32),
         "surface_class": surface.labels[nearest],
@@ -142,11 +143,3 @@ def _nearest(samples: Samples, displacement: F64, rays: RayScene | None) -> tupl
         at = moved[first : first + _CHUNK]
         distance[at], rows[at] = rays.distance(samples.points[at])
     return np.minimum(distance, displacement), rows  # at most its own displacement, despite rounding
-
-
-def _components(instance: NDArray[np.uint32], scene: FlatScene, components: tuple[str, ...]) -> NDArray[np.uint16]:
-    known = sorted(scene.instances, key=lambda row: row.id)
-    ids = np.array([0, *(row.id for row in known)])
-    kinds = np.array([0, *(components.index(row.component) for row in known)], np.uint16)
-    at = np.minimum(np.searchsorted(ids, instance), len(ids) - 1)
-    return np.where(ids[at] == instance, kinds[at], 0).astype(np.uint16)

@@ -1,5 +1,6 @@
 """The unlit colour of a surface at points: vertex colour, constant or texel, with fine and macro detail."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from groundwork.errors import InputError
 from groundwork.foreign_file import check_regular
 from recon.sampling.scene_surface import SceneSurface
 from usd_schemas.flat_scene import FlatScene, Material, Texture
+from usd_schemas.texels import linear_to_srgb, opacity, placed, srgb_to_linear
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -73,13 +75,13 @@ class SurfaceLook:
         solid: Any = True
         texels = self._read(material.base_texture)
         if texels is not None and material.base_texture is not None:
-            placed = _place(material.base_texture, st1 if material.base_texture.uv_set else st)
-            found = _nearest(texels, placed)
+            place = placed(material.base_texture, st1 if material.base_texture.uv_set else st)
+            found = _nearest(texels, place)
             color = _linear(found[:, :3]) if material.base_texture.srgb else found[:, :3].astype(np.float32) / 255
             gain, bias = np.array([material.base_texture.gain, material.base_texture.bias], np.float32)
             color = np.clip(color * gain + bias, 0.0, 1.0)
             if material.opacity_threshold > 0:
-                solid = self._opacity(material.base_texture, found, placed) >= material.opacity_threshold
+                solid = self._opacity(material.base_texture, found, place) >= material.opacity_threshold
         elif material.use_display_color:
             color = blend(self._geometry.colors).astype(np.float32)
         else:
@@ -95,16 +97,12 @@ class SurfaceLook:
             color *= 2.0 * _nearest(macro, st1)[:, :3].astype(np.float32) / 255
         return np.clip(color, 0.0, _BRIGHTEST).astype(np.float32), solid
 
-    def _opacity(self, texture: Texture, found: U8, placed: F64) -> F32:
+    def _opacity(self, texture: Texture, found: U8, place: F64) -> F32:
         """Look up the opacity of a texture, which may be a channel of another file; shape (N,)."""
         other = self._read(Texture(texture.alpha, srgb=False))
-        texels = found if other is None else _nearest(other, placed)
-        channel = 3 if other is None else texture.alpha_channel
-        if channel >= texels.shape[1]:  # without opacity a picture is opaque
-            told = np.ones(len(texels), np.float32)
-        else:
-            told = texels[:, channel].astype(np.float32) / 255
-        return told * np.float32(texture.alpha_gain) + np.float32(texture.alpha_bias)
+        if other is None:
+            return opacity(replace(texture, alpha_channel=3), found)
+        return opacity(texture, _nearest(other, place))
 
     def _read(self, texture: Texture | None) -> U8 | None:
         """Read texels in RGB order, shape (H, W, 3 or 4), uint8; None if there is no texture or it is unreadable."""
@@ -126,8 +124,7 @@ def encode_srgb(linear: F32) -> U8:
     Returns:
         sRGB colours [0 to 255], shape (N, 3), uint8.
     """
-    coded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
-    return np.rint(255 * coded).astype(np.uint8)
+    return np.rint(255 * linear_to_srgb(linear)).astype(np.uint8)
 
 
 def _decode(file: str) -> U8 | None:
@@ -151,13 +148,6 @@ def _decode(file: str) -> U8 | None:
     return np.ascontiguousarray(pixels[..., [2, 1, 0, 3][: pixels.shape[2]]]).astype(np.uint8)
 
 
-def _place(texture: Texture, st: F64) -> F64:
-    """Scale, then rotate, then translate (s, t), as UsdTransform2d does."""
-    angle = np.deg2rad(texture.rotation)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return (st * texture.scale) @ turn.T + texture.translation
-
-
 def _nearest(texels: U8, place: F64) -> U8:
     """Return the nearest texel at each position of a tiled image, v upwards."""
     height, width = texels.shape[:2]
@@ -167,6 +157,4 @@ def _nearest(texels: U8, place: F64) -> U8:
 
 
 def _linear(coded: U8) -> F32:
-    value = np.arange(256) / 255.0
-    table = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4).astype(np.float32)
-    return table[coded]
+    return srgb_to_linear(np.arange(256) / 255.0).astype(np.float32)[coded]

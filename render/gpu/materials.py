@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from render.gpu.textures import ChannelPair, TextureKey, TextureSlot
 from usd_schemas.flat_scene import MOST_OCTAVES, Material, Texture
+from usd_schemas.texels import rotation
 
 F32 = NDArray[np.float32]
 
@@ -254,10 +255,8 @@ def _fill(row: NDArray[np.void], material: Material, found: dict[str, TextureSlo
 
 def _placement(texture: Texture, layer: int) -> F32:
     """Scale, then rotate, then translate (s, t), as UsdTransform2d does; shape (2, 4), float32."""
-    angle = np.deg2rad(texture.rotation)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     placement = np.zeros((2, 4), np.float32)
-    placement[:, :2] = turn @ np.diag(texture.scale)
+    placement[:, :2] = rotation(texture) @ np.diag(texture.scale)
     placement[:, 2] = texture.translation
     placement[:, 3] = (layer, texture.uv_set)
     return placement

@@ -20,6 +20,7 @@ from render.gpu.context import Gl
 from render.images import image_files
 from render.images.float_files import decode_float
 from render.images.tga import decode_tga
+from usd_schemas.texels import linear_to_srgb, one_channel, srgb_to_linear
 
 U8 = NDArray[np.uint8]
 
@@ -276,7 +277,7 @@ def _bytes(file: str, srgb: bool) -> U8:
     if pixels.dtype == np.float32:
         plain = np.clip(pixels, 0.0, 1.0)
         if srgb:  # decoded again by the table: 8 bits of linear values would show steps
-            plain = np.where(plain <= 0.0031308, 12.92 * plain, 1.055 * plain ** (1 / 2.4) - 0.055)
+            plain = linear_to_srgb(plain)
         return np.rint(255.0 * plain).astype(np.uint8)
     if pixels.dtype != np.uint8:
         raise InputError("not an 8- or 16-bit texture", where=file)
@@ -284,10 +285,8 @@ def _bytes(file: str, srgb: bool) -> U8:
 
 
 def _channel(pixels: U8, channel: int) -> U8:
-    """Take one channel, shape (H, W); a gray image has only one, and opacity is 1 if there is none."""
-    if channel == 3 and (pixels.ndim == 2 or pixels.shape[2] == 3):
-        return np.full(pixels.shape[:2], 255, np.uint8)
-    return np.ascontiguousarray(pixels if pixels.ndim == 2 else pixels[..., channel])
+    """Take one channel, shape (H, W)."""
+    return np.ascontiguousarray(one_channel(pixels[..., None] if pixels.ndim == 2 else pixels, channel))
 
 
 def _decode(path: Path) -> NDArray[Any]:
@@ -301,7 +300,7 @@ def _decode(path: Path) -> NDArray[Any]:
 def _table(key: TextureKey, channels: int) -> U8:
     """Compute the new value for each of the 256 values of a file, shape (1, 256, channels); the last is opacity."""
     coded = np.arange(256)[None, :, None] / 255.0
-    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4) if key.srgb else coded
+    linear = srgb_to_linear(coded) if key.srgb else coded
     told = np.clip(linear * np.array(key.gain) + np.array(key.bias), 0.0, 1.0)
     table = np.empty((1, 256, 4), np.uint8)
     table[..., :3] = np.rint((np.sqrt(told) if key.kind == "color" else told) * 255)

@@ -14,6 +14,7 @@ from groundwork.errors import InputError
 from render.images import image_files
 from render.images.float_files import decode_exr
 from usd_schemas.flat_scene import Dome, FlatScene, Sun
+from usd_schemas.texels import srgb_to_linear
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -189,7 +190,7 @@ def _decode_panorama(path: Path) -> F32:
     pixels = np.repeat(pixels[..., None], 3, axis=2) if pixels.ndim == 2 else pixels[..., :3]
     if pixels.dtype in (np.uint8, np.uint16):
         coded = pixels.astype(np.float32) / np.iinfo(pixels.dtype).max
-        return np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4).astype(np.float32)
+        return srgb_to_linear(coded).astype(np.float32)
     return pixels.astype(np.float32)
 
 

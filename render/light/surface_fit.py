@@ -28,10 +28,10 @@ _SEED = 28  # of positions and of the rotations of their rays
 _TURNS = 61  # sets of rays, rotated against each other
 _LIFT = 0.004  # [m] rays start off the surface
 _TOUCHING = 0.6  # [m] if a ray from a surface hits something this close, the surface may be covered
-_COVERED = 0.6  # share of rays that hit such things or back faces from which on the position may be covered
-_WITHIN = 0.08  # of them, share of all rays that hit back faces from which on it is, such as a slab by its surfacing
-# [m] Else it is if the upper side of what covers it is this close. Nobody sees it, and it would darken that upper side.
-# A pier cap and the soffit over it are as near to each other, and seen: without their positions they would glow.
+_COVERED = 0.6  # a position may be covered if at least this share of its rays hits such things or back faces
+_WITHIN = 0.08  # it is covered if, besides, this share hits back faces: a slab under its surfacing
+# [m] It is covered, too, if the upper side of what lies on it is this close. Such positions are never seen, and would
+# darken that upper side. A pier cap and the soffit over it are as close, but seen: without positions they would glow.
 _COVER = 0.6
 _DARKEST = 0.03  # share of the greatest irradiance below which errors count as absolute, not relative [1]
 _TRUST = 0.1  # weight of a probe's cast value, relative to 1 for a position on a surface [1]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.settings import SensorSettings
+from usd_schemas.texels import linear_to_srgb
 
 F32 = NDArray[np.float32]
 U8 = NDArray[np.uint8]
@@ -239,5 +240,4 @@ def _tone_table() -> U8:
     """
     light = (np.arange(_STEPS) / (_STEPS - 1)) ** 2 * _WHITEST * 0.65
     curve = np.clip(light * (2.51 * light + 0.10) / (light * (2.43 * light + 0.65) + 0.14), 0, 1)
-    coded = np.where(curve <= 0.0031308, 12.92 * curve, 1.055 * curve ** (1 / 2.4) - 0.055)
-    return np.rint(coded * 255).astype(np.uint8)
+    return np.rint(linear_to_srgb(curve) * 255).astype(np.uint8)

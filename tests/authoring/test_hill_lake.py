@@ -302,7 +302,7 @@ def test_shapes_are_sound_and_few(world: World) -> None:
             assert np.linalg.norm(normal, axis=1).min() > 1e-9, piece.name
             np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-4)
             total += weight * len(corner)
-    assert total <= 1_500_000
+    assert total <= 1_500_000  # as for whole scenes: see test_worlds.py
 
 
 def test_walls_hold_terraces() -> None:

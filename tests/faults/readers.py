@@ -147,11 +147,10 @@ OPENED_RAW: dict[str, set[str]] = {
     LOOKED_AT: {
         "training_page._log",
         "array_file.read_arrays",
-        "bake_lookup.read_picture",
         "checkpoint.read_checkpoint",
         "cloud._load",
         "float_files.decode_exr",
-        "glb._read",
+        "texture_files._read",
         "surface_look._decode",
         "panorama._read_exr",
         "mesh._loaded",

@@ -40,6 +40,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "apis.py",
         "flat_lights.py",
         "flat_scene.py",
+        "texels.py",
         "raycast.py",
         "triangulate.py",
         "reading",

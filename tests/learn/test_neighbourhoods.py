@@ -21,12 +21,11 @@ from learn.neighborhoods.batches import Batches, farthest_by_kernel, farthest_in
 from learn.neighborhoods.cache import cached_pyramid, pyramid_key
 from learn.neighborhoods.farthest import farthest_points
 from learn.neighborhoods.pyramids import Indices, farthest_pyramid, random_pyramid
-from learn.neighborhoods.search import ball_query, nearest
-from learn.neighborhoods.searcher import OneCloud
+from learn.neighborhoods.trees import Trees
 from tests.learn import literal_networks as literal
 
 SEEDS = st.integers(0, 10_000)
-ONE, MANY = OneCloud(), Batches()
+ONE, MANY = Trees(), Batches()
 
 
 def cloud(seed: int, count: int = 200) -> np.ndarray:
@@ -54,14 +53,14 @@ def test_equally_far_points_go_by_their_number() -> None:
 def test_balls_equal_brute_force(seed: int, radius: float, count: int) -> None:
     """Nearest first, no farther than the radius, filled up with the first."""
     coord = cloud(seed)
-    assert np.array_equal(ball_query(coord, coord[:50], radius, count), literal.ball(coord, coord[:50], radius, count))
+    assert np.array_equal(ONE.ball(coord, coord[:50], radius, count), literal.ball(coord, coord[:50], radius, count))
 
 
 def test_a_point_on_the_ball_is_inside_and_an_empty_ball_has_the_nearest() -> None:
     """Distance equal to the radius counts; a centre far from every point sees the one nearest to it."""
     coord = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]], np.float32)
-    assert ball_query(coord, coord[:1], 1.0, 3).tolist() == [[0, 1, 0]]
-    assert ball_query(coord, np.array([[9, 0, 0]], np.float32), 1.0, 3).tolist() == [[2, 2, 2]]
+    assert ONE.ball(coord, coord[:1], 1.0, 3).tolist() == [[0, 1, 0]]
+    assert ONE.ball(coord, np.array([[9, 0, 0]], np.float32), 1.0, 3).tolist() == [[2, 2, 2]]
 
 
 @given(SEEDS, st.integers(1, 200))
@@ -69,7 +68,7 @@ def test_nearest_points_equal_brute_force(seed: int, count: int) -> None:
     """The k nearest, nearest first, itself among them."""
     coord = cloud(seed)
     wanted = np.argsort(literal.distances(coord[:50], coord), axis=1, kind="stable")[:, :count]
-    assert np.array_equal(nearest(coord, coord[:50], count), wanted)
+    assert np.array_equal(ONE.nearest(coord, coord[:50], count), wanted)
 
 
 def test_more_points_than_there_are_is_refused() -> None:
@@ -77,7 +76,7 @@ def test_more_points_than_there_are_is_refused() -> None:
     both = torch.from_numpy(cloud(0))[None]
     for search in (
         lambda: farthest_points(cloud(0), 201),
-        lambda: nearest(cloud(0), cloud(0), 201),
+        lambda: ONE.nearest(cloud(0), cloud(0), 201),
         lambda: MANY.farthest(both, 201),
         lambda: MANY.nearest(both, both, 201),
     ):

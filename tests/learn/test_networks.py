@@ -17,7 +17,7 @@ from learn.models.backbone import COORD, batched, geometry_of
 from learn.models.gather import Shared
 from learn.models.pooled import pooled
 from learn.models.registry import NETWORKS, build_network
-from learn.neighborhoods.searcher import OneCloud
+from learn.neighborhoods.trees import Trees
 from tests.learn import literal_networks as literal
 
 CLASSES = 5
@@ -132,7 +132,7 @@ def test_logits_equal_those_of_the_literal_randlanet(
     """Copied weights and the same random choice of points: the same logits, with four and with five layers."""
     network = drawn("randlanet", widths=widths, ratios=ratios)
     coord, features = cloud(count)
-    pyramid = network.pyramid(coord, OneCloud())
+    pyramid = network.pyramid(coord, Trees())
     kept = [np.asarray(pyramid[f"kept{level}"], np.int64) for level in range(len(widths))]
     with torch.no_grad():
         wanted = literal.randlanet(network, list(widths), kept, features, coord, CLASSES)
