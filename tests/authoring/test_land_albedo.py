@@ -87,7 +87,7 @@ def test_a_glb_says_what_is_matt(tmp_path: Path) -> None:
 
 
 def test_tone_changes_over_a_field() -> None:
-    """Over more than 10 m green varies by 4 to 9 %, and red more than green: worn parts are yellower, lush ones greener.
+    """Over more than 10 m green varies by 4 to 9 %, red more than green: worn parts are yellower, lush ones greener.
 
     Without swathes it was 2 %: from the air a meadow was of one color.
     """
