@@ -225,12 +225,12 @@ _LITTER: tuple[tuple[float, float, float, Color], ...] = (
     (0.09, 1.90, 0.08, (0.200, 0.130, 0.070)),
     (0.20, 0.80, 0.06, (0.085, 0.120, 0.045)),
 )
-# Turf of low sun to full; with straw and soil its mean is that of measured turf, 6 % red, 8 % green, 4 % blue.
+# Turf of low sun to full; with straw and soil its mean is that of measured turf, 6 % red, 8 % green, 3 % blue.
 _BLADES: tuple[Color, ...] = (
-    (0.013, 0.020, 0.010),
-    (0.035, 0.056, 0.024),
-    (0.070, 0.098, 0.042),
-    (0.130, 0.150, 0.075),
+    (0.013, 0.020, 0.008),
+    (0.035, 0.056, 0.020),
+    (0.070, 0.098, 0.036),
+    (0.130, 0.150, 0.066),
 )
 _HAY: tuple[Color, ...] = ((0.045, 0.055, 0.025), (0.115, 0.122, 0.052), (0.205, 0.185, 0.092), (0.300, 0.255, 0.150))
 _GREEN: tuple[Color, ...] = ((0.016, 0.030, 0.013), (0.042, 0.074, 0.027), (0.080, 0.118, 0.042))
