@@ -18,9 +18,9 @@ def grass(tile: Tile, dry: float) -> Sheet:
     tone = 0.42 + 0.09 * tufts + 0.18 * blades + 0.07 * fine
     albedo = palette(tone, _BLADES)
     straw = ramp(fractal(tile, 1.4, 0.02) + 0.8 * blades, 2.0 - 2.2 * dry, 3.4 - 2.2 * dry)
-    albedo = cover(albedo, 0.5 * straw, paint((0.200, 0.170, 0.088), 0.8 + 0.25 * blades))
+    albedo = cover(albedo, 0.5 * straw, paint((0.180, 0.152, 0.078), 0.8 + 0.25 * blades))
     bare = ramp(fractal(tile, 1.1, 0.03), 1.5, 2.3)
-    albedo = cover(albedo, 0.5 * bare, paint((0.105, 0.075, 0.048), 1 + 0.25 * fine))
+    albedo = cover(albedo, 0.5 * bare, paint((0.092, 0.067, 0.043), 1 + 0.25 * fine))
     return Sheet(albedo, 0.92 + 0.02 * fine, 0.03 * tufts + 0.012 * blades)
 
 
@@ -227,10 +227,10 @@ _LITTER: tuple[tuple[float, float, float, Color], ...] = (
 )
 # Turf of low sun to full; with straw and soil its mean is that of measured turf, 6 % red, 8 % green, 3 % blue.
 _BLADES: tuple[Color, ...] = (
-    (0.013, 0.020, 0.008),
-    (0.035, 0.056, 0.020),
-    (0.070, 0.098, 0.036),
-    (0.130, 0.150, 0.066),
+    (0.016, 0.024, 0.010),
+    (0.037, 0.058, 0.021),
+    (0.068, 0.095, 0.035),
+    (0.116, 0.136, 0.058),
 )
 _HAY: tuple[Color, ...] = ((0.045, 0.055, 0.025), (0.115, 0.122, 0.052), (0.205, 0.185, 0.092), (0.300, 0.255, 0.150))
 _GREEN: tuple[Color, ...] = ((0.016, 0.030, 0.013), (0.042, 0.074, 0.027), (0.080, 0.118, 0.042))
