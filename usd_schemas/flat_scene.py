@@ -145,7 +145,8 @@ class Material:
         opacity_threshold: Fragments whose texture alpha is below are cut out; 0 for none [1].
         detail: Fine and macro detail.
         emissive_texture: Emitted colour texture.
-        specular: Linear specular colour at normal incidence; None if it follows from `metallic` [1].
+        specular: Linear specular colour at normal incidence; None if it follows from `metallic` [1]. Black for surfaces
+            without any shine.
         specular_texture: Its texture, of which the mean is used.
         opacity: Opacity of a blended surface [1]; it has no texture of its own.
         blends: Whether it is blended, by `opacity` or by the alpha of `base_texture`; in the truth it is opaque where
@@ -169,6 +170,11 @@ class Material:
     specular_texture: Texture | None = None
     opacity: float = 1.0
     blends: bool = False
+
+    @property
+    def is_matt(self) -> bool:
+        """Whether it has no shine at all: its specular color is black."""
+        return self.specular == (0.0, 0.0, 0.0) and self.specular_texture is None
 
     @property
     def is_mostly_transparent(self) -> bool:

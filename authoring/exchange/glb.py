@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # glTF's vertical is y
+_SHINE, _DIELECTRIC = "KHR_materials_specular", 0.04  # what an index of 1.5 mirrors, to which its factors refer [1]
 MOST_TEXELS = 1024  # [px] along a side of a tiled texture: web pages do not need more
 
 
@@ -66,8 +67,29 @@ def write_glb(stage: Path, out: Path, warn: Warn) -> list[str]:
         else:
             result.graph.update(node, "world", matrix=matrix, geometry=known, metadata=facts)
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_bytes(out, export_glb(result, include_normals=True, tree_postprocessor=_sign))
+    shines = {_short(material): material.specular for material in scene.materials if material.specular is not None}
+
+    def finish(tree: dict[str, Any]) -> None:
+        _tell_shines(tree, shines)
+        _sign(tree)
+
+    write_bytes(out, export_glb(result, include_normals=True, tree_postprocessor=finish))
     return sorted(result.graph.nodes_geometry)
+
+
+def _short(material: Material) -> str:
+    """Find the name of a material in a GLB."""
+    return material.name.rpartition("/")[2]
+
+
+def _tell_shines(tree: dict[str, Any], shines: dict[str, tuple[float, float, float]]) -> None:
+    """Record the shine of surfaces that are no dielectric of index 1.5, as the matt ground: its factor is relative."""
+    for material in tree.get("materials", []):
+        if (shine := shines.get(material.get("name", ""))) is not None:
+            color = [value / _DIELECTRIC for value in shine]
+            told = {"specularFactor": float(any(color)), "specularColorFactor": color if any(color) else [1.0] * 3}
+            material["extensions"] = {**material.get("extensions", {}), _SHINE: told}
+            tree["extensionsUsed"] = sorted({*tree.get("extensionsUsed", []), _SHINE})
 
 
 def _sign(tree: dict[str, Any]) -> None:
@@ -92,7 +114,7 @@ def _mesh(
     texture = material.base_texture
     metallic = float(material.metallic)
     settings: dict[str, Any] = {
-        "name": material.name.rpartition("/")[2],
+        "name": _short(material),
         "metallicFactor": metallic,
         "roughnessFactor": material.roughness,
         "doubleSided": bool(geometry.part_double_sided[part]),

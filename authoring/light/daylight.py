@@ -37,7 +37,7 @@ from usd_schemas.apis import apply_environment
 F64 = NDArray[np.float64]
 
 _SUN_ANGLE = 0.53  # [deg] seen from the earth
-_GROUND = np.array([0.150, 0.150, 0.110])  # mean albedo of meadow and soil, for the light from below
+_GROUND = np.array([0.100, 0.100, 0.055])  # mean albedo of meadow, fields, soil and woods, for the light from below
 _AIR = 1.16e-5  # extinction by air alone at 550 nm, at sea level [1/m]
 _AIR_HEIGHT, _HAZE_HEIGHT = 8400.0, 1250.0  # heights over which air and haze decrease to 1/e [m]
 _FREE_SUN = 0.5  # cloud cover up to which the sun is in a gap of the clouds

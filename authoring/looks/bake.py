@@ -11,7 +11,7 @@ from authoring.looks.encode import U8, encode_raw, png
 from authoring.looks.library import SheetFiles, SheetName, bake_sheets, copy_detail, copy_sheet
 from authoring.looks.material import MaterialRecipe
 from authoring.looks.noise import Floats
-from authoring.looks.recipe import DETAIL_PERIODS, SMOOTH
+from authoring.looks.recipe import DETAIL_PERIODS, NO_SHINE, SMOOTH
 from authoring.looks.recipes import RECIPES
 from authoring.looks.roles import LOOKS, fill_roles, sheet_numbers
 from authoring.looks.user_maps import MapSet
@@ -21,6 +21,7 @@ from authoring.shapes.component import Component, Scatter
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
 from groundwork.settings import Settings
+from usd_schemas.reading.shader_inputs import GLASS
 from usd_schemas.tokens import ROLES
 
 NO_FOLDERS: Mapping[str, Path] = MappingProxyType({})
@@ -170,6 +171,7 @@ def _recipe(surface: str, detail: str, macro: str, sheets: dict[int, SheetFiles]
         amplitudes=recipe.detail if detail else (),
         macro_file=macro,
         cut_out=recipe.cut_out,
+        ior=NO_SHINE if recipe.matt else GLASS,
         others={number: files for number, files in sheets.items() if number},
     )
 

@@ -6,6 +6,7 @@ from pxr import Gf, Sdf, Usd, UsdShade, Vt
 
 from authoring.looks.library import SheetFiles
 from authoring.looks.roles import sheet_material
+from usd_schemas.reading.shader_inputs import GLASS
 from usd_schemas.registration import register_schemas
 
 register_schemas()
@@ -26,6 +27,7 @@ class MaterialRecipe:
         roughness: Roughness [1], the mean of the file where there is one.
         normal_file: Tileable tangent-space normals; empty for none.
         metallic: Metallic [1].
+        ior: Refractive index [1]: 1 for surfaces without any shine.
         sheet: Length of the sheet's sides along `st` [m].
         detail_file: Tileable grey detail, mean 0.5; empty for none.
         periods: Size of one tile of the detail for each octave [m].
@@ -42,6 +44,7 @@ class MaterialRecipe:
     roughness: float = 0.7
     normal_file: str = ""
     metallic: float = 0.0
+    ior: float = GLASS
     sheet: float = 4.0
     detail_file: str = ""
     periods: tuple[float, ...] = ()
@@ -62,6 +65,8 @@ def author_material(stage: Usd.Stage, path: str, recipe: MaterialRecipe) -> UsdS
     material = UsdShade.Material.Define(stage, path)
     surface = _shader(material, "Surface", "UsdPreviewSurface")
     surface.CreateInput("metallic", _TYPES.Float).Set(recipe.metallic)
+    if recipe.ior != GLASS:
+        surface.CreateInput("ior", _TYPES.Float).Set(recipe.ior)
     placed = _placement(material, recipe) if recipe.albedo_file or recipe.roughness_file or recipe.normal_file else None
     color = surface.CreateInput("diffuseColor", _TYPES.Color3f)
     if recipe.albedo_file and placed:

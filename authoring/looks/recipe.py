@@ -14,6 +14,8 @@ DETAIL_PERIODS = (31.0, 6.7, 1.43)
 SIDE = 8.192  # [m] of a sheet of a bridge: 4 mm a texel at 2048
 FULL = 2048  # texels along the side of such a sheet
 
+NO_SHINE = 1.0  # refractive index of what has no surface that light could be mirrored at: `Recipe.matt` [1]
+
 ROUGH = (0.42, 0.30, 0.44)  # strong enough that a patch differs from itself one sheet on
 SMOOTH = (0.12, 0.12, 0.14)
 FAINT = (0.06, 0.06, 0.08)
@@ -37,6 +39,7 @@ class Recipe:
         contrast: Exponent of the drawn albedo about its mean [1]: below 1 its darks and lights come closer, so that
             sheet and fine detail together stay below an RMS contrast of 20 %.
         picture: Which fine detail: `detail`, with specks of many sizes, or `grain`, a mottle of all sizes.
+        matt: Without a shine of its own: the measured albedo of grass or earth holds all light that it reflects.
         cut_out: The sheet is a chart of things that are cut out: it does not repeat, and carries no fine detail.
     """
 
@@ -49,3 +52,4 @@ class Recipe:
     contrast: float = 1.0
     picture: Literal["detail", "grain"] = "detail"
     cut_out: bool = False
+    matt: bool = False

@@ -84,7 +84,7 @@ def _sorted(block: I32, owner: I32, members: Members) -> Iterable[tuple[np.ndarr
 
 
 def ground_patches(pixels: int, rng: np.random.Generator) -> Floats:
-    """Draw moist, dry and trodden patches for open ground; the factors are 1 along the atlas's border.
+    """Draw lush, worn, moist, dry and trodden patches for open ground; the factors are 1 along the atlas's border.
 
     Args:
         pixels: Texels along a side.
@@ -99,8 +99,10 @@ def ground_patches(pixels: int, rng: np.random.Generator) -> Floats:
     steps = (np.arange(pixels, dtype=np.float32) + np.float32(0.5)) / pixels
     inside = ramp(np.minimum(steps, 1 - steps), 0.004, 0.05)
     inside = (inside[:, None] * inside[None, :])[..., None]
+    swathes = np.clip(fractal(tile, 80.0, 14.0), -2.5, 2.5)  # lush and worn parts of a field
     factors = 1 + 0.10 * small[..., None] * np.array([1, 1, 1], np.float32)
-    factors = factors * (1 + moist[..., None] * np.array([-0.34, -0.20, -0.26], np.float32))
+    factors = factors * (1 + swathes[..., None] * np.array([0.17, 0.11, 0.12], np.float32))
+    factors = factors * (1 + moist[..., None] * np.array([-0.34, -0.20, -0.30], np.float32))
     factors = factors * (1 + dry[..., None] * np.array([0.42, 0.22, 0.10], np.float32))
     weight = np.mean(inside, dtype=np.float64)
     mean = np.mean(factors * inside, axis=(0, 1), dtype=np.float64) / weight

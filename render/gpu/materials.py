@@ -149,10 +149,13 @@ def tabulate_materials(
         features += [f"HAS_{name.upper()}" for name in SLOTS if name in found]
         if "albedo" in found and material.opacity_threshold > 0 and found["albedo"].cut_out:
             features.append("CUT_OUT")
-        if quality != "fast" and (roughness < _MIRROR_ROUGHNESS or metallic > 0.5 or "metallic" in found):
-            features.append("MIRROR")
-        if material.specular is not None:
-            features.append("SPECULAR")
+        if material.is_matt:
+            features.append("MATT")
+        else:
+            if quality != "fast" and (roughness < _MIRROR_ROUGHNESS or metallic > 0.5 or "metallic" in found):
+                features.append("MIRROR")
+            if material.specular is not None:
+                features.append("SPECULAR")
         if material.blends:
             features.append("BLEND")
         found = {name: slot for name, slot in found.items() if name in SLOTS}
@@ -165,7 +168,7 @@ def tabulate_materials(
 def _maps(material: Material) -> dict[str, Texture | None]:
     return {
         "albedo": material.base_texture,
-        "roughness": material.roughness_texture,
+        "roughness": None if material.is_matt else material.roughness_texture,
         "normal": material.normal_texture,
         "metallic": material.metallic_texture,
         "emission": material.emissive_texture,

@@ -15,9 +15,9 @@ I64 = NDArray[np.int64]
 
 _LIFT = 0.01  # [m] rays start off the surface
 # Share of light that a surface reflects specularly in addition: that of Fresnel for a refractive index of 1.5 over the
-# facets of a roughness of 0.9, the mean over all directions. Grass, which is dark, reflects a third more because of it.
+# facets of a roughness of 0.9, the mean over all directions.
 # Source: Walter et al., Microfacet models for refraction, EGSR 2007.
-_MIRRORED = 0.025
+_MIRRORED, _MIRRORED_STRAIGHT = 0.025, 0.04
 _LAYERS = 3  # of surfaces that are followed along a normal: the lower and the upper side of a thin part, and one more
 CHUNK = 400_000  # rays cast at once
 
@@ -68,7 +68,7 @@ class LightTracer:
         self.normals = (normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)).astype(np.float32)
         mirrored = np.linalg.det(scene.draws.transform[:, :3, :3]) < 0
         self.normals[mirrored[self.draws]] *= -1
-        self._colors = (albedo + _MIRRORED * (1 - albedo))[scene.draws.material].astype(np.float32)
+        self._colors = (albedo + _mirrored(scene) * (1 - albedo))[scene.draws.material].astype(np.float32)
         self._alike = (scene.geometry.part_double_sided[scene.draws.part] == ALIKE)[self.draws]
         self._light = light
         self._rays = RayScene(self.corners, np.zeros(len(self.corners), np.uint32))
@@ -141,3 +141,9 @@ def joined(parts: list[Hits]) -> Hits:
         parts: Hits whose rays are numbered through.
     """
     return Hits(*(np.concatenate([getattr(part, name) for part in parts]) for name in Hits.__dataclass_fields__))
+
+
+def _mirrored(scene: FlatScene) -> F64:
+    """List what the surface of each material mirrors [1], in proportion to its specular color, shape (M, 3)."""
+    told = [material.specular or (_MIRRORED_STRAIGHT,) * 3 for material in scene.materials]
+    return _MIRRORED / _MIRRORED_STRAIGHT * np.minimum(np.array(told).reshape(-1, 3), _MIRRORED_STRAIGHT)

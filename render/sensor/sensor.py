@@ -20,10 +20,14 @@ _BAND = 64  # rows developed at once
 _TILE = 128  # the noise tile is larger than a frame by this, so that every frame uses another part of it [px]
 _STEPS = 4096  # entries of the tone table
 _WHITEST = 6.0  # exposed radiance at the table's end; the curve is flat there
-_EXPOSED_GRAY, _LATITUDE = 0.20, 1.7  # exposed values of the middle tone and the brightest 2 % of a survey
+# Exposed values of the middle tone, which becomes code 116, and of the brightest 2 % of a survey.
+_EXPOSED_GRAY, _LATITUDE = 0.17, 1.7
 _LIT = 0.1  # share of the brightest gray card's luminance from which on a card counts as lit [1]
 _METER_STEP = 8  # [px]
 _BALANCES = (0.4, 2.5)  # least and most gain of a channel over that of green [1]
+_GRAY_WITHIN = 0.4  # [EV] of red and blue beside green, up to which a surface passes for gray in a tinted light
+_FEWEST_GRAY = 0.02  # share of the metered pixels, below which nothing is known of the light [1]
+_MOST_CORRECTED = 1.15  # largest gain of auto white balance, and 1 over the smallest [1]
 _MOST_FOLLOWED = 2.0  # [EV] largest increase of the exposure, as under a deck
 _BRIGHT_SHARE = 0.9  # share of a frame's pixels, including sky, that an exposure must not clip
 _WHITE_KEPT, _WHITE_BURNT = 1.3, 1.9  # their largest exposed values: in a survey, in a frame with its own exposure
@@ -105,9 +109,11 @@ class Sensor:
         settings = self._settings
         if not settings.noise:
             return Exposure(self._gain, *self._white, 0, 0)
-        metered = code[::_METER_STEP, ::_METER_STEP, 1]
-        chosen = metered[surfaces[::_METER_STEP, ::_METER_STEP]] if surfaces is not None else metered
-        green = float(np.median(chosen if chosen.size else metered)) ** 2 * self._scale * self._gain
+        colors = code[::_METER_STEP, ::_METER_STEP].reshape(-1, 3)
+        chosen = colors[surfaces[::_METER_STEP, ::_METER_STEP].ravel()] if surfaces is not None else colors
+        chosen = chosen if len(chosen) else colors
+        metered = colors[:, 1]
+        green = float(np.median(chosen[:, 1])) ** 2 * self._scale * self._gain
         follow = self._auto_exposure * float(np.log2(_EXPOSED_GRAY / max(green, 1e-3)))
         bright = float(np.quantile(metered, _BRIGHT_SHARE)) ** 2 * self._scale * self._gain
         most = float(np.log2(_WHITE_BURNT / max(bright, 1e-3))) if self._auto_exposure else np.inf
@@ -120,7 +126,8 @@ class Sensor:
         )
         row, column = rng.integers(0, _TILE, 2)
         gain = self._gain * float(2.0 ** (stops + follow))
-        red, blue = self._white[0] * (1.0 + float(red)), self._white[1] * (1.0 + float(blue))
+        white = gray_balance(chosen, self._white, settings.auto_white_balance)
+        red, blue = white[0] * (1.0 + float(red)), white[1] * (1.0 + float(blue))
         return Exposure(gain, red, blue, int(row), int(column))
 
     def develop(self, code: U16, exposure: Exposure) -> U8:
@@ -221,6 +228,26 @@ def balance(light: NDArray[np.float64], share: float) -> tuple[float, float]:
         return 1.0, 1.0
     red, blue = np.clip((light[1] / light[[0, 2]]) ** share, *_BALANCES)
     return float(red), float(blue)
+
+
+def gray_balance(code: U16, white: tuple[float, float], share: float) -> tuple[float, float]:
+    """Correct the white balance of a frame by its gray surfaces, as auto white balance does; grass is none of them.
+
+    Args:
+        code: Pixels of surfaces: square root of radiance over the brightest one [65535], shape (N, 3), uint16.
+        white: Gains of the red and the blue channel for the survey's daylight [1].
+        share: Share of the cast left on gray surfaces that is removed [1].
+
+    Returns:
+        Gains of the red and the blue channel [1].
+    """
+    light = code[(code > 0).all(axis=1)].astype(np.float64) ** 2 * (white[0], 1.0, white[1])
+    gray = light[(np.abs(np.log2(light[:, [0, 2]] / light[:, 1:2])) < _GRAY_WITHIN).all(axis=1)]
+    if not share or len(gray) < max(_FEWEST_GRAY * len(code), 1):
+        return white
+    red, green, blue = gray.sum(axis=0)
+    gains = np.clip((green / np.array([red, blue])) ** share, 1 / _MOST_CORRECTED, _MOST_CORRECTED)
+    return white[0] * float(gains[0]), white[1] * float(gains[1])
 
 
 def _vignette(shape: tuple[int, int], loss: float, rows: slice) -> F32:

@@ -1,4 +1,4 @@
-// Shades a surface. Features (HAS_…, CUT_OUT, BLEND, ROUGHNESS_IN_ALBEDO, SPECULAR, MIRROR, VOLUME, SUN, LOCAL_LIGHTS n,
+// Shades a surface. Features (HAS_…, CUT_OUT, BLEND, ROUGHNESS_IN_ALBEDO, SPECULAR, MATT, MIRROR, VOLUME, SUN, LOCAL_LIGHTS n,
 // LOCAL_PANELS, NORMALS, GREY_CARD) are put in front when it is compiled.
 // #include material.glsl
 
@@ -72,6 +72,10 @@ layout(location = 3) out uint out_triangle;
 #endif
 const float LEAF_SHINE = 0.4;   // share of the sky that is not hidden [1]
 const vec3 LEAF_THROUGH = vec3(0.7, 0.8, 0.4);  // light let through over light scattered back [1]: it lost more blue
+
+#if defined(SOFT) && !defined(MATT)
+#define SHINES
+#endif
 
 const float PI = 3.14159265;
 const float GLOW = 0.08;        // as in daylight.py
@@ -212,19 +216,20 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
 #else
     vec3 light = albedo * (1.0 - metallic) / PI * (sun_irradiance * (lit + through) + sky);
 #endif
-#ifdef SOFT
+#ifdef SHINES
 #ifdef HAS_ROUGHNESS
     roughness = texture(roughness_array, vec3(roughness_place, roughness_map[0].w), SHARPER).r;
 #endif
     roughness = clamp(roughness, 0.05, 1.0);
-    vec3 f0 = mix(vec3(0.04), albedo, metallic);
+    vec3 f0 = mix(vec3(0.04), albedo, metallic), f90 = vec3(1.0);
 #ifdef SPECULAR
     f0 = specular.rgb;
+    f90 = min(f0 * 50.0, 1.0);  // Lagarde and de Rousiers: no matter mirrors less than 2 % straight on
 #endif
     vec3 middle = normalize(view + to_sun);
     float ndv = max(dot(n, view), 0.02);
     float grazing = fifth(1.0 - max(dot(middle, view), 0.0));
-    light += sun_irradiance * lit * (f0 + (1.0 - f0) * grazing) * highlight(max(ndl, 0.0), ndv, max(dot(n, middle), 0.0), roughness);
+    light += sun_irradiance * lit * (f0 + (f90 - f0) * grazing) * highlight(max(ndl, 0.0), ndv, max(dot(n, middle), 0.0), roughness);
     float rim = fifth(1.0 - ndv) * (1.0 - roughness) * (1.0 - roughness);
 #ifdef LEAVES
     f0 *= LEAF_SHINE;
@@ -236,9 +241,9 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
     vec3 open = max(open_sky[0] + n.x * open_sky[1] + n.y * open_sky[2] + n.z * open_sky[3], 1e-4);
     vec3 bounce = reflect(-view, n);
     if (n.z > 0.2) bounce.z = abs(bounce.z);  // rippled water never mirrors what is below it
-    light += (f0 + (1.0 - f0) * rim) * sky_towards(bounce, roughness) * min(sky / open, 1.0);
+    light += (f0 + (f90 - f0) * rim) * sky_towards(bounce, roughness) * min(sky / open, 1.0);
 #else
-    light += (f0 + (1.0 - f0) * rim) * sky / PI;
+    light += (f0 + (f90 - f0) * rim) * sky / PI;
 #endif
 #endif
 #ifdef LOCAL_LIGHTS
@@ -266,11 +271,11 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
 #ifndef SOFT
         light += albedo * metallic / PI * received;  // no shine is drawn: a metal scatters all that it reflects
 #endif
-#ifdef SOFT
+#ifdef SHINES
         // Karis (as above): a ball widens the highlight, which keeps its energy.
         float wide = min(roughness * roughness + 0.5 * sqrt(size), 1.0);
         vec3 between = normalize(view + towards);
-        light += received * (f0 + (1.0 - f0) * fifth(1.0 - max(dot(between, view), 0.0)))
+        light += received * (f0 + (f90 - f0) * fifth(1.0 - max(dot(between, view), 0.0)))
                  * highlight(max(cosine, 0.0), ndv, max(dot(n, between), 0.0), sqrt(wide))
                  * pow(roughness * roughness / wide, 2.0);
 #endif

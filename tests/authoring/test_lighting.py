@@ -141,11 +141,11 @@ def test_clear_daylight_has_the_strength_that_is_measured() -> None:
 
 
 def test_light_from_below_keeps_the_under_deck_out_of_the_black(tmp_path: Path) -> None:
-    """A soffit of concrete without any sky above it shows at least 60 of 255."""
+    """A soffit of concrete without any sky above it shows at least 50 of 255."""
     bake_light(LightSettings(sky_height=64), tmp_path, np.random.default_rng(2))
     down = np.maximum(-sky_directions(64)[..., 2], 0)
     light = 0.35 * ((_radiance(tmp_path) @ _LUMA) * down * _solid_angle(64)).sum() / np.pi
-    assert 255 * (1.055 * light ** (1 / 2.4) - 0.055) > 60
+    assert 255 * (1.055 * light ** (1 / 2.4) - 0.055) > 50
 
 
 def test_night_is_dark_and_finite(tmp_path: Path) -> None:

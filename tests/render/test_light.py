@@ -65,6 +65,24 @@ def test_lambert_cosine_of_the_sun(gl: Gl, ideal: RenderSettings) -> None:
         np.testing.assert_allclose(light[60, 80], 0.5 * np.array([3.0, 2.0, 1.0]) * np.sin(rise) / np.pi, rtol=2e-3)
 
 
+@pytest.mark.parametrize("height", [2.0, 30.0, 90.0])
+def test_a_matt_surface_mirrors_nothing(gl: Gl, ideal: RenderSettings, height: float) -> None:
+    """From any height, also towards a low sun, it has the radiance of Lambert's law: all qualities agree with it.
+
+    With the shine of a dielectric, earth seen at 2 degrees towards the sun is a half brighter.
+    """
+    albedo, sun = np.array([0.06, 0.08, 0.036]), np.array([3.0, 2.0, 1.0])
+    material = Material("turf", base_color=(0.06, 0.08, 0.036), roughness=0.9, specular=(0.0, 0.0, 0.0))
+    rise = np.deg2rad(height)
+    eye = 8.0 * np.array([-np.cos(rise), 0.0, np.sin(rise)])
+    scene = plate(material, 400.0).build(look_at(eye, np.zeros(3), np.array([0.0, 1.0, 0.1]))[None])
+    scene = replace(scene, sun=Sun((0.94, 0.0, 0.342), (3.0, 2.0, 1.0)), dome=Dome((0.0, 0.0, 0.0)))
+    expected = albedo * sun * 0.342 / np.hypot(0.94, 0.342) / np.pi
+    for quality in ("fast", "standard"):
+        light, _ = radiance(gl, scene, ideal.model_copy(update={"quality": quality}))
+        np.testing.assert_allclose(light[60, 80], expected, rtol=5e-3)
+
+
 @pytest.mark.parametrize("offset", [(0.0, 0.0, 0.0), (5.0e5, 4.6e6, 30.0)])
 @pytest.mark.parametrize(("quality", "tolerance"), [("fast", 0.02), ("standard", 0.1)])
 def test_shadows_fall_where_the_ray_caster_says(

@@ -14,7 +14,7 @@ from render.light.light_volume import Sampling, cast_light_volume
 from render.light.surface_fit import Places, fit_to_surfaces, look_up_matrix, spread_places
 from render.light.tracing import LightTracer
 from tests.render.scenes import DOWN, WHITE_DOME, SceneBuilder, placed
-from usd_schemas.flat_scene import Material
+from usd_schemas.flat_scene import Material, Sun
 
 F64 = NDArray[np.float64]
 
@@ -89,6 +89,22 @@ def test_gaps_and_edges_of_a_thin_slab_have_the_light_that_rays_find(gl: Gl) -> 
         assert inside.all()
         found = np.maximum(matrix @ volume.coefficients.reshape(-1, 3).astype(np.float64), 0)
         np.testing.assert_allclose(found, wanted, atol=0.05 * np.pi, err_msg=str((across, height)))
+
+
+@pytest.mark.parametrize(("specular", "mirrored"), [(None, 0.025), ((0.0,) * 3, 0.0), ((0.02, 0.02, 0.02), 0.0125)])
+def test_a_soffit_has_the_color_of_the_ground_below(
+    specular: tuple[float, float, float] | None, mirrored: float
+) -> None:
+    """Rays down to sunlit turf bring its albedo times sun over pi, and what its shine adds: nothing if it is matt."""
+    albedo, sun = np.array([[0.06, 0.08, 0.036]]), np.array([3.0, 2.5, 2.0])
+    builder = SceneBuilder(materials=[Material("turf", specular=specular)])
+    builder.add_box(placed((0.0, 0.0, -0.5), (300.0, 300.0, 1.0)), 1)
+    scene = replace(builder.build(DOWN[None]), sun=Sun((0.0, 0.0, 1.0), (3.0, 2.5, 2.0)))
+    tracer = LightTracer(scene, read_daylight(scene)[0], albedo)
+    found, hits = tracer.trace(np.array([[0.0, 0.0, 4.0]]), np.array([[0.0, 0.0, -1.0]]))
+    wanted = albedo + mirrored * (1 - albedo)
+    np.testing.assert_allclose(hits.albedo, wanted, rtol=1e-5)
+    np.testing.assert_allclose(found, wanted * sun / np.pi, rtol=1e-5)
 
 
 def test_values_by_half_axis_are_exact_for_the_first_bands_of_light() -> None:

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from render.images.exif import Shot, geodetic, insert_exif
 from render.images.image_files import encode_jpeg
 from render.light.illumination import BRIGHTEST
-from render.sensor.sensor import Metering, Sensor, balance, meter
+from render.sensor.sensor import Metering, Sensor, balance, gray_balance, meter
 from render.settings import SensorSettings
 from tests.conftest import RecordProof
 
 SHAPE = (240, 320)
-GRAY = 0.2
-STEADY = SensorSettings(exposure_sigma=0, white_balance_sigma=0, auto_exposure=0, vignetting=0)
+GRAY = 0.17
+STEADY = SensorSettings(exposure_sigma=0, white_balance_sigma=0, auto_exposure=0, auto_white_balance=0, vignetting=0)
 
 
 def coded(radiance: float) -> np.ndarray:
@@ -126,6 +126,26 @@ def test_white_is_balanced_by_the_share_that_is_told() -> None:
     sensor = Sensor(SensorSettings(noise=False), Metering(0.1, white=balance(day, 1.0)), BRIGHTEST, SHAPE, 5)
     frame = np.tile(np.rint(np.sqrt(day / BRIGHTEST) * 65535).astype(np.uint16), (*SHAPE, 1))
     assert np.ptp(sensor.develop(frame, sensor.expose(0, frame))[0, 0].astype(int)) <= 1
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_auto_white_balance_takes_its_share_of_a_cast_on_gray_surfaces(share: float) -> None:
+    """Concrete in blue shade beside grass: the cast of the concrete counts, by its share in stops, grass does not."""
+    concrete, grass = np.array([0.093, 0.100, 0.110]), np.array([0.060, 0.090, 0.030])
+    light = np.vstack([np.tile(concrete, (100, 1)), np.tile(grass, (900, 1))])
+    code = np.rint(np.sqrt(light / BRIGHTEST) * 65535).astype(np.uint16)
+    red, blue = gray_balance(code, (1.0, 1.0), share)
+    assert [red, blue] == pytest.approx([(0.100 / 0.093) ** share, (0.100 / 0.110) ** share], rel=2e-3)
+    assert gray_balance(code[100:], (1.1, 0.9), share) == (1.1, 0.9)
+    assert gray_balance(code[90:], (1.1, 0.9), share) == (1.1, 0.9)  # ten gray pixels of 910 tell nothing
+    assert gray_balance(np.zeros((9, 3), np.uint16), (1.1, 0.9), share) == (1.1, 0.9)
+    frame = np.tile(code[0], (*SHAPE, 1))
+    settings = STEADY.model_copy(update={"auto_white_balance": share})
+    told = Sensor(settings, Metering(1.0), BRIGHTEST, SHAPE, 5).expose(0, frame)
+    assert [told.red, told.blue] == pytest.approx([red, blue])
+    strong, red_paint = (np.tile(np.array([level, 1000, 1000], np.uint16), (9, 1)) for level in (880, 1300))
+    assert gray_balance(strong, (1.0, 1.0), 1.0) == (1.15, 1.0)
+    assert gray_balance(red_paint, (1.0, 1.0), 1.0) == (1.0, 1.0)
 
 
 @pytest.mark.parametrize(("level", "share"), [(0.1, 1.0), (0.1, 0.5), (0.4, 0.5), (0.2, 1.0), (0.001, 1.0), (0.1, 0.0)])

@@ -195,6 +195,26 @@ def test_the_specular_workflow_shines_as_it_says(gl: Gl, ideal: RenderSettings, 
         assert first.max() > 0.02
 
 
+def test_ior_shines_as_the_specular_color_that_it_means(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
+    """A gem of 2.4 mirrors 17 % straight on; at 1 a surface is as in `fast`, where no shine is drawn."""
+    sun = SUN.format(moved(TURN.format("(0, 10, 0)")))
+    plain = "float inputs:roughness = 0.5\ncolor3f inputs:diffuseColor = (0.6, 0.3, 0.1)\n"
+    share = (1.4 / 3.4) ** 2
+    told = f"int inputs:useSpecularWorkflow = 1\ncolor3f inputs:specularColor = ({share}, {share}, {share})\n"
+    drawn = {
+        name: take(gl, ideal, tmp_path, network(plain + text), sun, quality=quality).seen(0, 0, 0)[0]
+        for name, text, quality in (
+            ("gem", "float inputs:ior = 2.4\n", "standard"),
+            ("told", told, "standard"),
+            ("matt", "float inputs:ior = 1\n", "standard"),
+            ("fast", "", "fast"),
+        )
+    }
+    np.testing.assert_allclose(drawn["gem"], drawn["told"], rtol=1e-3)
+    np.testing.assert_allclose(drawn["matt"], drawn["fast"], rtol=5e-3)
+    assert (drawn["gem"] > 1.1 * drawn["matt"]).all()
+
+
 def test_metals_are_lit_by_lamps_in_fast(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
     """A metal below a lamp is as bright as a matt surface of its colour where no shine is drawn."""
     lamp = LAMP.format(moved("double3 xformOp:translate = (0, 0, 2)"))

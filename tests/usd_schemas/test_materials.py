@@ -225,6 +225,25 @@ def test_what_a_flat_material_cannot_hold_is_named(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("told", "expected"),
+    [
+        ("float inputs:ior = 1", 0.0),
+        ("float inputs:ior = 1.5", None),
+        ("float inputs:ior = 2", 1 / 9),
+        ("float inputs:ior = 0", 1.0),
+        ("float inputs:ior = -3", 1.0),
+        ("float inputs:ior = 2\nfloat inputs:metallic = 1", None),
+    ],
+)
+def test_ior_tells_the_shine(told: str, expected: float | None, tmp_path: Path) -> None:
+    """((1 - ior) / (1 + ior))^2 is mirrored straight on, nothing at 1; of a metal its color says it."""
+    scene, material = read_one(tmp_path, network(f"color3f inputs:diffuseColor = (0.2, 0.2, 0.2)\n{told}", ""))
+    assert material.specular == (pytest.approx((expected,) * 3) if expected is not None else None)
+    assert material.is_matt == (expected == 0.0)
+    assert not any("ior" in line for line in scene.warnings)
+
+
 def test_missing_texture_is_grey(tmp_path: Path) -> None:
     """A texture that is not there costs one warning, which names no folder of this machine."""
     body = network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>", texture("A", "./gone.png"))

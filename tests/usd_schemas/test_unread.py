@@ -47,7 +47,9 @@ SAID = {
         "/M: displayOpacity is left out: drawn opaque",
     ),
     "refraction": (
-        MESH + 'def Shader "S" {\n uniform token info:id = "UsdPreviewSurface"\n float inputs:ior = 2.4\n}\n',
+        MESH
+        + 'def Shader "S" {\n uniform token info:id = "UsdPreviewSurface"\n float inputs:ior = 2.4\n'
+        + " float inputs:metallic = 0.5\n}\n",
         "/S: ior is left out: drawn as 1.5",
     ),
     "shine of a light": (
@@ -82,5 +84,6 @@ def test_what_is_left_out_is_said(name: str, tmp_path: Path, record_proof: Recor
 def test_nothing_is_said_of_a_plain_stage(tmp_path: Path) -> None:
     """A mesh, a light and a camera that say nothing unusual cost no line of this kind."""
     plain = 'def Shader "S" {\n uniform token info:id = "UsdPreviewSurface"\n float inputs:ior = 1.5\n}\n'
+    plain += plain.replace('"S"', '"Gem"').replace("1.5", "2.4")
     scene = read_body(tmp_path, MESH + 'def DistantLight "Sun" {}\ndef Camera "C" {}\n' + plain)
     assert scene.warnings == ("1 parts have no material: drawn in displayColor or gray",)

@@ -8,7 +8,16 @@ from usd_schemas.flat_scene import MOST_OCTAVES, Detail, Material, Texture
 from usd_schemas.reading.foreign_materials import read_foreign_material
 from usd_schemas.reading.labels import Warn
 from usd_schemas.reading.meshes import ATLAS_ST
-from usd_schemas.reading.shader_inputs import Source, asset_file, channel_of, find_source, number_of, pair_of, triple_of
+from usd_schemas.reading.shader_inputs import (
+    Source,
+    asset_file,
+    channel_of,
+    find_source,
+    number_of,
+    pair_of,
+    shine_by_ior,
+    triple_of,
+)
 
 GRAY = (0.5, 0.5, 0.5)
 PLAIN_COLOR = "displayColor"
@@ -80,6 +89,7 @@ def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shad
     glow = _read_plain(surface, "emissiveColor", note)
     by_specular = bool(number_of(find_source(surface, "useSpecularWorkflow"), 0.0))
     shine = _read_plain(surface, "specularColor", note) if by_specular else None
+    told = triple_of(find_source(surface, "specularColor"), (0.0, 0.0, 0.0)) if by_specular else shine_by_ior(surface)
     _note_unread(surface, note)
     detail = _read_detail(material.GetPrim(), note)
     opacity = _read_opacity(surface, note)
@@ -105,7 +115,7 @@ def _read_preview(path: str, material: UsdShade.Material, surface: UsdShade.Shad
             opacity_threshold=threshold,
             detail=detail,
             emissive_texture=numbered(glow),
-            specular=triple_of(find_source(surface, "specularColor"), (0.0, 0.0, 0.0)) if by_specular else None,
+            specular=told,
             specular_texture=numbered(shine),
             opacity=opacity.value,
             blends=opacity.blends,

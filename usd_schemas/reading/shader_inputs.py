@@ -10,6 +10,9 @@ from usd_schemas.reading.packages import unpacked
 from usd_schemas.reading.tiles import MARK, tiles_of
 from usd_schemas.reading.traversal import EARLIEST
 
+GLASS = 1.5  # default of `ior` [1]: the 4 % that all surfaces that are no metals mirror
+_NEAR = 1e-6
+
 
 @dataclass(frozen=True)
 class Source:
@@ -83,6 +86,24 @@ def number_of(source: Source, default: float) -> float:
         The number, in the unit of the input [any unit].
     """
     return float(source.value) if isinstance(source.value, int | float) else default
+
+
+def shine_by_ior(surface: UsdShade.Shader) -> tuple[float, float, float] | None:
+    """Compute what a surface that is no metal mirrors at normal incidence, from its refractive index.
+
+    Source: the specification of UsdPreviewSurface: ((1 - ior) / (1 + ior))^2.
+
+    Args:
+        surface: A UsdPreviewSurface in the metallic workflow.
+
+    Returns:
+        Linear specular color [1]; None where `ior` has its default or is connected, and for metals.
+    """
+    index, metallic = find_source(surface, "ior"), find_source(surface, "metallic")
+    value = max(number_of(index, GLASS), 0.0)
+    if index.shader or metallic.shader or number_of(metallic, 0.0) != 0.0 or abs(value - GLASS) <= _NEAR:
+        return None
+    return (((1.0 - value) / (1.0 + value)) ** 2,) * 3
 
 
 def channel_of(output: str) -> int | None:

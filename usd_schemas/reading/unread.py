@@ -10,13 +10,11 @@ from usd_schemas.flat_scene import CameraTrack
 from usd_schemas.reading.flat_geometry import Flattened, world_bounds
 from usd_schemas.reading.labels import Warn
 from usd_schemas.reading.lights import shines_on_nothing
-from usd_schemas.reading.shader_inputs import find_source, number_of
+from usd_schemas.reading.shader_inputs import GLASS, find_source, number_of, shine_by_ior
 from usd_schemas.reading.traversal import EARLIEST, composed_prims, guarded
 
 _DRAW_MODES = ("cards", "bounds", "origin")
 _LINKS = ("lightLink", "shadowLink")
-_GLASS = 1.5  # default of `ior` [1]: the 4 % that all surfaces that are no metals mirror
-_NEAR = 1e-6
 _FARTHEST = 4999.0  # [m] that of our own surveys is at 5000 m, and needs no line
 
 
@@ -94,8 +92,9 @@ def _of_camera(camera: UsdGeom.Camera) -> Iterator[str]:
 def _of_shader(shader: UsdShade.Shader) -> Iterator[str]:
     if shader.GetShaderId() != "UsdPreviewSurface" or number_of(find_source(shader, "useSpecularWorkflow"), 0.0):
         return
-    source = find_source(shader, "ior")
-    if source.shader or abs(number_of(source, _GLASS) - _GLASS) > _NEAR:
+    index, metallic = find_source(shader, "ior"), find_source(shader, "metallic")
+    told = index.shader or number_of(index, GLASS) != GLASS
+    if told and shine_by_ior(shader) is None and (metallic.shader or number_of(metallic, 0.0) != 1.0):
         yield "ior is left out: drawn as 1.5"
 
 
