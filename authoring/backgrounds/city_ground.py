@@ -6,12 +6,14 @@ from authoring.backgrounds.river_quays import has_quays
 from authoring.backgrounds.site_changes import SiteChanges, changes_on
 from authoring.shapes.component import Scatter
 from authoring.site.land import no_hills
+from authoring.site.scatter import SHRUBS
 from authoring.site.shape import Land
 from authoring.site.site import Site
 from authoring.streams import weighted_choice
 
 _WILD = ("Site_Tufts", "Site_Stones")  # repeats that a city mows or clears
 _SHRUBS, _REEDS = "Site_Shrubs", "Site_Reeds"
+_PLANTED = "lime"  # the shrubs that a city plants; scrub and willows are cleared
 _PLOTS = {  # surfaces of the plots of a site by their cover, with weights
     "ploughed": {"asphalt": 0.6, "pavement": 0.4},
     "crop": {"grass": 0.6, "asphalt": 0.4},
@@ -46,7 +48,7 @@ def city_surfaces(land: Land) -> dict[str, str]:
 
 
 def change_site(site: Site, rng: np.random.Generator) -> SiteChanges:
-    """Choose what a city changes on the site: lawns and paved lots for fields; no tufts, stones, reeds between quays.
+    """Choose what a city changes on the site: lawns and paved lots for fields, planted shrubs alone.
 
     Args:
         site: The site.
@@ -56,17 +58,20 @@ def change_site(site: Site, rng: np.random.Generator) -> SiteChanges:
     hidden: dict[str, tuple[int, ...]] = dict.fromkeys(_WILD, ())
     if has_quays(site.land):
         hidden[_REEDS] = ()
-    rows = _on_pavement(site, tuple(cover for cover, surface in plots.items() if surface in _PAVED))
+    rows = _unplanted(site, tuple(cover for cover, surface in plots.items() if surface in _PAVED))
     if rows:
         hidden[_SHRUBS] = rows
     return changes_on(site, city_surfaces(site.land) | plots, hidden)
 
 
-def _on_pavement(site: Site, paved: tuple[str, ...]) -> tuple[int, ...]:
-    """Find the rows of shrubs that stand on paved plots."""
+def _unplanted(site: Site, paved: tuple[str, ...]) -> tuple[int, ...]:
+    """Find the rows of shrubs that grew wild, or stand on paved plots."""
     shrubs = [piece for piece in site.pieces if isinstance(piece, Scatter) and piece.name == _SHRUBS]
     if not shrubs:
         return ()
     covers = site.land.shape(*site.land.layout.alignment.locate(shrubs[0].positions), no_hills).covers
-    fields = [covers[cover] > -_BUSH for cover in paved if cover in covers]
-    return tuple(np.flatnonzero(np.any(fields, axis=0)).tolist()) if fields else ()
+    lost = shrubs[0].prototype % len(SHRUBS) != SHRUBS.index(_PLANTED)
+    for cover in paved:
+        if cover in covers:
+            lost |= covers[cover] > -_BUSH
+    return tuple(np.flatnonzero(lost).tolist())

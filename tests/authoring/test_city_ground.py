@@ -185,14 +185,17 @@ def site_of(seed: int, crossing: str, land: str | None = None) -> Site:
     return draw_site(SiteSettings.model_validate({"crossing": crossing, "land": land}), LAYOUT, stream(seed, "site"))
 
 
-def test_shrubs_on_paving_are_hidden_and_no_others() -> None:
-    """By points in triangles: no visible shrub stands on a paved plot, and a hidden one is at its edge at most."""
+def test_wild_shrubs_and_those_on_paving_are_hidden_and_no_others() -> None:
+    """By points in triangles: a visible shrub is of limes and on no paved plot; a hidden lime is on one or at its edge."""
     hidden = 0
     for seed in range(4):
         site = site_of(seed, "road", "common")
         changes = change_site(site, stream(seed, "background/site"))
         (shrubs,) = [piece for piece in site.pieces if isinstance(piece, Scatter) and piece.name == "Site_Shrubs"]
         rows = np.isin(np.arange(len(shrubs.positions)), changes.hidden.get("Site_Shrubs", ()))
+        planted = shrubs.prototype % 3 == 2  # lime, in detail and plain
+        assert rows[~planted].all()
+        assert not rows.all()
         paved = [
             piece.mesh.points[triangles(piece.mesh)][..., :2]
             for piece in site.pieces
@@ -201,12 +204,12 @@ def test_shrubs_on_paving_are_hidden_and_no_others() -> None:
             and changes.surfaces.get(piece.name) in ("pavement", "asphalt")
         ]
         if not paved:
-            assert not rows.any()
+            assert not rows[planted].any()
             continue
         away = distances(shrubs.positions[:, :2], np.concatenate(paved))
         assert away[~rows].min() > 0.0
-        assert away[rows].max(initial=0.0) < 0.5  # 0.25 m, by a field that is about a distance
-        hidden += int(rows.sum())
+        assert away[rows & planted].max(initial=0.0) < 0.5  # 0.25 m, by a field that is about a distance
+        hidden += int((rows & planted).sum())
     assert hidden > 5
 
 
