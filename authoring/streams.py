@@ -17,7 +17,8 @@ def stream(seed: int, name: str) -> np.random.Generator:
 
     Args:
         seed: Seed of the scene.
-        name: Layer, e.g. `site`, `bridge`, `look`, `background`, `light`, `survey/<id>`, `gps/<id>`, `sensor`.
+        name: Layer, e.g. `site`, `bridge`, `look`, `background`, `background/site`, `light`, `survey/<id>`, `gps/<id>`,
+            `sensor`.
 
     Returns:
         A generator that depends on these two values only.

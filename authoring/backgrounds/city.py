@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from authoring.backgrounds.city_ground import city_surfaces
 from authoring.backgrounds.facades import MIDDLE, tower_faces
 from authoring.backgrounds.far_ways import far_ways
 from authoring.backgrounds.forests import Forests, draw_forests
@@ -132,15 +133,16 @@ def build_city(settings: CitySettings, site: Site, rng: np.random.Generator) -> 
     town = draw_town(settings, site, rng)
     terrain, plan = town.terrain, town.plan
     axis = site.land.layout.alignment
+    surfaces = city_surfaces(site.land)
     pieces: list[Piece] = [
-        (name, cover.kind, cover.role, "Ground", drape(chunk, axis, terrain.atlas(chunk)))
+        (name, cover.kind, surfaces.get(cover.name, cover.role), "Ground", drape(chunk, axis, terrain.atlas(chunk)))
         for cover, soup in covered(terrain.soup(((_ASPHALT, _paved(town)), town.forests.cover(terrain))))
         for name, chunk in chunked(cover.prim, soup)
     ]
     pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in far_ways(terrain)]
     pieces += [(prim, kind, role, "Quays", mesh) for prim, kind, role, mesh in quays(terrain, 1.2 * settings.town)]
-    surfaces, lawns, lots = _blocks(town)
-    pieces += surfaces + _buildings(town)
+    blocks, lawns, lots = _blocks(town)
+    pieces += blocks + _buildings(town)
     runs = window_runs(town.towers, site.extent, rng) + roof_runs(town.towers, rng) + furniture(plan, terrain, rng)
     runs += street_trees(plan, terrain, lawns, settings.trees, rng) + traffic(
         plan, terrain, lots, settings.vehicles, rng

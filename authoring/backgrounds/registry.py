@@ -8,9 +8,11 @@ import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from authoring.backgrounds.city import CitySettings, build_city
+from authoring.backgrounds.city_ground import change_site
 from authoring.backgrounds.countryside import CountrysideSettings, build_countryside
 from authoring.backgrounds.hillside import HillsideSettings, build_hillside
 from authoring.backgrounds.lakeside import LakesideSettings, build_lakeside
+from authoring.backgrounds.site_changes import NO_CHANGES, SiteChanges
 from authoring.looks.seasons import SUMMER, Season
 from authoring.shapes.component import Component, Scatter
 from authoring.site.site import Site
@@ -51,6 +53,10 @@ class BackgroundSettings(Settings):
         return {key: value for key, value in values.items() if (key, value) != ("season", SUMMER)}
 
 
+def _unchanged(site: Site, rng: np.random.Generator) -> SiteChanges:
+    return NO_CHANGES
+
+
 @dataclass(frozen=True)
 class Background:
     """A background.
@@ -58,10 +64,12 @@ class Background:
     Attributes:
         settings: Its settings model.
         build: Builds its pieces from the settings section of all backgrounds, a site and a random stream.
+        change: Chooses what it changes on a site, with a random stream.
     """
 
     settings: type[Settings]
     build: Callable[[BackgroundSettings, Site, np.random.Generator], Pieces]
+    change: Callable[[Site, np.random.Generator], SiteChanges] = _unchanged
 
 
 def _build_none(settings: BackgroundSettings, site: Site, rng: np.random.Generator) -> Pieces:
@@ -86,7 +94,7 @@ def _build_lakeside(settings: BackgroundSettings, site: Site, rng: np.random.Gen
 
 BACKGROUNDS = {
     "none": Background(NoneSettings, _build_none),
-    "city": Background(CitySettings, _build_city),
+    "city": Background(CitySettings, _build_city, change_site),
     "countryside": Background(CountrysideSettings, _build_countryside),
     "hillside": Background(HillsideSettings, _build_hillside),
     "lakeside": Background(LakesideSettings, _build_lakeside),

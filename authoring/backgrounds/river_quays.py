@@ -11,6 +11,7 @@ from authoring.backgrounds.terrain import Terrain
 from authoring.shapes.component import Mesh
 from authoring.site.covers import to_world
 from authoring.site.roads import spread
+from authoring.site.shape import Land
 from authoring.site.ways import Line, merged, ribbon
 
 F64 = NDArray[np.float64]
@@ -23,10 +24,13 @@ _BROOK = 5.0  # largest half width of a brook [m]
 _PAVED = 0.16  # height of the promenade over the land [m]
 
 
-def has_quays(terrain: Terrain) -> bool:
-    """Check whether the crossing is a river, not a brook at the bottom of a valley."""
-    crossing = terrain.land.crossing
-    return crossing.kind == "river" and (terrain.land.valley is None or crossing.half_width > _BROOK)
+def has_quays(land: Land) -> bool:
+    """Check whether the crossing is a river, not a brook at the bottom of a valley.
+
+    Args:
+        land: The land, on a site or beyond it.
+    """
+    return land.crossing.kind == "river" and (land.valley is None or land.crossing.half_width > _BROOK)
 
 
 def quays(terrain: Terrain, reach: float) -> list[tuple[str, str, str, Mesh]]:
@@ -39,7 +43,7 @@ def quays(terrain: Terrain, reach: float) -> list[tuple[str, str, str, Mesh]]:
     Returns:
         Leaf prim name, component kind, material recipe and mesh of each piece.
     """
-    if not has_quays(terrain):
+    if not has_quays(terrain.land):
         return []
     walls, paths = [], []
     low, high = terrain.inner[2:]

@@ -30,7 +30,7 @@ def furniture(plan: TownPlan, terrain: Terrain, rng: np.random.Generator) -> lis
     """
     lamps = [kerbside(plan, 0.7, 27.0, 6.0, _FURNISHED), *beside_approaches(plan, terrain, KERB_GAP + 0.6, 30.0)]
     rails = []
-    if has_quays(terrain):
+    if has_quays(terrain.land):
         low, high = terrain.inner[2:]
         for start, sign in ((low - START, -1.0), (high + START, 1.0)):
             for bank in (-1.0, 1.0):

@@ -220,11 +220,13 @@ def _of_properties(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Ite
 
 
 def _gone(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Iterator[tuple[str, str]]:
-    """List missing prims that are not bodies: plants, lights, cameras."""
+    """List missing prims that are not bodies: plants, lights, cameras; other programs import only visible ones."""
     names = {prim.GetName() for prim in after.Traverse()}
     for prim in before.Traverse():
         counted = prim.IsA(UsdGeom.PointInstancer) or prim.IsA(UsdGeom.Camera) or prim.HasAPI(UsdLux.LightAPI)
-        if counted and prim.GetPath() not in matches.pairs and prim.GetName() not in names:
+        if not counted or UsdGeom.Imageable(prim).ComputeVisibility() == UsdGeom.Tokens.invisible:
+            continue
+        if prim.GetPath() not in matches.pairs and prim.GetName() not in names:
             yield prim.GetName(), f"the file has no such {prim.GetTypeName()}: it is kept"
 
 

@@ -7,8 +7,10 @@ from pxr import Sdf, Usd, UsdUtils
 from authoring.foreign.prototypes import name_prototypes
 from authoring.foreign.textures import copy_texture
 from authoring.layers.layer import export
+from authoring.layers.on_site import ROOT
 from groundwork.errors import InputError
 from groundwork.output.file import SIGNATURE, fresh_file
+from usd_schemas import tokens
 
 SUFFIXES = (".usda", ".usdc", ".usd")
 _GENERATOR = "generator"
@@ -78,4 +80,7 @@ def flat_layer(stage: Usd.Stage) -> Sdf.Layer:
     layer = stage.Flatten(addSourceFileComment=False)
     layer.documentation = stage.GetRootLayer().documentation
     name_prototypes(layer)
+    holder = layer.GetPrimAtPath(tokens.BACKGROUND)
+    if holder is not None and ROOT in holder.nameChildren and holder.nameChildren[ROOT].specifier == Sdf.SpecifierClass:
+        del holder.nameChildren[ROOT]  # the site has inherited it: nothing refers to it any more
     return layer

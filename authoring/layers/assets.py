@@ -39,7 +39,7 @@ def write_asset(asset: Asset, pieces: Pieces, folder: Path) -> None:
 
 
 def bake_surfaces(
-    pieces: Pieces, folder: Path, texels: int, seed: int, season: Season = SUMMER
+    pieces: Pieces, folder: Path, texels: int, seed: int, season: Season = SUMMER, more: tuple[str, ...] = ()
 ) -> dict[str, MaterialRecipe]:
     """Bake the materials of a background, or of a site without the images of its ground.
 
@@ -49,12 +49,13 @@ def bake_surfaces(
         texels: Texels along a side of a sheet [px].
         seed: Seed of the scene.
         season: Season of the plants.
+        more: Further surfaces.
 
     Returns:
-        One recipe for each material of the pieces.
+        One recipe for each material of the pieces, and for each further surface.
     """
     # One sheet per surface, the same for site and background: their grass is continuous over the border.
-    names = sorted({surface_of(role)[0] for role in roles_of(pieces)})
+    names = sorted({surface_of(role)[0] for role in roles_of(pieces)} | set(more))
     numbers = {name: int(stream(seed, f"surface/{name}").integers(SHEETS)) for name in names}
     sheets = {name: SheetName(name, number, texels, worn_in(name, season)) for name, number in numbers.items()}
     bake_sheets(sheets.values())

@@ -6,6 +6,7 @@ from pxr import Kind, Sdf, UsdGeom, Vt
 
 from authoring.layers.assets import Pieces
 from authoring.layers.layer import add_sublayers, new_layer
+from authoring.layers.worlds import WorldFiles, offer_background
 from authoring.shapes.component import Component
 from usd_schemas import tokens
 
@@ -13,14 +14,14 @@ SUBLAYERS = ("./edits/user.usda", "./render.usda", "./surveys/surveys.usda", "./
 
 
 def root_layer(
-    look: str, background: str, backgrounds: dict[str, str], images: int, frame: NDArray[np.float64]
+    look: str, background: str, backgrounds: dict[str, WorldFiles], images: int, frame: NDArray[np.float64]
 ) -> Sdf.Layer:
     """Author `scene.usda`.
 
     Args:
         look: Selected look.
         background: Selected background.
-        backgrounds: File of each background relative to this layer; an empty string for an empty world.
+        backgrounds: Files of each background.
         images: Number of images of the longest survey.
         frame: Least and largest corner of the region shown in viewports [m], shape (2, 3), float64: the land extends to
             the horizon, too far to find the bridge.
@@ -42,11 +43,9 @@ def root_layer(
     surroundings = _define(layer, tokens.BACKGROUND, Kind.Tokens.component)
     surroundings.variantSetNameList.prependedItems = ["background"]
     surroundings.variantSelections["background"] = background
-    variants = Sdf.VariantSetSpec(surroundings, "background")
-    for name, file in sorted(backgrounds.items()):
-        variant = Sdf.VariantSpec(variants, name)
-        if file:
-            variant.primSpec.payloadList.prependedItems = [Sdf.Payload(file)]
+    Sdf.VariantSetSpec(surroundings, "background")
+    for name, files in sorted(backgrounds.items()):
+        offer_background(layer, name, files)
     _label_background(surroundings)
     return layer
 

@@ -14,7 +14,11 @@ from authoring.surveys.registry import plan_survey, record_flight
 from authoring.surveys.settings import AnySurvey, StageSettings
 from authoring.surveys.stage_subject import stage_subject
 from usd_schemas import tokens
+from usd_schemas.reading.choices import StageChoices
 from usd_schemas.reading.stage_reader import read_stage
+
+# A flight must not depend on the background, which may hide plants of the site.
+ALONE = StageChoices(variants=((tokens.BACKGROUND, "background", "none"),))
 
 
 def add_survey(scene: Path, settings: AnySurvey, seed: int | None = None) -> CameraPath:
@@ -33,11 +37,10 @@ def add_survey(scene: Path, settings: AnySurvey, seed: int | None = None) -> Cam
     """
     check_editable(scene)
     seed = read_recipe(scene.parent).seed if seed is None else seed
-    flat = read_stage(scene)
     if isinstance(settings, StageSettings):
-        path = record_flight(settings, existing_flight(settings, flat), seed)
+        path = record_flight(settings, existing_flight(settings, read_stage(scene)), seed)
     else:
-        path = plan_survey(settings, stage_subject(flat), seed)
+        path = plan_survey(settings, stage_subject(read_stage(scene, choices=ALONE)), seed)
     folder = scene.parent
     export(survey_layer(path), folder / f"surveys/{path.id}.usdc")
     surveys = Sdf.Layer.FindOrOpen(str(folder / "surveys/surveys.usda"))

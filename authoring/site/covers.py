@@ -70,6 +70,18 @@ class Soup:
     plan: F64 | None = None
 
 
+_COVER_NAMES = {cover.prim: cover.name for cover in COVERS}
+
+
+def cover_name(piece: str) -> str:
+    """Find the name of the cover that a piece of a site's ground belongs to; empty for the remaining grass.
+
+    Args:
+        piece: Name of its prim, such as `Site_Ploughed_Near0_2`.
+    """
+    return _COVER_NAMES.get(piece.split("_")[1], "")
+
+
 def soup_of(
     nodes: F64,
     normals: F64,

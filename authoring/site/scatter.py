@@ -25,6 +25,7 @@ DETAILED = 22.0  # distance from the bridge's edge up to which plants are modell
 _TILLED = ("ploughed", "crop", "ripe", "lot_asphalt", "lot_paved", "lot_gravel")  # covers without wild plants
 _BESIDE = 0.25  # distance of wild plants from their borders [m]
 SMALL = 0.2  # size of stones that need no detail [m]
+SHRUBS = ("scrub", "willow", "lime")  # the models of shrubs, in this order, in detail and then plain
 NEAR = 28.0  # distance from the axis or the crossing at which density has fallen to about a third [m]
 
 
@@ -99,14 +100,14 @@ def scatter_plants(
         One run of each kind that has any.
     """
     stones = tuple((("rock", pebble(rng)),) for _ in range(4))
-    shrubs = tuple(bush(rng, 60, kind) for kind in ("scrub", "willow", "lime"))
+    shrubs = tuple(bush(rng, 60, kind) for kind in SHRUBS)
     tufts = tuple((("leaves", tuft(rng, kind, 3, 1.5)),) for kind in ("grass", "grass", "grass", "herbs"))
     reeds = tuple((("leaves", tuft(rng, "reed", 3, 0.8)),) for _ in range(3))
     more = rng.spawn(1)[0]
     plain_stones = tuple((("rock", pebble(more, 0)),) for _ in stones)
     hedges = tuple(bush(more, 40, kind) for kind in ("scrub", "oak", "scrub"))
     plain_hedges = tuple(bush(more, 20, kind) for kind in ("scrub", "oak", "scrub"))
-    plain_shrubs = tuple(bush(more, 22, kind) for kind in ("scrub", "willow", "lime"))
+    plain_shrubs = tuple(bush(more, 22, kind) for kind in SHRUBS)
     plain_tufts = tuple((("leaves", tuft(more, kind, 2, 1.7)),) for kind in ("grass", "grass", "grass", "herbs"))
     plain_reeds = tuple((("leaves", tuft(more, "reed", 2, 0.85)),) for _ in reeds)
     stony = _places(land, ground, settings.stones, _Gaps(0.3, 0.4), rng, 0.75)

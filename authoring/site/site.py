@@ -40,8 +40,8 @@ class SiteSettings(Settings):
     land: LandUse | None = Field(
         default=None,
         description="Land use beside the bridge: fields with hedges, a common of long and short grass, or the paved "
-        f"and grassed lots of a town; drawn {told_shares(DRAWN_LAND)}, always town beside a harbour. Choose `town` if "
-        "the background is a city",
+        f"and grassed lots of a town; drawn {told_shares(DRAWN_LAND)}, always town beside a harbour. In the world "
+        "`city`, fields and hay are lawns and paved lots",
     )
     half_width: float = Field(
         default=80.0, ge=40.0, le=200.0, description="Distance that the site reaches to each side of the axis [m]"

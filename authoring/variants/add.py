@@ -219,8 +219,8 @@ def _check_file(axis: str, file: Path) -> None:
 def _settle(scene: Path, world: Path) -> str:
     """Place a scene in an imported world."""
     drawn, name = _draw(read_recipe(scene.parent)), world_name(world)
-    file = write_background(drawn.recipe.settings, drawn.recipe.seed, name, drawn.site, scene.parent, world)
-    add_background(scene, name, file)
+    files = write_background(drawn.recipe.settings, drawn.recipe.seed, name, drawn.site, scene.parent, world)
+    add_background(scene, name, files)
     return name
 
 

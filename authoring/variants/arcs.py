@@ -5,6 +5,7 @@ from pathlib import Path
 from pxr import Sdf
 
 from authoring.layers.change import change_layer
+from authoring.layers.worlds import WorldFiles, offer_background
 from usd_schemas import tokens
 
 
@@ -28,20 +29,15 @@ def add_look(bridge: Path, name: str, file: str, fallbacks: dict[str, str] | Non
     change_layer(bridge, change)
 
 
-def add_background(scene: Path, name: str, file: str) -> None:
+def add_background(scene: Path, name: str, files: WorldFiles) -> None:
     """Add a background as a choice.
 
     Args:
         scene: Root layer of the scene.
         name: Name of the background.
-        file: Its layer, relative to the root layer; empty for an empty world.
+        files: Its files, relative to the root layer.
     """
-
-    def change(layer: Sdf.Layer) -> None:
-        spec = _variant(layer, tokens.BACKGROUND, "background", name).primSpec
-        spec.payloadList.prependedItems = [Sdf.Payload(file)] if file else []
-
-    change_layer(scene, change)
+    change_layer(scene, lambda layer: offer_background(layer, name, files))
 
 
 def add_light(lighting: Path, name: str, file: str) -> None:

@@ -12,6 +12,7 @@ from authoring.foreign.usd_file import adopt, flatten_foreign, holder_of, open_f
 from authoring.layers.identity import name_asset
 from authoring.layers.layer import export, new_layer
 from authoring.layers.provenance import author_provenance
+from authoring.layers.worlds import WorldFiles
 from authoring.variants.arcs import add_background
 from authoring.variants.foreign_place import HERE, Point, check_place
 from authoring.variants.staging import Staged, check_asset, fresh_folder
@@ -61,7 +62,7 @@ def stage_background(scene: Path, file: Path, warn: Warn, origin: Point = HERE) 
     check_place(stage, file, scene, origin, warn)
     place = scene.parent / "background" / name
     fresh = fresh_folder(place)
-    offer = partial(add_background, scene, name, f"./background/{name}/{name}.usda")
+    offer = partial(add_background, scene, name, WorldFiles(f"./background/{name}/{name}.usda"))
     staged = Staged(name, fresh, place, offer)
     try:
         layer = _background(stage, name, origin, warn)

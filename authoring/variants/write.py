@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from authoring.backgrounds.registry import build_background
+from authoring.backgrounds.registry import BACKGROUNDS, build_background
+from authoring.backgrounds.site_changes import NO_CHANGES
 from authoring.imported.asset import read_city
 from authoring.imported.skin import skin_recipes
 from authoring.imported.surroundings import build_city_world
@@ -13,8 +14,10 @@ from authoring.layers.geometry import BACKGROUND, roles_of
 from authoring.layers.layer import export
 from authoring.layers.lighting import light_layer
 from authoring.layers.looks import look_layer
+from authoring.layers.on_site import FILE, on_site_layer
 from authoring.layers.provenance import author_provenance
 from authoring.layers.repeats import with_own_ids
+from authoring.layers.worlds import WorldFiles
 from authoring.light.daylight import LightSettings, bake_light
 from authoring.looks.bake import NO_FOLDERS, bake_look
 from authoring.looks.seasons import SUMMER
@@ -77,7 +80,7 @@ def write_look(
 
 def write_background(
     settings: AuthoringSettings, seed: int, name: str, site: Site, folder: Path, world: Path | None = None
-) -> str:
+) -> WorldFiles:
     """Build a background round a site.
 
     Args:
@@ -89,16 +92,17 @@ def write_background(
         world: Imported world for the site, instead of a procedural one.
 
     Returns:
-        Its file, relative to that folder; empty for the empty world.
+        Its files, relative to that folder.
     """
     if name == NO_BACKGROUND:
-        return ""
+        return WorldFiles("")
     file = f"./background/{name}/{name}.usda"
     place = (folder / file).parent
     made, rng = made_from(settings, seed, "background"), stream(seed, "background")
-    season = settings.background.season
+    season, changes = settings.background.season, NO_CHANGES
     if world is None:
         pieces, skins = build_background(name, settings.background, site, rng), ()
+        changes = BACKGROUNDS[name].change(site, stream(seed, "background/site"))
     else:
         model = read_city(world)
         pieces, made = build_city_world(model, site, rng), {**made, **model.attribution}
@@ -108,10 +112,14 @@ def write_background(
     write_asset(BACKGROUND, pieces, place)
     roles = {skin.role for skin in skins}
     own = tuple(piece for piece in pieces if not (isinstance(piece, Component) and piece.role in roles))
-    recipes = {**bake_surfaces(own, place, settings.look.texels, seed, season), **skin_recipes(skins, place)}
+    baked = bake_surfaces(own, place, settings.look.texels, seed, season, changes.names())
+    recipes = {role: baked[role] for role in roles_of(own)} | skin_recipes(skins, place)
     layer = background_layer(name, recipes)
     export(author_provenance(layer, "/Background", made, is_ours=world is None), folder / file)
-    return file
+    if changes == NO_CHANGES:
+        return WorldFiles(file)
+    export(on_site_layer(name, site.pieces, changes, baked), place / FILE)
+    return WorldFiles(file, f"./background/{name}/{FILE}")
 
 
 def write_light(settings: LightSettings, seed: int, name: str, folder: Path, skies: Mapping[str, Path]) -> str:

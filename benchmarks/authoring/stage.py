@@ -18,6 +18,7 @@ from authoring.layers.layer import export, new_layer
 from authoring.layers.looks import look_layer
 from authoring.layers.root import bounds_of, edits_layer, root_layer
 from authoring.layers.semantics import semantics_layer
+from authoring.layers.worlds import WorldFiles
 from authoring.looks.material import MaterialRecipe
 from authoring.scenes.diff import diff_scenes
 from authoring.shapes.component import Component, Mesh
@@ -112,7 +113,7 @@ def _assemble(folder: Path, pieces: tuple[Component, ...]) -> Path:
     export(site, folder / "site/site.usda")
     for name in ("render.usda", "surveys/surveys.usda", "lighting.usda", "edits/user.usda"):
         export(edits_layer(), folder / name)
-    export(root_layer("weathered", "none", {"none": ""}, 1, bounds_of(pieces)), folder / "scene.usda")
+    export(root_layer("weathered", "none", {"none": WorldFiles("")}, 1, bounds_of(pieces)), folder / "scene.usda")
     return folder / "scene.usda"
 
 

@@ -124,6 +124,7 @@ def plan(request: dict[str, Any], progress: Progress) -> list[dict[str, Any]]:
 
 def _members(scene: Path, words: list[str], own: str) -> list[int]:
     """Find the instances for ids, classes, or `unseen`: those that no flight but the replaced one shows."""
+    from authoring.scenes.add_survey import ALONE
     from authoring.surveys.framing import eye_of
     from authoring.surveys.score import member_views
     from authoring.surveys.stage_subject import stage_subject
@@ -131,7 +132,7 @@ def _members(scene: Path, words: list[str], own: str) -> list[int]:
     from usd_schemas.pinhole import pinhole_from_lens
     from usd_schemas.reading.stage_reader import read_stage
 
-    flat = read_stage(scene)
+    flat = read_stage(scene, choices=ALONE)
     subject = stage_subject(flat)
     bridge = set(np.unique(subject.bridge_ids).tolist())
     classes = {row.id: row.class_name for row in flat.instances if row.id in bridge}

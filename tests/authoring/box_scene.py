@@ -16,6 +16,7 @@ from authoring.layers.semantics import semantics_layer
 from authoring.layers.site import site_layer
 from authoring.layers.surveys import survey_layer, surveys_layer
 from authoring.layers.taxonomy import taxonomy_layer
+from authoring.layers.worlds import WorldFiles
 from authoring.looks.material import MaterialRecipe
 from authoring.shapes.component import Component
 from authoring.surveys.registry import plan_survey
@@ -57,7 +58,7 @@ def write_box_scene(folder: Path, far: Pieces = FAR) -> Path:
     sun.CreateIntensityAttr(4.0)
     sun.CreateNormalizeAttr(True)
     export(stage.GetRootLayer(), folder / "lighting.usda")
-    backgrounds = {"none": "", "house": "./background/house/house.usda"}
+    backgrounds = {"none": WorldFiles(""), "house": WorldFiles("./background/house/house.usda")}
     export(root_layer("weathered", "house", backgrounds, len(path.poses), bounds_of(bridge)), folder / "scene.usda")
     return folder / "scene.usda"
 
