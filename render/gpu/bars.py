@@ -25,6 +25,8 @@ _ROUNDEST = 1.0  # [m] thickest round bar: the main cable of a large suspension 
 _BROADEST = 0.35  # [m] broadest flat one: a road marking
 _THICKEST = 0.25  # [m] thickest of all others: thicker ones may be half embedded
 _TIP = 0.01  # half axes at a pointed end, as a share of those at the other end, because its directions are needed
+_BLOCK = 4  # corners of a rectangle
+_OBLONG = 0.5  # square of its height over its width, at most, for principal axes that are certain [1]
 _FLAT = 0.03  # [m] largest thickness of a flat one
 
 
@@ -174,10 +176,18 @@ def _segments(place: I64, part: I64, positions: F64, ring: I64, path: I64) -> Ba
         np.zeros((count, 3)),
         np.zeros(count, bool),
     )
+    one, two = path[:, 0], path[:, 1]
+    next_to = np.zeros(count, np.int64)
+    next_to[one], next_to[two] = two, one
     for row in wanted.tolist():
         corners = positions[order[starts[row] : starts[row] + sizes[row]]]
         middle[row], first[row], second[row], is_round[row] = _section(corners)
-    one, two = path[:, 0], path[:, 1]
+        if sizes[row] > _BLOCK and not is_round[row]:  # a short piece at the end of a bar: seen along it
+            other = next_to[row]
+            way = positions[order[starts[other] : starts[other] + sizes[other]]].mean(axis=0) - middle[row]
+            way /= max(np.linalg.norm(way), 1e-12)
+            flat = corners - np.outer((corners - middle[row]) @ way, way)
+            _, first[row], second[row], _ = _section(flat)
     length = np.linalg.norm(middle[one] - middle[two], axis=1)
     broad = 2 * np.maximum(np.linalg.norm(first[one], axis=1), np.linalg.norm(first[two], axis=1))
     thick = 2 * np.maximum(np.linalg.norm(second[one], axis=1), np.linalg.norm(second[two], axis=1))
@@ -198,14 +208,17 @@ def _section(corners: F64) -> tuple[F64, F64, F64, bool]:
     spokes = corners - middle
     if len(corners) == 2:
         return middle, spokes[0], np.zeros(3), False
-    if len(corners) == 4:  # its sides, because a square has no principal axes
+    size, axes = np.linalg.eigh(spokes.T @ spokes)
+    if len(corners) == _BLOCK and size[1] < _OBLONG * size[2]:  # a rectangle, or paint that thins out at its edges
+        middling = np.abs(spokes @ axes).mean(axis=0)
+        return middle, axes[:, 2] * middling[2], axes[:, 1] * middling[1], False
+    if len(corners) == _BLOCK:  # its sides, because a square has no principal axes
         away = np.linalg.norm(corners[1:] - corners[0], axis=1)
         near = 1 + np.argsort(away)[:2]
-        axes = (corners[near] - corners[0]) / 2
-        if np.linalg.norm(axes[0]) < np.linalg.norm(axes[1]):
-            axes = axes[::-1]
-        return middle, axes[0], axes[1], False
-    size, axes = np.linalg.eigh(spokes.T @ spokes)
+        sides = (corners[near] - corners[0]) / 2
+        if np.linalg.norm(sides[0]) < np.linalg.norm(sides[1]):
+            sides = sides[::-1]
+        return middle, sides[0], sides[1], False
     radii = np.linalg.norm(spokes, axis=1)
     if (
         len(corners) >= _ROUND_FROM

@@ -31,6 +31,9 @@ _SHORTEST = 8.0  # [px]; shorter ones, such as distant grass, do not look like l
 _ROWS = 4.0  # by which embedded bars may be shorter: a row of sleepers is seen where a single one is not [1]
 _BEYOND = 0.5  # [stage units] by which a sleeper's body and fastenings reach beyond its exposed face at most
 _LEAST = 1e-3  # [m] smallest thickness of a flat bar seen from the side
+_PAINT = 0.012  # [m] largest thickness of a line on a road, part of which is below the surface
+_BROAD = 8.0  # least ratio of its width to its thickness [1]
+_LEVEL = 0.7  # least upward part of its unit normal [1]
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,8 @@ class PartBars:
             shape (P,), float64.
         length: Length of its longest segment [stage units], of an embedded one times `_ROWS`, shape (P,), float64.
         embedded: Whether it consists of bars embedded in a surface, shape (P,), bool.
+        lying: Whether it mostly consists of bars that are so thin that they lie on a surface, such as lines on a road,
+            shape (P,), bool.
     """
 
     first: I64
@@ -51,6 +56,7 @@ class PartBars:
     thickness: F64
     length: F64
     embedded: NDArray[np.bool_]
+    lying: NDArray[np.bool_]
 
     def placed(self, draws: Draws, commands: NDArray[np.void]) -> dict[str, Any]:
         """Compute the fields of `Ribbons` that depend on the draws.
@@ -66,8 +72,8 @@ class PartBars:
         thickness = np.full(len(part), np.inf)
         np.multiply(self.thickness[part], scale.min(axis=1), out=thickness, where=self.count[part, 1] > 0)
         length = self.length[part] * scale.max(axis=1)
-        sizes = {"thickness": thickness, "length": length, "embedded": self.embedded[part]}
-        return {"surfaces": tables[0], "ribbons": tables[1], **sizes}
+        kinds = {"embedded": self.embedded[part], "lying": self.lying[part]}
+        return {"surfaces": tables[0], "ribbons": tables[1], "thickness": thickness, "length": length, **kinds}
 
 
 @dataclass(frozen=True)
@@ -84,6 +90,7 @@ class Ribbons:
             any, shape (D,), float64.
         length: Length of the longest segment of each draw [m], of an embedded one times `_ROWS`, shape (D,), float64.
         embedded: Whether a draw consists of bars embedded in a surface, shape (D,), bool.
+        lying: Whether a draw mostly consists of bars so thin that they lie on a surface, shape (D,), bool.
         parts: Positions of the bars of each part.
     """
 
@@ -95,6 +102,7 @@ class Ribbons:
     thickness: F64
     length: F64
     embedded: NDArray[np.bool_]
+    lying: NDArray[np.bool_]
     parts: PartBars
 
     def moved(self, draws: Draws, commands: NDArray[np.void]) -> "Ribbons":
@@ -151,6 +159,9 @@ def upload_ribbons(
     geometry = scene.geometry
     counts = np.bincount(bars.part, minlength=len(geometry.part_first))
     parts = np.flatnonzero(counts)
+    lying, tops = _lying(scene, bars, parts)
+    second = np.where((tops == 0).all(axis=1)[:, None, None], bars.second, 0.0)
+    bars = replace(bars, ends=bars.ends + tops[:, None], second=second)
     runs = [
         np.arange(geometry.part_first[part], geometry.part_first[part] + geometry.part_count[part]) for part in parts
     ]
@@ -168,6 +179,7 @@ def upload_ribbons(
         np.stack([surfaces, 2 * counts], axis=1).astype(np.int64),
         *_sizes(bars, len(counts)),
         _embedded(scene, bars, parts),
+        lying,
     )
     return Ribbons(
         context.buffer(every.tobytes() or bytes(4)),
@@ -239,6 +251,36 @@ def _embedded(scene: FlatScene, bars: Bars, parts: I64) -> NDArray[np.bool_]:
         beyond = np.maximum(faces.min(axis=0) - corners.min(axis=0), corners.max(axis=0) - faces.max(axis=0)).max()
         found[part] = bars.embedded[own].all() and beyond < _BEYOND
     return found
+
+
+def _lying(scene: FlatScene, bars: Bars, parts: I64) -> tuple[NDArray[np.bool_], F64]:
+    """Find level bars so thin that they lie on a surface, such as lines on a road.
+
+    Returns:
+        Which parts mostly consist of such bars, shape (P,); the way from the middle of each of these bars to its top,
+        zero for all others [stage units], shape (S, 3).
+    """
+    geometry, draws = scene.geometry, scene.draws
+    first, second = np.linalg.norm(bars.first, axis=-1).min(axis=1), np.linalg.norm(bars.second, axis=-1).max(axis=1)
+    normal = np.cross(bars.ends[:, 1] - bars.ends[:, 0], bars.first[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    thin = ~bars.round & ~bars.embedded & (first >= _BROAD * second)
+    found, tops = np.zeros(len(geometry.part_first), bool), np.zeros((len(thin), 3))
+    for part in parts.tolist():
+        own = np.arange(*np.searchsorted(bars.part, [part, part + 1]).tolist())
+        place = draws.transform[draws.part == part, :3, :3]
+        scale = np.linalg.norm(place[:, :, 0], axis=1).max(initial=0.0)
+        up = normal[own] @ place[:, 2].T / max(scale, 1e-12)
+        level = ((up > _LEVEL).all(axis=1) | (up < -_LEVEL).all(axis=1)) & thin[own]
+        flat = own[level & (2 * scale * second[own] <= _PAINT)]
+        start = geometry.part_first[part]
+        corners = geometry.triangles[start : start + geometry.part_count[part]]
+        on = bars.vertices[np.isin(bars.segment, flat)]
+        if len(flat) and 2 * np.count_nonzero(np.isin(corners, on)) >= corners.size:
+            found[part] = True
+            side = np.where(up[np.searchsorted(own, flat), 0] < 0, -1.0, 1.0)
+            tops[flat] = normal[flat] * (side * np.maximum(second[flat], _LEAST / 2))[:, None]
+    return found, tops
 
 
 def _starts(counts: I64) -> I64:

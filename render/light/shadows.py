@@ -21,6 +21,7 @@ _NEAR_MARGIN = 6.0  # [m] the map of the bridge reaches beyond the region of int
 _FAR_REACH = 300.0  # [m] shadows farther away are not drawn
 _FILTER = 4  # [px] a map is not used this close to its edge, because the filter would read beyond it
 _CUT_OUT_UNIT = 5  # the light's own textures stay bound from image to image, in the units before
+_SUNK = 0.02  # [m] by which lines on a road lie deeper in the maps, so that what they cover is not in their shadow
 _NOWHERE = np.array([1.0, 0.0, 0.0, -1.0])
 SHARP, NEAR, FAR = range(3)
 
@@ -134,7 +135,9 @@ class Shadows:
         framebuffer.clear(depth=1.0, viewport=framebuffer.viewport)
         context.enable_only(moderngl.DEPTH_TEST)
         context.depth_func = "<"
-        _draw_depth(self._gl, self._programs, gpu, clip, np.flatnonzero(reached))
+        _draw_depth(self._gl, self._programs, gpu, clip, np.flatnonzero(reached & ~gpu.ribbons.lying))
+        clip[:, 3] -= _SUNK * clip[:, 2]
+        _draw_depth(self._gl, self._programs, gpu, clip, np.flatnonzero(reached & gpu.ribbons.lying))
 
 
 def depth_groups(gpu: GpuScene, rows: I64) -> list[tuple[tuple[str, ...], int, I64]]:

@@ -8,8 +8,11 @@ in vec3 in_second;
 in vec3 in_shape;               // side of a ribbon; 1 for round, 0 for rectangular, 0.25 for embedded in a
                                 // surface, -1 for no bar; which end, 1 or -1
 
-const vec2 FADING = vec2(1.5, 2.5);         // [px] between them a surface gives way to its ribbon; as in ribbons.py
-const vec2 EDGED_FADING = vec2(6.0, 8.0);   // the same of one with edges: a side of it is a fraction as wide
+// [px] Widths between the first two of which a surface gives way to its ribbon, as in ribbons.py; from which down its
+// ribbon grows; down to which its surface stays whole. A bar with edges gives way sooner, because a side of it is a
+// fraction as wide, and its ribbon is whole before its surface fades: else what lies behind would show through its middle.
+const vec4 FADING = vec4(1.5, 2.5, 1.75, 2.25);
+const vec4 EDGED_FADING = vec4(6.0, 8.0, 7.0, 7.0);
 const float NEAREST = 0.3;                  // [m] in front of the camera
 
 bool is_embedded() {
@@ -29,7 +32,7 @@ vec2 across_bar(vec4 clip, vec3 axis) {
     return size > 1e-6 ? vec2(-along.y, along.x) / size : vec2(1.0, 0.0);
 }
 
-vec2 fading(bool is_edged) {
+vec4 fading(bool is_edged) {
     return is_edged && !is_embedded() ? EDGED_FADING : FADING;
 }
 

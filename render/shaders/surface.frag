@@ -37,7 +37,7 @@ uniform float waterline;        // height over the camera below which nothing is
 
 #ifdef BAR
 in float width_times_depth;
-flat in vec2 fades;
+flat in vec4 fades;
 #endif
 #ifdef VEILED
 uniform sampler2D ribbons_away; // [m]
@@ -342,7 +342,7 @@ void main() {
 #ifdef RIBBON
     float away = across_times_depth * gl_FragCoord.w, wide = width_times_depth * gl_FragCoord.w;
     float low = beside(away + wide), high = beside(away - wide), covered = low - high;
-    float cover = covered * (1.0 - smoothstep(fades.x, fades.y, 2.0 * wide));
+    float cover = covered * (1.0 - smoothstep(fades.z, fades.y, 2.0 * wide));
     if (cover < 1e-3) discard;
     float share = one_share;
     if (one_side != 0.0) {
@@ -369,7 +369,7 @@ void main() {
     out_color = vec4(sqrt(clamp(shade(albedo, face, roughness) * code_scale, 0.0, 1.0)), 1.0);
 #endif
 #ifdef FADES
-    float shown = smoothstep(fades.x, fades.y, 2.0 * width_times_depth * gl_FragCoord.w);
+    float shown = smoothstep(fades.x, fades.w, 2.0 * width_times_depth * gl_FragCoord.w);
     out_color.a = shown;
 #ifdef PANES  // what is not shown must not hide them
     if (shown <= 0.0) discard;

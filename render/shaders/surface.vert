@@ -19,7 +19,7 @@ in vec2 in_place;
 // #include bar.glsl
 #ifdef BAR
 out float width_times_depth;    // half the width [px m]
-flat out vec2 fades;            // [px] widths between which it gives way to the surface
+flat out vec4 fades;            // [px] as in bar.glsl
 #endif
 #ifdef RIBBON
 uniform vec3 to_sun;

@@ -49,6 +49,46 @@ def test_a_straight_edge_shows_its_coverage(proof_count: Count, record_proof: Re
     record_proof("render/straight edges", len(after), 30, {"error_left": round(ratio, 3)})
 
 
+def _banded(
+    angle: float, lines: tuple[float, ...], lights: tuple[float, ...], draws: tuple[int, ...]
+) -> tuple[F64, ...]:
+    """Bands between lines: light smoothed, of single samples and of 16 x 16 of them, each of shape (48, 48)."""
+    sides = [_half_plane(angle, line, 16) for line in lines]
+    hits = np.sum([_half_plane(angle, line, 1) > 0.5 for line in lines], axis=0)
+    truth = lights[0] + sum((lights[n + 1] - lights[n]) * side for n, side in enumerate(sides))
+    sampled = np.array(lights)[hits]
+    code = _coded(sampled)
+    smooth_edges(code, np.array(draws, np.uint32)[hits], np.full(hits.shape, 30.0, np.float32))
+    inner = slice(8, -8), slice(8, -8)
+    return ((code[..., 0] / 65535.0) ** 2)[inner], sampled[inner], np.asarray(truth)[inner]
+
+
+@pytest.mark.parametrize("behind", [1, 3])
+@pytest.mark.parametrize("steep", [-0.3, 0.05, 0.13, 0.3])
+def test_a_strip_one_pixel_thick_has_smooth_edges(steep: float, behind: int) -> None:
+    """A joint or a coping 1.1 px thick, bright between dark: the steps of its two edges touch, and are smoothed."""
+    left = []
+    for shift in np.linspace(-3, 3, 7):
+        angle, lines = np.pi / 2 - steep, (float(shift), float(shift) + 1.1)
+        shown, sampled, truth = _banded(angle, lines, (_DARK, _BRIGHT, _DARK), (1, 2, behind))
+        left.append(np.sqrt(((shown - truth) ** 2).mean() / ((sampled - truth) ** 2).mean()))
+    assert np.mean(left) < 0.35, left
+
+
+def test_a_faint_crease_does_not_break_the_outline_beside_it() -> None:
+    """A dark web, its little brighter flange of half a pixel, the sky: the outline is as smooth as without a crease."""
+    left = []
+    for creased in (2, 1):
+        errors = []
+        for shift in np.linspace(-3, 3, 7):
+            lines = float(shift), float(shift) + 0.5
+            shown, sampled, truth = _banded(np.pi / 2 - 0.13, lines, (0.02, 0.03, 0.7), (1, creased, 3))
+            errors.append(np.sqrt(((shown - truth) ** 2).mean() / ((sampled - truth) ** 2).mean()))
+        left.append(np.mean(errors))
+    assert left[0] < 1.1 * left[1]
+    assert left[0] < 0.3
+
+
 @pytest.mark.parametrize(("height", "width"), [(2, 9), (9, 2), (12, 20), (3, 3)])
 def test_corners_stay(height: int, width: int) -> None:
     """A window whose sides lie along rows and columns keeps every pixel."""
