@@ -50,7 +50,7 @@ def test_land_reflects_what_was_measured(surface: str, tmp_path: Path) -> None:
     material = _material(surface, tmp_path)
     assert material.is_matt
     assert material.base_texture is not None
-    coded = cv2.imread(material.base_texture.file)[..., ::-1] / 255.0
+    coded = np.asarray(cv2.imread(material.base_texture.file))[..., ::-1] / 255.0
     mean = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4).mean(axis=(0, 1))
     low, high = LAND[surface]
     assert (mean >= low).all(), mean

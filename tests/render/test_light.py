@@ -69,7 +69,7 @@ def test_lambert_cosine_of_the_sun(gl: Gl, ideal: RenderSettings) -> None:
 def test_a_matt_surface_mirrors_nothing(gl: Gl, ideal: RenderSettings, height: float) -> None:
     """From any height, also towards a low sun, it has the radiance of Lambert's law: all qualities agree with it.
 
-    With the shine of a dielectric, earth seen at 2 degrees towards the sun is a half brighter.
+    With the shine of a dielectric, turf seen at 2 degrees towards the sun is several times as bright.
     """
     albedo, sun = np.array([0.06, 0.08, 0.036]), np.array([3.0, 2.0, 1.0])
     material = Material("turf", base_color=(0.06, 0.08, 0.036), roughness=0.9, specular=(0.0, 0.0, 0.0))

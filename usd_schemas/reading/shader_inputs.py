@@ -103,7 +103,8 @@ def shine_by_ior(surface: UsdShade.Shader) -> tuple[float, float, float] | None:
     value = max(number_of(index, GLASS), 0.0)
     if index.shader or metallic.shader or number_of(metallic, 0.0) != 0.0 or abs(value - GLASS) <= _NEAR:
         return None
-    return (((1.0 - value) / (1.0 + value)) ** 2,) * 3
+    share = ((1.0 - value) / (1.0 + value)) ** 2
+    return share, share, share
 
 
 def channel_of(output: str) -> int | None:
