@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from authoring.backgrounds.boats import ferry, freighter, motor_boat
+from authoring.backgrounds.byways import lane_byways, road_byways
+from authoring.backgrounds.drives import draw_drives, drive_circles, drive_pieces
 from authoring.backgrounds.dwellings import Style, draw_designs, dwelling_runs, halves
 from authoring.backgrounds.harbour import container_stacks, crane, draw_sheds
 from authoring.backgrounds.hillside_land import BUILT, FOOT, QUAY, draw_sea, hillside_hills
@@ -117,7 +119,12 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
     )
     place = Waterside(terrain, sea, reaches, PREFIX)
     plots = _plots(place, (*lanes, *streets), terraces, settings, halves(designs), rng)
-    town = Town(designs, plots, (*lanes, *streets), terraces)
+    ways, quays = ways_to_water(terrain, sea), quay_pieces(terrain, sea, reaches)
+    roads = road_byways(terrain, [*ways, *((prim, kind, role, mesh) for prim, kind, role, _, mesh in quays)], 0.0)
+    byways = [*roads, *lane_byways(terrain, lanes, True), *lane_byways(terrain, streets, False)]
+    blocks = (plots.which >= SHEDS) & (plots.which < SHEDS + BLOCKS)
+    drives = draw_drives(terrain, byways, plots, blocks, lane_byways(terrain, terraces, True))
+    town = Town(designs, plots, (*lanes, *streets), terraces, drive_circles(terrain, drives))
     woods = Woods(
         draw_stands(rng), (BUILT - 60.0, BUILT + 140.0), (OAK, LIME, SPRUCE), 480.0, 0.0, 165.0, settings.trees
     )
@@ -127,10 +134,11 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
         *_town_covers(terrain, sea, draw_relief(((34.0, 1.0), (13.0, 0.6)), rng)),
         *crops,
     )
-    pieces = shore_pieces(terrain, sea, covers) + quay_pieces(terrain, sea, reaches) + lane_pieces(terrain, lanes)
+    pieces = shore_pieces(terrain, sea, covers) + quays + lane_pieces(terrain, lanes)
     pieces += lane_pieces(terrain, terraces, ("Terrace", "ground", "grass"), "concrete")
     pieces += lane_pieces(terrain, streets, ("Street", "road", "asphalt"), None)
-    pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in ways_to_water(terrain, sea)]
+    pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in ways]
+    pieces += drive_pieces(terrain, drives, rng)
     components = [
         Component(f"{PREFIX}_{prim}", kind, role, group, mesh, FIRST_BACKGROUND_ID + number)
         for number, (prim, kind, role, group, mesh) in enumerate(pieces)
@@ -138,7 +146,7 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
     first_id = FIRST_BACKGROUND_ID + len(components)
     runs = _repeats(place, town, woods, settings, rng, first_id)
     first_id += sum(len(run.instance_ids) for run in runs)
-    hedges = plant_hedges(terrain, parcels, plots.taken(), HEDGES, rng, first_id)
+    hedges = plant_hedges(terrain, parcels, np.concatenate([plots.taken(), town.drives]), HEDGES, rng, first_id)
     return (*components, *runs, *(replace(run, name=f"{PREFIX}_FieldHedges") for run in hedges))
 
 
@@ -164,7 +172,7 @@ def _repeats(
     runs += street_cars(place, town.lanes, rng, ahead())
     promenade = quay_places(terrain, sea, reaches, 10.5, 30.0)[:0]
     runs += green_runs(place, town, woods, promenade, rng, ahead())
-    runs += [replace(run, name=f"{PREFIX}_Poles") for run in plant_poles(terrain, ahead(), rng)]
+    runs += [replace(run, name=f"{PREFIX}_Poles") for run in plant_poles(terrain, ahead(), rng, town.drives)]
     return runs
 
 
