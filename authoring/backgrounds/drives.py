@@ -29,7 +29,9 @@ HALF = 1.4  # half the width of a drive [m]
 LONGEST, SHORTEST = 75.0, 2.5  # of drives [m]
 NEAR = 330.0  # distance from the site up to which buildings have one [m]
 TRIED = 3  # roads that are tried for each building
+SPOT = 1.5  # radius of a circle over a paved place [m]
 BESIDE = 0.6  # between a drive and a wall [m]
+HIGHEST = 1.3  # of a road above the ground beside it where a drive leaves it [m]
 STEEPEST = 0.30  # largest grade [1]
 
 
@@ -58,7 +60,7 @@ class Drive:
 
 def draw_drives(
     terrain: Terrain, byways: list[Byway], plots: Plots, wanted: B, barred: list[Byway]
-) -> tuple[Drive, ...]:
+) -> tuple[tuple[Drive, ...], B]:
     """Lead a drive from one of the nearest roads to the side of each building near the site.
 
     Args:
@@ -69,12 +71,14 @@ def draw_drives(
         barred: Terraces, which no drive crosses.
 
     Returns:
-        Drives that cross no building, road or other drive and are not too steep; a building that none fits has none.
+        Drives that cross no building, road or other drive and are not too steep; which buildings may stand, shape (N,),
+        bool: all but those that should have a drive and that none reaches.
     """
     away = terrain.beyond(plots.places[:, 0], plots.places[:, 1])
     order = [number for number in np.argsort(away, kind="stable") if wanted[number] and away[number] < NEAR]
     if not order or not byways:
-        return ()
+        return (), np.ones(len(wanted), bool)
+    standing = np.ones(len(wanted), bool)
     rows = np.array(rectangles(terrain, plots))
     nearest = [nearest_edge([byway], rows[:, :2]) for byway in byways]
     drives: list[Drive] = []
@@ -86,7 +90,9 @@ def draw_drives(
             if drive is not None and _fits(terrain, [*byways, *barred], drive, taken):
                 drives.append(drive)
                 break
-    return tuple(drives)
+        else:
+            standing[number] = False
+    return tuple(drives), standing
 
 
 def drive_pieces(terrain: Terrain, drives: tuple[Drive, ...], rng: np.random.Generator) -> list[GroundPiece]:
@@ -112,7 +118,7 @@ def drive_pieces(terrain: Terrain, drives: tuple[Drive, ...], rng: np.random.Gen
 
 
 def drive_circles(terrain: Terrain, drives: tuple[Drive, ...]) -> F64:
-    """Cover drives with circles, for what is placed after them.
+    """Cover drives and the paved places at their ends with circles, for what is placed after them.
 
     Args:
         terrain: The terrain.
@@ -121,10 +127,26 @@ def drive_circles(terrain: Terrain, drives: tuple[Drive, ...]) -> F64:
     Returns:
         Station, left and radius of each circle [m], shape (K, 3), float64.
     """
-    places = np.concatenate([np.zeros((0, 2)), *(resampled(drive.path, 2.0) for drive in drives)])
-    if not len(places):
+    if not drives:
         return np.zeros((0, 3))
-    return np.column_stack([*located(terrain, places), np.full(len(places), HALF + 0.7)])
+    rows = [np.zeros((0, 3))]
+    for drive in drives:
+        path = resampled(drive.path, 2.0)
+        (x, y, turn), (first, last, low, high) = drive.place
+        across = np.linspace(first, last, int((last - first) / SPOT) + 2)
+        grid = np.stack(np.meshgrid(across, np.linspace(low, high, int((high - low) / SPOT) + 2)), axis=-1)
+        cosine, sine = np.cos(turn), np.sin(turn)
+        spots = np.array([x, y]) + grid.reshape(-1, 2) @ np.array([[cosine, sine], [-sine, cosine]])
+        rows.append(np.column_stack([path, np.full(len(path), HALF + 0.7)]))
+        rows.append(np.column_stack([spots, np.full(len(spots), SPOT)]))
+    circles = np.concatenate(rows)
+    return np.column_stack([*located(terrain, circles[:, :2]), circles[:, 2]])
+
+
+def drive_gates(terrain: Terrain, drives: tuple[Drive, ...]) -> F64:
+    """List where drives leave their roads: station and left [m], shape (N, 2), float64."""
+    joints = np.array([drive.path[0] for drive in drives]).reshape(-1, 2)
+    return np.column_stack(located(terrain, joints))
 
 
 def _beside(byways: list[Byway], row: F64, edge: F64, side: float) -> Drive | None:
@@ -164,4 +186,5 @@ def _fits(terrain: Terrain, byways: list[Byway], drive: Drive, taken: F64) -> bo
     if len(steps) > 1 and (np.abs(np.diff(height))[1:] / steps[1:]).max() > STEEPEST:
         return False
     reach = min(len(path) - 1, 5)
-    return bool(abs(height[reach] - drive.height) < STEEPEST * steps[:reach].sum())
+    level = abs(height[min(len(path) - 1, 1)] - drive.height) < HIGHEST
+    return bool(level and abs(height[reach] - drive.height) < STEEPEST * steps[:reach].sum())

@@ -8,13 +8,13 @@ from pydantic import Field
 
 from authoring.backgrounds.boats import ferry, freighter, motor_boat
 from authoring.backgrounds.byways import lane_byways, road_byways
-from authoring.backgrounds.drives import draw_drives, drive_circles, drive_pieces
+from authoring.backgrounds.drives import draw_drives, drive_circles, drive_gates, drive_pieces
 from authoring.backgrounds.dwellings import Style, draw_designs, dwelling_runs, halves
 from authoring.backgrounds.harbour import container_stacks, crane, draw_sheds
 from authoring.backgrounds.hillside_land import BUILT, FOOT, QUAY, draw_sea, hillside_hills
 from authoring.backgrounds.lanes import Lane, along_lanes, draw_lanes, lane_pieces, lane_room, street_gap
 from authoring.backgrounds.lowland import valley_fields
-from authoring.backgrounds.plots import Candidates, Plots, downhill, joined, place_plots
+from authoring.backgrounds.plots import Candidates, Plots, chosen, downhill, joined, place_plots
 from authoring.backgrounds.roadside import plant_hedges, plant_poles
 from authoring.backgrounds.shore_quay import quay_pieces, quay_places, quay_reaches, quay_runs
 from authoring.backgrounds.shore_town import Town, Waterside, anchored, beside_roads, land_room, street_cars
@@ -121,9 +121,10 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
     plots = _plots(place, (*lanes, *streets), terraces, settings, halves(designs), rng)
     ways, quays = ways_to_water(terrain, sea), quay_pieces(terrain, sea, reaches)
     roads = road_byways(terrain, [*ways, *((prim, kind, role, mesh) for prim, kind, role, _, mesh in quays)], 0.0)
-    byways = [*roads, *lane_byways(terrain, lanes, True), *lane_byways(terrain, streets, False)]
+    byways = [*roads, *lane_byways(terrain, lanes, False), *lane_byways(terrain, streets, False)]
     blocks = (plots.which >= SHEDS) & (plots.which < SHEDS + BLOCKS)
-    drives = draw_drives(terrain, byways, plots, blocks, lane_byways(terrain, terraces, True))
+    drives, reached = draw_drives(terrain, byways, plots, blocks, lane_byways(terrain, terraces, True))
+    plots = chosen(plots, reached)
     town = Town(designs, plots, (*lanes, *streets), terraces, drive_circles(terrain, drives))
     woods = Woods(
         draw_stands(rng), (BUILT - 60.0, BUILT + 140.0), (OAK, LIME, SPRUCE), 480.0, 0.0, 165.0, settings.trees
@@ -134,7 +135,9 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
         *_town_covers(terrain, sea, draw_relief(((34.0, 1.0), (13.0, 0.6)), rng)),
         *crops,
     )
-    pieces = shore_pieces(terrain, sea, covers) + quays + lane_pieces(terrain, lanes)
+    pieces = (
+        shore_pieces(terrain, sea, covers) + quays + lane_pieces(terrain, lanes, gates=drive_gates(terrain, drives))
+    )
     pieces += lane_pieces(terrain, terraces, ("Terrace", "ground", "grass"), "concrete")
     pieces += lane_pieces(terrain, streets, ("Street", "road", "asphalt"), None)
     pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in ways]

@@ -148,7 +148,7 @@ def draw_farm(rng: np.random.Generator) -> Plan:
     shed = (bx + side * 1.5, end + SHED[1] + 1.5)
     yards = [((inner, outer, 5.0, end), surface)]
     yards.append(((x - hx, x + hx, y + hy + 0.3, y + hy + 3.6), "pavement"))
-    columns = x + np.arange(-1.0, 2.0) * 6.5
+    columns = x + side * (3.0 - 6.5 * np.arange(3.0))
     rows = np.arange(y + hy + 8.0, deep - 2.5, 6.5)
     trees = [(float(a), float(b)) for b in rows for a in columns if abs(a) < wide / 2 - 2.5]
     return Plan(

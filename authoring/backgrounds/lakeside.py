@@ -8,12 +8,12 @@ from pydantic import Field
 
 from authoring.backgrounds.boats import fleet
 from authoring.backgrounds.byways import lane_byways, road_byways
-from authoring.backgrounds.drives import draw_drives, drive_circles, drive_pieces
+from authoring.backgrounds.drives import draw_drives, drive_circles, drive_gates, drive_pieces
 from authoring.backgrounds.dwellings import Style, draw_designs, dwelling_runs, halves
 from authoring.backgrounds.lakeside_land import QUAY, draw_lake, lakeside_hills
 from authoring.backgrounds.lanes import Lane, along_lanes, draw_lanes, lane_pieces, lane_room, street_gap
 from authoring.backgrounds.lowland import valley_fields
-from authoring.backgrounds.plots import Candidates, Plots, downhill, joined, place_plots
+from authoring.backgrounds.plots import Candidates, Plots, chosen, downhill, joined, place_plots
 from authoring.backgrounds.roadside import plant_hedges, plant_poles
 from authoring.backgrounds.shore_quay import SETBACK, quay_pieces, quay_places, quay_reaches, quay_runs
 from authoring.backgrounds.shore_town import Town, Waterside, anchored, beside_roads, land_room, street_cars
@@ -80,15 +80,18 @@ def build_lakeside(settings: LakesideSettings, site: Site, rng: np.random.Genera
     plots = _settlement(terrain, lake, (*lanes, *streets), settings, halves(designs), rng)
     ways, quays = ways_to_water(terrain, lake), quay_pieces(terrain, lake, reaches)
     roads = road_byways(terrain, [*ways, *((prim, kind, role, mesh) for prim, kind, role, _, mesh in quays)], 0.0)
-    byways = [*roads, *lane_byways(terrain, lanes, True), *lane_byways(terrain, streets, False)]
-    drives = draw_drives(terrain, byways, plots, np.ones(len(plots.which), bool), [])
+    byways = [*roads, *lane_byways(terrain, lanes, False), *lane_byways(terrain, streets, False)]
+    drives, reached = draw_drives(terrain, byways, plots, np.ones(len(plots.which), bool), [])
+    plots = chosen(plots, reached)
     place, town = Waterside(terrain, lake, reaches, PREFIX), Town(designs, plots, (*lanes, *streets))
     town = replace(town, drives=drive_circles(terrain, drives))
     woods = Woods(draw_stands(rng), (220.0, 1000.0), (OAK, LIME, OAK, CYPRESS, PALM), 480.0, 0.4, 4.0, settings.trees)
     parcels, crops = valley_fields(terrain, lake, plots, town.lanes, rng)
     covers = (*mountain_covers(terrain, lake, plots, woods, rng), *crops)
     pieces = shore_pieces(terrain, lake, covers) + quays
-    pieces += lane_pieces(terrain, lanes) + lane_pieces(terrain, streets, ("Street", "road", "asphalt"), None)
+    pieces += lane_pieces(terrain, lanes, gates=drive_gates(terrain, drives)) + lane_pieces(
+        terrain, streets, ("Street", "road", "asphalt"), None
+    )
     pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in ways]
     pieces += drive_pieces(terrain, drives, rng)
     components = [
@@ -134,7 +137,7 @@ def _settlement(
     wanted = wanted[rng.permutation(len(wanted))]
     candidates = Candidates(wanted, half, land_room(terrain, lake, wanted))
     first = place_plots(terrain, candidates, settings.town_houses, gap=5.0)
-    across = along_lanes(lanes, np.array([11.5, 13.0, 15.0, 17.0]), 9.0, rng)[:, :2]
+    across = along_lanes(lanes, np.array([-12.5, 11.5, 13.0, 15.0, 17.0]), 9.0, rng)[:, :2]
     far = middle + rng.uniform(-1500.0, 1500.0, 6 * settings.villas)
     shore = lake.near(far) + settings.lake_width + rng.uniform(-200.0, 350.0, len(far))
     roads = beside_roads(terrain, (24.0, 34.0), rng)

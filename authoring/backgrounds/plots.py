@@ -99,6 +99,11 @@ def place_plots(
     return Plots(np.column_stack([wanted[kept, :2], floor[kept]]), wanted[kept, 2], which[kept], half[kept])
 
 
+def chosen(plots: Plots, kept: B) -> Plots:
+    """Keep some places, shape (N,), bool."""
+    return Plots(plots.places[kept], plots.heading[kept], plots.which[kept], plots.half[kept])
+
+
 def joined(plots: tuple[Plots, ...]) -> Plots:
     """Concatenate lists of places."""
     return Plots(
