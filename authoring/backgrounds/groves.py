@@ -38,7 +38,7 @@ def garden_trees(terrain: Terrain, homesteads: tuple[Homestead, ...], rng: np.ra
     for home in homesteads:
         places = home.world(np.array(home.plan.trees).reshape(-1, 2))
         orchard = len(places) > 5
-        kinds = np.full(len(places), OAK) if orchard else rng.choice((OAK, OAK, LIME, BIRCH), len(places))
+        kinds = np.full(len(places), OAK, np.int64) if orchard else rng.choice((OAK, OAK, LIME, BIRCH), len(places))
         scale = rng.uniform(0.34, 0.42, len(places)) if orchard else rng.uniform(0.36, 0.62, len(places))
         rows.append(np.column_stack([*located(terrain, places), kinds, scale]))
     return np.concatenate(rows)

@@ -15,7 +15,7 @@ from authoring.site.plants import bush
 from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
-HEDGE_STEP = 1.5  # distance between the bushes of a garden's hedge [m]
+HEDGE_STEP = 1.9  # distance between the bushes of a garden's hedge [m]
 CLOSE = 45.0  # distance from the site up to which they are detailed [m]
 WAY = 0.9  # between a gate's edge and the middle of the next bush [m]
 LOW, HIGH = 1.15, 1.55  # smallest and largest height of a hedge [m]
@@ -74,8 +74,8 @@ def garden_runs(
         places = np.column_stack([rows[:, :2], ground(terrain, rows[:, :2]) - 0.06])
         away = terrain.beyond(*terrain.land.layout.alignment.locate(places))
         which = rng.integers(0, 3, len(rows)) + np.where(away > CLOSE, 3, 0)
-        shapes = tuple(bush(rng, leaves) for leaves in (26, 26, 26, 10, 10, 10))
-        scales = np.column_stack([np.full(len(rows), 2.0), np.full(len(rows), 1.35), rows[:, 3] * 1.15])
+        shapes = tuple(bush(rng, leaves) for leaves in (26, 26, 26, 9, 9, 9))
+        scales = np.column_stack([np.full(len(rows), 2.5), np.full(len(rows), 1.35), rows[:, 3] * 1.15])
         scales = scales * rng.uniform(0.92, 1.08, (len(rows), 3))
         half_turns = rows[:, 2] + np.pi * rng.integers(0, 2, len(rows))
         name, ids = f"{prefix}_GardenHedges", (first_id,)

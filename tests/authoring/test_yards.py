@@ -33,7 +33,6 @@ AXES = {
     "straight": Alignment(5.0),
     "bent": Alignment(5.0, plan=(Element(60.0, 1 / 150.0, 1 / 150.0),), skew=0.3),
 }
-COARSE = {"fine_spacing": 2.0, "coarse_spacing": 6.0}
 FEW = BackgroundSettings(
     lakeside=LakesideSettings(reach=2500.0, villas=90, town_houses=20, trees=500, boats=0),
     hillside=HillsideSettings(reach=2500.0, houses=120, blocks=50, sheds=4, cranes=0, trees=400),
@@ -52,7 +51,7 @@ class Hamlet:
 
 def _site(name: str) -> Site:
     layout = Layout(AXES[name], (0.0, 30.0, 60.0), 11.5, 1.9)
-    return draw_site(SiteSettings(crossing="road", **COARSE), layout, stream(4, "site"))
+    return draw_site(SiteSettings(crossing="road", fine_spacing=2.0, coarse_spacing=6.0), layout, stream(4, "site"))
 
 
 @pytest.fixture(scope="module", params=sorted(AXES))
@@ -207,7 +206,7 @@ def _within(faces: F64, place: F64) -> B:
     """Which counter-clockwise triangles in plan hold a place, shape (T,)."""
     ahead = np.roll(faces, -1, axis=1) - faces
     offset = place - faces
-    return (ahead[..., 0] * offset[..., 1] - ahead[..., 1] * offset[..., 0] > 0.0).all(axis=1)
+    return np.all(ahead[..., 0] * offset[..., 1] - ahead[..., 1] * offset[..., 0] > 0.0, axis=1)
 
 
 def _area(mesh: Mesh) -> float:
