@@ -83,18 +83,11 @@ def lane_byways(terrain: Terrain, lanes: tuple[Lane, ...], walled: bool) -> list
     Returns:
         One for each lane.
     """
-    axis = terrain.land.layout.alignment
-    return [
-        Byway(
-            *(
-                to_world(axis, np.column_stack([lane.line.offset(side), lane.crown]))
-                for side in (lane.half, -lane.half)
-            ),
-            VERGE,
-            walled,
-        )
-        for lane in lanes
-    ]
+    axis, found = terrain.land.layout.alignment, []
+    for lane in lanes:
+        edges = [np.column_stack([lane.line.offset(side), lane.crown]) for side in (lane.half, -lane.half)]
+        found.append(Byway(to_world(axis, edges[0]), to_world(axis, edges[1]), VERGE, walled))
+    return found
 
 
 def frontages(byway: Byway, step: float) -> F64:
@@ -173,7 +166,15 @@ def ground(terrain: Terrain, places: F64) -> F64:
 
 
 def located(terrain: Terrain, places: F64) -> tuple[F64, F64]:
-    """Convert world positions in plan [m], shape (N, 2), float64, to station and left [m], each of shape (N,)."""
+    """Convert world positions to bridge coordinates.
+
+    Args:
+        terrain: The terrain.
+        places: World positions in plan [m], shape (N, 2), float64.
+
+    Returns:
+        Stations and lefts [m], each of shape (N,), float64.
+    """
     return terrain.land.layout.alignment.locate(np.column_stack([places, np.zeros(len(places))]))
 
 
@@ -205,8 +206,8 @@ def laid(terrain: Terrain, path: F64, half: float, start: float | None, flare: f
     Returns:
         Its surface with flanks that reach into the ground; its edges, as of a road.
     """
-    ahead = np.gradient(path, axis=0)
-    ahead /= np.hypot(*ahead.T)[:, None]
+    ahead: F64 = np.asarray(np.gradient(path, axis=0))
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
     wide = half + flare * np.clip(1.0 - along / 5.0, 0.0, 1.0) ** 2

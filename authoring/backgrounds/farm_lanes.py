@@ -26,6 +26,7 @@ APART = 95.0  # least distance between two mouths, and of a lane to any other ro
 STEEPEST = 0.14  # largest grade [1]
 HIGHEST = 1.3  # largest height of a road above the ground beside it where something joins it [m]
 FAR = 900.0  # distance from the site at which a lane begins where no road is near [m]
+STEP_AFAR = 5.0  # distance between the points of a lane from there [m]
 REACH = 300.0  # distance from the site's middle within which lanes leave roads [m]
 
 
@@ -124,8 +125,8 @@ def _passable(terrain: Terrain, path: F64) -> bool:
     if way_room(terrain, inner).min() < 9.0:
         return False
     height = ground(terrain, path)
-    ahead = np.gradient(path, axis=0)
-    aside = np.column_stack([-ahead[:, 1], ahead[:, 0]]) / np.hypot(*ahead.T)[:, None]
+    ahead: F64 = np.asarray(np.gradient(path, axis=0))
+    aside = np.column_stack([-ahead[:, 1], ahead[:, 0]]) / np.linalg.norm(ahead, axis=1, keepdims=True)
     tilt = ground(terrain, path + 4.0 * aside) - ground(terrain, path - 4.0 * aside)
     grade = np.abs(np.diff(height[4:])) / np.hypot(*np.diff(path[4:], axis=0).T)
     return bool(grade.max() < STEEPEST and np.abs(tilt[4:]).max() < 8.0 * STEEPEST)
@@ -149,6 +150,3 @@ def _from_afar(terrain: Terrain, count: int, rng: np.random.Generator) -> list[t
         if len(lanes) < min(count, 2) and road_distance(others, path).min() > APART and _passable(terrain, path):
             lanes.append(laid(terrain, path, HALF, None))
     return lanes
-
-
-STEP_AFAR = 5.0  # distance between the points of such a lane [m]

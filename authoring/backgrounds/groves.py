@@ -34,13 +34,13 @@ def garden_trees(terrain: Terrain, homesteads: tuple[Homestead, ...], rng: np.ra
     Returns:
         Station [m], left [m], species [1] and scale [1] of each, shape (N, 4), float64.
     """
-    rows = [np.zeros((0, 4))]
+    rows: list[F64] = [np.zeros((0, 4))]
     for home in homesteads:
         places = home.world(np.array(home.plan.trees).reshape(-1, 2))
         orchard = len(places) > 5
         kinds = np.full(len(places), OAK, np.int64) if orchard else rng.choice((OAK, OAK, LIME, BIRCH), len(places))
         scale = rng.uniform(0.34, 0.42, len(places)) if orchard else rng.uniform(0.36, 0.62, len(places))
-        rows.append(np.column_stack([*located(terrain, places), kinds, scale]))
+        rows.append(np.column_stack([*located(terrain, places), kinds.astype(np.float64), scale]))
     return np.concatenate(rows)
 
 
@@ -87,7 +87,7 @@ def draw_groves(
 
 
 def _grown(places: F64, kinds: NDArray[np.int64], rng: np.random.Generator, size: tuple[float, float]) -> F64:
-    return np.column_stack([places, kinds, rng.uniform(*size, len(places))])
+    return np.column_stack([places, kinds.astype(np.float64), rng.uniform(*size, len(places))])
 
 
 def _rows(parcels: tuple[Parcel, ...], rng: np.random.Generator) -> list[F64]:

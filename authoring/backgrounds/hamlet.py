@@ -16,8 +16,9 @@ from authoring.site.covers import to_world, turn
 
 F64 = NDArray[np.float64]
 RADIUS = 12.5  # circle that holds any building [m]
-FARTHEST = 300.0  # from the bridge's middle [m]
+FARTHEST = 360.0  # of a drive from the bridge's middle [m]
 FARMS = 0.14  # share of the buildings that are pairs of a farmhouse and a barn, half of it [1]
+TRIALS = 3  # plans of a house that are tried at each place
 ROOM = 7.5  # least distance of a lot to the ways that are not its own lane [m]
 HEDGE = 2.0  # least distance between two lots, and of a lot to a lane [m]
 
@@ -56,7 +57,8 @@ def draw_hamlet(
             if farm is not None:
                 found.append(farm)
                 farms, built = farms - 1, built + 2
-    for row in np.argsort(near * rng.uniform(0.3, 1.0, len(near)), kind="stable"):
+    order = np.argsort(near * rng.uniform(0.3, 1.0, len(near)), kind="stable")
+    for row in np.tile(order, TRIALS):
         if built < count:
             house = _placed(terrain, draw_cottage, places[row], (roads, lanes), found, rng)
             if house is not None:

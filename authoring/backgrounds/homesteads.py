@@ -65,23 +65,51 @@ class Homestead:
     houses: tuple[House, ...]
 
     def world(self, local: F64) -> F64:
-        """Place local positions in plan [m], shape (N, 2), float64."""
+        """Place local positions in the world.
+
+        Args:
+            local: Local x and y [m], shape (N, 2), float64.
+
+        Returns:
+            World positions in plan [m], shape (N, 2), float64.
+        """
         cosine, sine = np.cos(self.turn), np.sin(self.turn)
         return self.origin + local @ np.array([[cosine, sine], [-sine, cosine]])
 
     def local(self, world: F64) -> F64:
-        """Convert world positions in plan to local ones [m], shape (N, 2), float64."""
+        """Convert world positions to local ones.
+
+        Args:
+            world: World positions in plan [m], shape (N, 2), float64.
+
+        Returns:
+            Local x and y [m], shape (N, 2), float64.
+        """
         cosine, sine = np.cos(self.turn), np.sin(self.turn)
         return (world - self.origin) @ np.array([[cosine, -sine], [sine, cosine]])
 
     def row(self, margin: float = 0.0) -> F64:
-        """Return middle [m], turn [rad] and half sizes [m] of the lot with a margin, shape (5,), float64."""
+        """Return the lot as a rectangle.
+
+        Args:
+            margin: Added on every side [m].
+
+        Returns:
+            Middle [m], turn [rad] and half sizes [m], shape (5,), float64.
+        """
         wide, deep = self.plan.size
         middle = self.world(np.array([[0.0, deep / 2]]))[0]
         return np.array([*middle, self.turn, wide / 2 + margin, deep / 2 + margin])
 
     def inside(self, world: F64) -> F64:
-        """Compute the depth of positions within the lot, negative outside [m], shape (N,), float64."""
+        """Compute the depth of positions within the lot.
+
+        Args:
+            world: World positions in plan [m], shape (N, 2), float64.
+
+        Returns:
+            Distances to its border, negative outside [m], shape (N,), float64.
+        """
         wide, deep = self.plan.size
         x, y = self.local(world).T
         return np.minimum(wide / 2 - np.abs(x), deep / 2 - np.abs(y - deep / 2))

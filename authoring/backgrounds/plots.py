@@ -139,7 +139,7 @@ def rectangles(terrain: Terrain, plots: Plots) -> list[F64]:
         plots: Their places.
 
     Returns:
-        One row for each, of shape (5,), float64.
+        x, y [m], turn [rad] and half sizes [m], one row for each, of shape (5,), float64.
     """
     axis = terrain.land.layout.alignment
     world, yaw = to_world(axis, plots.places), plots.heading + axis.heading_at(plots.places[:, 0])
@@ -151,7 +151,7 @@ def overlap(one: F64, others: F64) -> B:
 
     Args:
         one: Middle [m], turn [rad] and half sizes [m] of the rectangle, shape (5,), float64.
-        others: The same of others, shape (N, 5), float64.
+        others: Middles [m], turns [rad] and half sizes [m] of others, shape (N, 5), float64.
 
     Returns:
         Whether it touches each, shape (N,), bool.
