@@ -94,7 +94,7 @@ def build_countryside(
     def ahead() -> int:
         return FIRST_BACKGROUND_ID + len(components) + len(things)
 
-    groves = draw_groves(terrain, parcels, lanes, taken, settings.trees, rng, forests.field)
+    groves = draw_groves(terrain, parcels, lanes, taken, settings.trees, rng, outside=forests.field)
     trees = np.concatenate([groves, garden_trees(terrain, homes, rng)])
     things += tree_runs(terrain, trees, rng, ahead())
     things += plant_hedges(terrain, parcels, taken, settings.hedge_bushes, rng, ahead())

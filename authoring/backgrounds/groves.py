@@ -51,6 +51,7 @@ def draw_groves(
     taken: F64,
     count: int,
     rng: np.random.Generator,
+    *,
     outside: Hills,
 ) -> F64:
     """Draw groups of trees; groups are kept or left out as a whole, the nearer ones first.

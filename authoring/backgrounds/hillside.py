@@ -8,7 +8,7 @@ from pydantic import Field
 
 from authoring.backgrounds.boats import ferry, freighter, motor_boat
 from authoring.backgrounds.byways import lane_byways, road_byways
-from authoring.backgrounds.drives import draw_drives, drive_circles, drive_gates, drive_pieces
+from authoring.backgrounds.drives import Drive, draw_drives, drive_circles, drive_gates, drive_pieces
 from authoring.backgrounds.dwellings import Style, draw_designs, dwelling_runs, halves
 from authoring.backgrounds.harbour import container_stacks, crane, draw_sheds
 from authoring.backgrounds.hillside_land import BUILT, FOOT, QUAY, draw_sea, hillside_hills
@@ -25,6 +25,7 @@ from authoring.backgrounds.woods import LIME, OAK, SPRUCE
 from authoring.shapes.component import FIRST_BACKGROUND_ID, Component, Scatter
 from authoring.site.covers import Cover, to_world
 from authoring.site.relief import Relief, draw_relief
+from authoring.site.roads import Piece
 from authoring.site.site import Site
 from groundwork.settings import Settings
 
@@ -120,11 +121,9 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
     place = Waterside(terrain, sea, reaches, PREFIX)
     plots = _plots(place, (*lanes, *streets), terraces, settings, halves(designs), rng)
     ways, quays = ways_to_water(terrain, sea), quay_pieces(terrain, sea, reaches)
-    roads = road_byways(terrain, [*ways, *((prim, kind, role, mesh) for prim, kind, role, _, mesh in quays)], 0.0)
-    byways = [*roads, *lane_byways(terrain, lanes, False), *lane_byways(terrain, streets, False)]
-    blocks = (plots.which >= SHEDS) & (plots.which < SHEDS + BLOCKS)
-    drives, reached = draw_drives(terrain, byways, plots, blocks, lane_byways(terrain, terraces, True))
-    plots = chosen(plots, reached)
+    drives, plots = _drives(
+        terrain, [*ways, *((*piece[:3], piece[4]) for piece in quays)], (lanes, streets, terraces), plots
+    )
     town = Town(designs, plots, (*lanes, *streets), terraces, drive_circles(terrain, drives))
     woods = Woods(
         draw_stands(rng), (BUILT - 60.0, BUILT + 140.0), (OAK, LIME, SPRUCE), 480.0, 0.0, 165.0, settings.trees
@@ -151,6 +150,17 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
     first_id += sum(len(run.instance_ids) for run in runs)
     hedges = plant_hedges(terrain, parcels, np.concatenate([plots.taken(), town.drives]), HEDGES, rng, first_id)
     return (*components, *runs, *(replace(run, name=f"{PREFIX}_FieldHedges") for run in hedges))
+
+
+def _drives(
+    terrain: Terrain, ways: list[Piece], lanes: tuple[tuple[Lane, ...], ...], plots: Plots
+) -> tuple[tuple[Drive, ...], Plots]:
+    """Lead drives to the blocks from roads, lanes and streets, not over terraces; leave out blocks without one."""
+    slope, streets, terraces = (lane_byways(terrain, some, False) for some in lanes)
+    byways = [*road_byways(terrain, ways, 0.0), *slope, *streets]
+    blocks = (plots.which >= SHEDS) & (plots.which < SHEDS + BLOCKS)
+    drives, reached = draw_drives(terrain, byways, plots, blocks, terraces)
+    return drives, chosen(plots, reached)
 
 
 def _repeats(

@@ -115,8 +115,8 @@ def lane_pieces(
         lanes: The lanes.
         surface: Name, component kind and material recipe of their surface.
         wall_role: Material recipe of the walls, None on level land.
-        gates: Station and left of places on lower edges where a drive leaves and the parapet has a gap [m], shape (G, 2),
-            float64.
+        gates: Station and left of places on lower edges where a drive leaves [m], shape (G, 2), float64; the
+            parapet has gaps there.
 
     Returns:
         Name, component kind, material recipe, group and mesh of each piece.

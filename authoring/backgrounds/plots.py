@@ -100,7 +100,12 @@ def place_plots(
 
 
 def chosen(plots: Plots, kept: B) -> Plots:
-    """Keep some places, shape (N,), bool."""
+    """Keep some places.
+
+    Args:
+        plots: The places.
+        kept: Which of them are kept, shape (N,), bool.
+    """
     return Plots(plots.places[kept], plots.heading[kept], plots.which[kept], plots.half[kept])
 
 
