@@ -186,7 +186,7 @@ def assert_closed(mesh: Mesh) -> None:
 
 
 def test_triangles_are_sound_and_few(world: World) -> None:
-    """No degenerate triangle, unit normals, a plain model within 400 triangles, site and background within 540,000."""
+    """No degenerate triangle, unit normals, a plain model within 400 triangles, site and background within 600,000."""
     site, pieces = world
     total = 0
     for piece in (*site.pieces, *pieces):
@@ -207,7 +207,7 @@ def test_triangles_are_sound_and_few(world: World) -> None:
             np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-5)
             total += weight * len(corner)
     # Hedges on and round the site are 52,000 of them, tufts with two sides 51,000, homesteads 110,000.
-    assert total <= 540_000
+    assert total <= 600_000
 
 
 def test_pieces_carry_known_names_and_ids(world: World) -> None:
