@@ -49,40 +49,25 @@ class House:
         return self.storeys * STOREY + (1.6 if self.barn else 0.3)
 
 
-def draw_house(
-    place: tuple[float, float], heading: float, levels: tuple[float, float], rng: np.random.Generator
-) -> House:
-    """Draw a building for a place.
+def draw_house(barn: bool, rng: np.random.Generator) -> House:
+    """Draw a building; it stands on the origin until it gets a place.
 
     Args:
-        place: Station and left of its middle [m].
-        heading: Direction of its ridge from the axis [rad].
-        levels: World heights of its floor and of its walls' foot in the ground [m].
+        barn: It is a barn.
         rng: Random stream.
 
     Returns:
-        The building; about every fifth is a barn.
+        The building.
     """
-    barn = bool(rng.uniform() < 0.2)
     length, width = (
-        (rng.uniform(14.0, 22.0), rng.uniform(9.0, 12.0)) if barn else (rng.uniform(9.0, 14.5), rng.uniform(7.0, 9.5))
+        (rng.uniform(14.0, 20.0), rng.uniform(9.0, 11.5)) if barn else (rng.uniform(9.0, 14.0), rng.uniform(7.0, 9.0))
     )
     storeys = 1 if barn else int(rng.integers(1, 3))
     wall = (
         ("painted_metal", "brick")[rng.integers(0, 2)] if barn else ("plaster", "plaster", "brick")[rng.integers(0, 3)]
     )
-    return House(
-        float(place[0]),
-        float(place[1]),
-        heading,
-        *levels,
-        float(length),
-        float(width),
-        storeys,
-        float(rng.uniform(0.4, 0.55) if barn else rng.uniform(0.65, 1.0)),
-        wall,
-        barn,
-    )
+    pitch = float(rng.uniform(0.4, 0.55) if barn else rng.uniform(0.65, 1.0))
+    return House(0.0, 0.0, 0.0, 0.0, 0.0, float(length), float(width), storeys, pitch, wall, barn)
 
 
 def house_pieces(house: House, rng: np.random.Generator) -> list[tuple[str, str, str, Mesh]]:

@@ -1,24 +1,34 @@
 """The background `countryside`: rolling fields, hedges, woods and a hamlet; river and roads continue."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from authoring.backgrounds.byways import Byway, located, road_byways
 from authoring.backgrounds.far_ways import far_ways
+from authoring.backgrounds.farm_lanes import draw_farm_lanes
 from authoring.backgrounds.forests import draw_forests
-from authoring.backgrounds.hamlet import RADIUS, draw_hamlet, hamlet_components
-from authoring.backgrounds.parcels import crop_fields, draw_parcels, uncropped
+from authoring.backgrounds.groves import draw_groves, garden_trees
+from authoring.backgrounds.hamlet import draw_hamlet, hamlet_components, kept_off, occupied
+from authoring.backgrounds.homesteads import Homestead
+from authoring.backgrounds.parcels import Parcel, crop_fields, draw_parcels
 from authoring.backgrounds.roadside import plant_hedges, plant_poles
-from authoring.backgrounds.terrain import grow_terrain, rolling_hills
-from authoring.backgrounds.vegetation import plant_trees
+from authoring.backgrounds.terrain import Terrain, grow_terrain, rolling_hills
+from authoring.backgrounds.vegetation import tree_runs
 from authoring.backgrounds.wayside import drive_cars, plant_fences
+from authoring.backgrounds.yards import garden_runs, yard_components
 from authoring.shapes.component import FIRST_BACKGROUND_ID, Component, Scatter
-from authoring.site.covers import chunked, covered, drape
+from authoring.site.covers import Cover, chunked, covered, drape
 from authoring.site.site import Site
 from groundwork.settings import Settings
 
 F64 = NDArray[np.float64]
 FIELDS = (1500.0, 1400.0)  # extent of fields along the axis and to its sides [m]
+VERGE = 10.5  # distance from the edge of a road to the gardens beside it [m]
+BESIDE = 4.0  # distance of crops from gardens and lanes [m]
+LANES = 3  # lanes of the hamlet
 FORESTS = 330.0  # distance of the nearest forest from the site [m]
 
 
@@ -32,7 +42,12 @@ class CountrysideSettings(Settings):
     buildings: int = Field(default=26, ge=0, le=60, description="Number of buildings; fewer where there is no room [1]")
     hedge_bushes: int = Field(default=170, ge=0, le=3000, description="Largest number of bushes in hedges [1]")
     vehicles: int = Field(default=14, ge=0, le=200, description="Number of vehicles on the approach roads [1]")
-    trees: int = Field(default=380, ge=0, le=2000, description="Number of trees; fewer where there is no room [1]")
+    trees: int = Field(
+        default=520,
+        ge=0,
+        le=2000,
+        description="Number of trees outside gardens; fewer where there is no room [1]",
+    )
 
 
 def build_countryside(
@@ -53,24 +68,50 @@ def build_countryside(
     forests = draw_forests(site.land, inner, FORESTS, rng)
     hills = forests.over(rolling_hills(site.land, inner, settings.hills, rng))
     terrain = grow_terrain(site, hills, settings.reach)
-    houses = draw_hamlet(terrain, settings.buildings, rng)
-    taken = np.array([(house.station, house.left, RADIUS - 3.0) for house in houses]).reshape(-1, 3)
-    parcels = uncropped(draw_parcels(terrain, rng, FIELDS), taken)
+    ways = far_ways(terrain)
+    roads = road_byways(terrain, ways, VERGE)
+    laid = draw_farm_lanes(terrain, roads, LANES, rng)
+    lanes = [lane for _, lane in laid]
+    homes = draw_hamlet(terrain, roads, lanes, settings.buildings, rng)
+    taken = occupied(terrain, homes, lanes)
+    parcels, crops = _fields(terrain, homes, lanes, rng)
     pieces = [
         (name, cover.kind, cover.role, "Ground", drape(chunk, axis, terrain.atlas(chunk)))
-        for cover, soup in covered(terrain.soup((forests.cover(terrain), *crop_fields(terrain, parcels))))
+        for cover, soup in covered(terrain.soup((forests.cover(terrain), *crops)))
         for name, chunk in chunked(cover.prim, soup)
     ]
-    pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in far_ways(terrain)]
+    pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in ways]
+    paving = str(rng.choice(("asphalt", "gravel")))
+    pieces += [(f"Lane_{number}", "road", paving, "Ways", mesh) for number, (mesh, _) in enumerate(laid)]
     components = [
         Component(f"Countryside_{prim}", kind, role, group, mesh, FIRST_BACKGROUND_ID + number)
         for number, (prim, kind, role, group, mesh) in enumerate(pieces)
     ]
-    components += hamlet_components(terrain, houses, rng, FIRST_BACKGROUND_ID + len(components))
-    number = FIRST_BACKGROUND_ID + len(components)
-    plants = list(plant_trees(terrain, parcels, taken, settings.trees, rng, number, outside=forests.field))
-    plants += plant_hedges(terrain, parcels, taken, settings.hedge_bushes, rng, number + len(plants))
-    things = [*plants, *plant_poles(terrain, FIRST_BACKGROUND_ID + len(components) + len(plants), rng)]
-    things += plant_fences(terrain, rng, FIRST_BACKGROUND_ID + len(components) + len(things))
-    things += drive_cars(terrain, settings.vehicles, rng, FIRST_BACKGROUND_ID + len(components) + len(things))
+    components += hamlet_components(terrain, homes, rng, FIRST_BACKGROUND_ID + len(components))
+    components += yard_components(terrain, "Countryside", homes, FIRST_BACKGROUND_ID + len(components))
+    things: list[Scatter] = []
+
+    def ahead() -> int:
+        return FIRST_BACKGROUND_ID + len(components) + len(things)
+
+    groves = draw_groves(terrain, parcels, lanes, taken, settings.trees, rng, outside=forests.field)
+    trees = np.concatenate([groves, garden_trees(terrain, homes, rng)])
+    things += tree_runs(terrain, trees, rng, ahead())
+    things += plant_hedges(terrain, parcels, taken, settings.hedge_bushes, rng, ahead())
+    things += garden_runs(terrain, "Countryside", homes, rng, ahead())
+    things += plant_poles(terrain, ahead(), rng, taken)
+    things += plant_fences(terrain, taken, rng, ahead())
+    things += drive_cars(terrain, settings.vehicles, rng, ahead())
     return (*components, *things)
+
+
+def _fields(
+    terrain: Terrain, homes: tuple[Homestead, ...], lanes: list[Byway], rng: np.random.Generator
+) -> tuple[tuple[Parcel, ...], tuple[tuple[Cover, F64], ...]]:
+    """Draw fields, and the extents of their crops: none on lots and lanes, nor on a field with several lots."""
+    drawn = draw_parcels(terrain, rng, FIELDS)
+    middles = np.array([(*located(terrain, home.row()[None, :2]),) for home in homes]).reshape(-1, 2)
+    lots = [int((parcel.inside(*middles.T) > 0.0).sum()) for parcel in drawn]
+    parcels = tuple(replace(parcel, crop="") if many > 2 else parcel for parcel, many in zip(drawn, lots, strict=True))
+    free = kept_off(terrain, homes, lanes, BESIDE)
+    return parcels, tuple((cover, np.minimum(values, free)) for cover, values in crop_fields(terrain, parcels))

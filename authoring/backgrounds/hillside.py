@@ -7,12 +7,14 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from authoring.backgrounds.boats import ferry, freighter, motor_boat
+from authoring.backgrounds.byways import lane_byways, road_byways
+from authoring.backgrounds.drives import Drive, draw_drives, drive_circles, drive_gates, drive_pieces
 from authoring.backgrounds.dwellings import Style, draw_designs, dwelling_runs, halves
 from authoring.backgrounds.harbour import container_stacks, crane, draw_sheds
 from authoring.backgrounds.hillside_land import BUILT, FOOT, QUAY, draw_sea, hillside_hills
 from authoring.backgrounds.lanes import Lane, along_lanes, draw_lanes, lane_pieces, lane_room, street_gap
 from authoring.backgrounds.lowland import valley_fields
-from authoring.backgrounds.plots import Candidates, Plots, downhill, joined, place_plots
+from authoring.backgrounds.plots import Candidates, Plots, chosen, downhill, joined, place_plots
 from authoring.backgrounds.roadside import plant_hedges, plant_poles
 from authoring.backgrounds.shore_quay import quay_pieces, quay_places, quay_reaches, quay_runs
 from authoring.backgrounds.shore_town import Town, Waterside, anchored, beside_roads, land_room, street_cars
@@ -23,6 +25,7 @@ from authoring.backgrounds.woods import LIME, OAK, SPRUCE
 from authoring.shapes.component import FIRST_BACKGROUND_ID, Component, Scatter
 from authoring.site.covers import Cover, to_world
 from authoring.site.relief import Relief, draw_relief
+from authoring.site.roads import Piece
 from authoring.site.site import Site
 from groundwork.settings import Settings
 
@@ -117,7 +120,11 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
     )
     place = Waterside(terrain, sea, reaches, PREFIX)
     plots = _plots(place, (*lanes, *streets), terraces, settings, halves(designs), rng)
-    town = Town(designs, plots, (*lanes, *streets), terraces)
+    ways, quays = ways_to_water(terrain, sea), quay_pieces(terrain, sea, reaches)
+    drives, plots = _drives(
+        terrain, [*ways, *((*piece[:3], piece[4]) for piece in quays)], (lanes, streets, terraces), plots
+    )
+    town = Town(designs, plots, (*lanes, *streets), terraces, drive_circles(terrain, drives))
     woods = Woods(
         draw_stands(rng), (BUILT - 60.0, BUILT + 140.0), (OAK, LIME, SPRUCE), 480.0, 0.0, 165.0, settings.trees
     )
@@ -127,10 +134,13 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
         *_town_covers(terrain, sea, draw_relief(((34.0, 1.0), (13.0, 0.6)), rng)),
         *crops,
     )
-    pieces = shore_pieces(terrain, sea, covers) + quay_pieces(terrain, sea, reaches) + lane_pieces(terrain, lanes)
+    pieces = (
+        shore_pieces(terrain, sea, covers) + quays + lane_pieces(terrain, lanes, gates=drive_gates(terrain, drives))
+    )
     pieces += lane_pieces(terrain, terraces, ("Terrace", "ground", "grass"), "concrete")
     pieces += lane_pieces(terrain, streets, ("Street", "road", "asphalt"), None)
-    pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in ways_to_water(terrain, sea)]
+    pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in ways]
+    pieces += drive_pieces(terrain, drives, rng)
     components = [
         Component(f"{PREFIX}_{prim}", kind, role, group, mesh, FIRST_BACKGROUND_ID + number)
         for number, (prim, kind, role, group, mesh) in enumerate(pieces)
@@ -138,8 +148,19 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
     first_id = FIRST_BACKGROUND_ID + len(components)
     runs = _repeats(place, town, woods, settings, rng, first_id)
     first_id += sum(len(run.instance_ids) for run in runs)
-    hedges = plant_hedges(terrain, parcels, plots.taken(), HEDGES, rng, first_id)
+    hedges = plant_hedges(terrain, parcels, np.concatenate([plots.taken(), town.drives]), HEDGES, rng, first_id)
     return (*components, *runs, *(replace(run, name=f"{PREFIX}_FieldHedges") for run in hedges))
+
+
+def _drives(
+    terrain: Terrain, ways: list[Piece], lanes: tuple[tuple[Lane, ...], ...], plots: Plots
+) -> tuple[tuple[Drive, ...], Plots]:
+    """Lead drives to the blocks from roads, lanes and streets, not over terraces; leave out blocks without one."""
+    slope, streets, terraces = (lane_byways(terrain, some, False) for some in lanes)
+    byways = [*road_byways(terrain, ways, 0.0), *slope, *streets]
+    blocks = (plots.which >= SHEDS) & (plots.which < SHEDS + BLOCKS)
+    drives, reached = draw_drives(terrain, byways, plots, blocks, terraces)
+    return drives, chosen(plots, reached)
 
 
 def _repeats(
@@ -164,7 +185,7 @@ def _repeats(
     runs += street_cars(place, town.lanes, rng, ahead())
     promenade = quay_places(terrain, sea, reaches, 10.5, 30.0)[:0]
     runs += green_runs(place, town, woods, promenade, rng, ahead())
-    runs += [replace(run, name=f"{PREFIX}_Poles") for run in plant_poles(terrain, ahead(), rng)]
+    runs += [replace(run, name=f"{PREFIX}_Poles") for run in plant_poles(terrain, ahead(), rng, town.drives)]
     return runs
 
 

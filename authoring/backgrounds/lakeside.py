@@ -7,11 +7,13 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from authoring.backgrounds.boats import fleet
+from authoring.backgrounds.byways import lane_byways, road_byways
+from authoring.backgrounds.drives import draw_drives, drive_circles, drive_gates, drive_pieces
 from authoring.backgrounds.dwellings import Style, draw_designs, dwelling_runs, halves
 from authoring.backgrounds.lakeside_land import QUAY, draw_lake, lakeside_hills
 from authoring.backgrounds.lanes import Lane, along_lanes, draw_lanes, lane_pieces, lane_room, street_gap
 from authoring.backgrounds.lowland import valley_fields
-from authoring.backgrounds.plots import Candidates, Plots, downhill, joined, place_plots
+from authoring.backgrounds.plots import Candidates, Plots, chosen, downhill, joined, place_plots
 from authoring.backgrounds.roadside import plant_hedges, plant_poles
 from authoring.backgrounds.shore_quay import SETBACK, quay_pieces, quay_places, quay_reaches, quay_runs
 from authoring.backgrounds.shore_town import Town, Waterside, anchored, beside_roads, land_room, street_cars
@@ -76,13 +78,22 @@ def build_lakeside(settings: LakesideSettings, site: Site, rng: np.random.Genera
     lanes = draw_lanes(terrain, -lake.side, LANES, 720.0, 2.4, rng)
     streets = draw_lanes(terrain, lake.side, (STREET,), 430.0, 3.2, rng, gap=street_gap(terrain))
     plots = _settlement(terrain, lake, (*lanes, *streets), settings, halves(designs), rng)
+    ways, quays = ways_to_water(terrain, lake), quay_pieces(terrain, lake, reaches)
+    roads = road_byways(terrain, [*ways, *((prim, kind, role, mesh) for prim, kind, role, _, mesh in quays)], 0.0)
+    byways = [*roads, *lane_byways(terrain, lanes, False), *lane_byways(terrain, streets, False)]
+    drives, reached = draw_drives(terrain, byways, plots, np.ones(len(plots.which), bool), [])
+    plots = chosen(plots, reached)
     place, town = Waterside(terrain, lake, reaches, PREFIX), Town(designs, plots, (*lanes, *streets))
+    town = replace(town, drives=drive_circles(terrain, drives))
     woods = Woods(draw_stands(rng), (220.0, 1000.0), (OAK, LIME, OAK, CYPRESS, PALM), 480.0, 0.4, 4.0, settings.trees)
     parcels, crops = valley_fields(terrain, lake, plots, town.lanes, rng)
     covers = (*mountain_covers(terrain, lake, plots, woods, rng), *crops)
-    pieces = shore_pieces(terrain, lake, covers) + quay_pieces(terrain, lake, reaches)
-    pieces += lane_pieces(terrain, lanes) + lane_pieces(terrain, streets, ("Street", "road", "asphalt"), None)
-    pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in ways_to_water(terrain, lake)]
+    pieces = shore_pieces(terrain, lake, covers) + quays
+    pieces += lane_pieces(terrain, lanes, gates=drive_gates(terrain, drives)) + lane_pieces(
+        terrain, streets, ("Street", "road", "asphalt"), None
+    )
+    pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in ways]
+    pieces += drive_pieces(terrain, drives, rng)
     components = [
         Component(f"{PREFIX}_{prim}", kind, role, group, mesh, FIRST_BACKGROUND_ID + number)
         for number, (prim, kind, role, group, mesh) in enumerate(pieces)
@@ -98,9 +109,9 @@ def build_lakeside(settings: LakesideSettings, site: Site, rng: np.random.Genera
     runs += street_cars(place, town.lanes, rng, ahead())
     promenade = quay_places(terrain, lake, reaches, 7.0, 9.0)
     runs += green_runs(place, town, woods, promenade, rng, ahead())
-    hedges = plant_hedges(terrain, parcels, plots.taken(), HEDGES, rng, ahead())
+    hedges = plant_hedges(terrain, parcels, np.concatenate([plots.taken(), town.drives]), HEDGES, rng, ahead())
     runs += [replace(run, name=f"{PREFIX}_FieldHedges") for run in hedges]
-    runs += [replace(run, name=f"{PREFIX}_Poles") for run in plant_poles(terrain, ahead(), rng)]
+    runs += [replace(run, name=f"{PREFIX}_Poles") for run in plant_poles(terrain, ahead(), rng, town.drives)]
     return (*components, *runs)
 
 
@@ -126,7 +137,7 @@ def _settlement(
     wanted = wanted[rng.permutation(len(wanted))]
     candidates = Candidates(wanted, half, land_room(terrain, lake, wanted))
     first = place_plots(terrain, candidates, settings.town_houses, gap=5.0)
-    across = along_lanes(lanes, np.array([-12.5, -11.0, 11.5, 13.0, 15.0]), 9.0, rng)[:, :2]
+    across = along_lanes(lanes, np.array([-12.5, 11.5, 13.0, 15.0, 17.0]), 9.0, rng)[:, :2]
     far = middle + rng.uniform(-1500.0, 1500.0, 6 * settings.villas)
     shore = lake.near(far) + settings.lake_width + rng.uniform(-200.0, 350.0, len(far))
     roads = beside_roads(terrain, (24.0, 34.0), rng)

@@ -17,6 +17,7 @@ GroundPiece = tuple[str, str, str, str, Mesh]
 STEP = 8.0  # distance between cross-sections [m]
 _CALM = 5  # cross-sections on either side over which a lane's height is smoothed
 _WALL = 0.35  # thickness of a retaining wall [m]
+GATE = 2.0  # half the width of a gap in a wall where a drive leaves the lane [m]
 _PARAPET = 0.45  # height of that wall above the lane [m]
 
 
@@ -105,6 +106,7 @@ def lane_pieces(
     lanes: tuple[Lane, ...],
     surface: tuple[str, str, str] = ("Lane", "road", "asphalt"),
     wall_role: str | None = "masonry",
+    gates: F64 | None = None,
 ) -> list[GroundPiece]:
     """Build lanes, or terraces, and their retaining walls.
 
@@ -113,13 +115,16 @@ def lane_pieces(
         lanes: The lanes.
         surface: Name, component kind and material recipe of their surface.
         wall_role: Material recipe of the walls, None on level land.
+        gates: Station and left of places on lower edges where a drive leaves [m], shape (G, 2), float64; the
+            parapet has gaps there.
 
     Returns:
         Name, component kind, material recipe, group and mesh of each piece.
     """
     axis = terrain.land.layout.alignment
     pieces: list[GroundPiece] = []
-    for number, lane in enumerate(lanes):
+    for number, whole in enumerate(lanes):
+        lane, coping = _opened(whole, np.zeros((0, 2)) if gates is None else gates)
         along, low = lane.line.length(), np.minimum(lane.foot, lane.crown) - 0.8
         top = [(lane.half, low), (lane.half, lane.crown), (-lane.half, lane.crown)]
         rows = [np.column_stack([lane.line.offset(side), level]) for side, level in top]
@@ -136,12 +141,35 @@ def lane_pieces(
                 merged([road, ribbon(axis, rows, along, (0.0, -1.0))]),
             )
             continue
-        coping, edge = lane.crown + _PARAPET, -lane.half
+        edge = -lane.half
         wall = [(edge, lane.crown - 0.2), (edge, coping), (edge - _WALL, coping), (edge - _WALL, low)]
         rows = [np.column_stack([lane.line.offset(side), level]) for side, level in wall]
         mesh = ribbon(axis, rows, along, (0.0, -0.65, -1.0, -3.0))
         pieces.append((f"{name}Wall_{number:02d}", "wall_retaining", wall_role, "Shore", mesh))
     return pieces
+
+
+def _opened(lane: Lane, gates: F64) -> tuple[Lane, F64]:
+    """Add cross-sections at gates; return the lane, and the height of its wall at its cross-sections [m]."""
+    line = lane.line
+    order = np.argsort(line.station)
+    edge = line.offset(-lane.half)[order]
+    inside = (gates[:, 0] > edge[0, 0] + 4.0) & (gates[:, 0] < edge[-1, 0] - 4.0)
+    inside &= np.abs(np.interp(gates[:, 0], edge[:, 0], edge[:, 1]) - gates[:, 1]) < 0.6
+    middles = gates[inside, 0]
+    if not len(middles):
+        return lane, lane.crown + _PARAPET
+    steps = np.array([-GATE - 0.25, -GATE, GATE, GATE + 0.25])
+    at = np.unique(np.concatenate([line.station, (middles[:, None] + steps).ravel()]))
+    at = at if line.station[0] < line.station[-1] else at[::-1]
+
+    def between(values: F64) -> F64:
+        return np.interp(at, line.station[order], values[order])
+
+    across = np.column_stack([between(line.across[:, 0]), between(line.across[:, 1])])
+    opened = Lane(Line(at, between(line.left), across), between(lane.crown), between(lane.foot), lane.half, lane.uphill)
+    gap = (np.abs(at[:, None] - middles) < GATE + 0.01).any(axis=1)
+    return opened, opened.crown + np.where(gap, -0.06, _PARAPET)
 
 
 def lane_room(lanes: tuple[Lane, ...], station: F64, left: F64) -> F64:

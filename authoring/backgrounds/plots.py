@@ -85,18 +85,28 @@ def place_plots(
     fits = (candidates.room > np.hypot(*half.T)) & (drop < deepest)
     world = to_world(terrain.land.layout.alignment, np.column_stack([wanted[:, :2], floor]))
     yaw = wanted[:, 2] + terrain.land.layout.alignment.heading_at(wanted[:, 0])
-    rows = [] if standing is None else _rectangles(terrain, standing)
+    rows = [] if standing is None else rectangles(terrain, standing)
     before = len(rows)
     kept = []
     for row in np.flatnonzero(fits):
         if len(kept) == count:
             break
         one = np.array([*world[row, :2], yaw[row], *(half[row] + gap / 2)])
-        if not rows or not _overlap(one, np.array(rows)).any():
+        if not rows or not overlap(one, np.array(rows)).any():
             rows.append(one)
             kept.append(int(row))
     del rows[:before]
     return Plots(np.column_stack([wanted[kept, :2], floor[kept]]), wanted[kept, 2], which[kept], half[kept])
+
+
+def chosen(plots: Plots, kept: B) -> Plots:
+    """Keep some places.
+
+    Args:
+        plots: The places.
+        kept: Which of them are kept, shape (N,), bool.
+    """
+    return Plots(plots.places[kept], plots.heading[kept], plots.which[kept], plots.half[kept])
 
 
 def joined(plots: tuple[Plots, ...]) -> Plots:
@@ -126,29 +136,30 @@ def downhill(terrain: Terrain, station: F64, left: F64, reach: float = 12.0) -> 
     return np.arctan2(-aside, -ahead), np.hypot(ahead, aside)
 
 
-def _floors(terrain: Terrain, wanted: F64, half: F64) -> tuple[F64, F64]:
-    """Find the height of floors, and how far the ground falls below them [m], shapes (K,), float64."""
-    cosine, sine = np.cos(wanted[:, 2]), np.sin(wanted[:, 2])
-    heights = []
-    for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1), (0, -1), (0, 1), (1, 0), (-1, 0), (0, 0)):
-        along, aside = x * half[:, 0], y * half[:, 1]
-        heights.append(
-            terrain.height(wanted[:, 0] + along * cosine - aside * sine, wanted[:, 1] + along * sine + aside * cosine)
-        )
-    ground = np.array(heights)
-    floor = np.round(ground.max(axis=0) - SILL + 0.5 * np.exp(-np.ptp(ground, axis=0)), 3)
-    return floor, floor - ground.min(axis=0)
+def rectangles(terrain: Terrain, plots: Plots) -> list[F64]:
+    """List middles [m], turns [rad] and half sizes [m] of buildings in plan.
 
+    Args:
+        terrain: The terrain.
+        plots: Their places.
 
-def _rectangles(terrain: Terrain, plots: Plots) -> list[F64]:
-    """List world position, turn and half sizes of buildings."""
+    Returns:
+        x, y [m], turn [rad] and half sizes [m], one row for each, of shape (5,), float64.
+    """
     axis = terrain.land.layout.alignment
     world, yaw = to_world(axis, plots.places), plots.heading + axis.heading_at(plots.places[:, 0])
     return [np.array([*p[:2], a, *h]) for p, a, h in zip(world, yaw, plots.half, strict=True)]
 
 
-def _overlap(one: F64, others: F64) -> B:
+def overlap(one: F64, others: F64) -> B:
     """Find which rectangles a rectangle touches: no side of either of them separates them.
+
+    Args:
+        one: Middle [m], turn [rad] and half sizes [m] of the rectangle, shape (5,), float64.
+        others: Middles [m], turns [rad] and half sizes [m] of others, shape (N, 5), float64.
+
+    Returns:
+        Whether it touches each, shape (N,), bool.
 
     Source: S. Gottschalk, M. Lin, D. Manocha, OBBTree, 1996 (separating axes).
     """
@@ -161,6 +172,20 @@ def _overlap(one: F64, others: F64) -> B:
             reach = _shadow(one[None], x, y) + _shadow(others, x, y)
             touch &= apart < reach
     return touch
+
+
+def _floors(terrain: Terrain, wanted: F64, half: F64) -> tuple[F64, F64]:
+    """Find the height of floors, and how far the ground falls below them [m], shapes (K,), float64."""
+    cosine, sine = np.cos(wanted[:, 2]), np.sin(wanted[:, 2])
+    heights = []
+    for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1), (0, -1), (0, 1), (1, 0), (-1, 0), (0, 0)):
+        along, aside = x * half[:, 0], y * half[:, 1]
+        heights.append(
+            terrain.height(wanted[:, 0] + along * cosine - aside * sine, wanted[:, 1] + along * sine + aside * cosine)
+        )
+    ground = np.array(heights)
+    floor = np.round(ground.max(axis=0) - SILL + 0.5 * np.exp(-np.ptp(ground, axis=0)), 3)
+    return floor, floor - ground.min(axis=0)
 
 
 def _shadow(rows: F64, x: F64, y: F64) -> F64:

@@ -15,16 +15,18 @@ from authoring.site.ways import merged
 F64 = NDArray[np.float64]
 POLE_STEP = 42.0  # distance between poles [m]
 HEDGE_STEP = 2.6  # distance between bushes of a hedge [m]
+NOTHING = np.zeros((0, 3))  # no existing objects
 HEDGE_REACH = 150.0  # distance from the site within which hedges grow [m]
 
 
-def plant_poles(terrain: Terrain, first_id: int, rng: np.random.Generator) -> tuple[Scatter, ...]:
+def plant_poles(terrain: Terrain, first_id: int, rng: np.random.Generator, taken: F64 = NOTHING) -> tuple[Scatter, ...]:
     """Place a row of poles beside both approach roads.
 
     Args:
         terrain: The terrain.
         first_id: Instance id of the run.
         rng: Random stream.
+        taken: Station, left and radius of existing objects [m], shape (K, 3), float64.
 
     Returns:
         One run.
@@ -41,6 +43,7 @@ def plant_poles(terrain: Terrain, first_id: int, rng: np.random.Generator) -> tu
     places, yaw = np.concatenate(rows), np.concatenate(turns)
     apart = terrain.land.crossing.distance(places[:, 0], places[:, 1]) > terrain.land.crossing.half_width + 6.0
     apart &= terrain.clear(places[:, 0], places[:, 1]) > 3.0
+    apart &= clear_of(terrain.land.layout.alignment, places[:, :2], taken, 0.3)
     places, yaw = places[apart], yaw[apart]
     positions = to_world(terrain.land.layout.alignment, places)
     which, scales = np.zeros(len(places), np.int32), np.ones((len(places), 3))

@@ -1,6 +1,6 @@
 """Common parts of backgrounds at the water: places beside roads, cars on the shore road, vessels on the water."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,12 +48,14 @@ class Town:
         plots: Places of buildings, and the design of each.
         lanes: Lanes and streets with cars at their edges.
         terraces: Terraces with houses.
+        drives: Station, left and radius of circles over drives, where nothing grows [m], shape (K, 3), float64.
     """
 
     designs: tuple[Design, ...]
     plots: Plots
     lanes: tuple[Lane, ...]
     terraces: tuple[Lane, ...] = ()
+    drives: F64 = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 def beside_roads(terrain: Terrain, span: tuple[float, float], rng: np.random.Generator) -> F64:

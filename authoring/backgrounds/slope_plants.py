@@ -8,7 +8,7 @@ from scipy.spatial import KDTree
 
 from authoring.backgrounds.forests import WOOD
 from authoring.backgrounds.lanes import lane_room
-from authoring.backgrounds.parcels import open_land
+from authoring.backgrounds.parcels import clear_of, open_land
 from authoring.backgrounds.plots import Plots
 from authoring.backgrounds.shore_town import Town, Waterside
 from authoring.backgrounds.terrain import Terrain
@@ -103,11 +103,14 @@ def green_runs(
     dry = lake.inside(trees[:, 0], trees[:, 1]) < -woods.bare
     dry &= lane_room(lanes, trees[:, 0], trees[:, 1]) > 0.8
     trees = trees[dry & clear_ground(terrain, trees[:, :2], plots, 1.6)]
+    axis = terrain.land.layout.alignment
+    trees = trees[clear_of(axis, trees[:, :2], town.drives, 1.0)]
     trees = trees[spaced(trees[:, :2], 3.4)]
     away = terrain.beyond(trees[:, 0], trees[:, 1])
     trees = trees[np.argsort(away * rng.uniform(0.35, 1.0, len(away)), kind="stable")][: max(woods.trees - len(row), 0)]
     runs = tree_runs(terrain, place.prefix, np.concatenate([row, trees]), rng, first_id)
     hedges = hedges[clear_ground(terrain, hedges[:, :2], plots, 0.9)]
+    hedges = hedges[clear_of(axis, hedges[:, :2], town.drives, 0.4)]
     hedges = hedges[lane_room(lanes, hedges[:, 0], hedges[:, 1]) > 0.6]
     hedges = hedges[(terrain.beyond(hedges[:, 0], hedges[:, 1]) < 260.0)][:900]
     bushes = tuple(bush(rng, leaves) for leaves in (34, 34, 34, 12, 12, 12))

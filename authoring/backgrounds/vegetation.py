@@ -17,6 +17,7 @@ F64 = NDArray[np.float64]
 NEAR = 165.0  # distance from the site's middle up to which trees are modelled in detail [m]
 DISTANT = 150.0  # distance from the site from which trees are the simplest [m]
 SPECIES = 5
+OAK, LIME, POPLAR, SPRUCE, BIRCH = range(SPECIES)
 SUNK = 0.25  # depth of trunks below the ground [m]
 _SIZES = {"oak": (11.5, 11.0), "lime": (14.0, 8.8), "poplar": (19.0, 4.2), "spruce": (16.0, 6.4), "birch": (14.5, 5.4)}
 
@@ -151,10 +152,26 @@ def plant_trees(
     if outside is not None:
         clear &= outside(places[:, 0], places[:, 1]) < 0.0
     places = places[clear & (terrain.beyond(places[:, 0], places[:, 1]) < 950.0)]
-    places = places[_spaced(places[:, :2], 4.0)][:count]
+    places = places[spaced(places[:, :2], 4.0)][:count]
+    scale = rng.uniform(0.62, 1.18, len(places))
+    return tree_runs(terrain, np.column_stack([places[:, :3], scale]), rng, first_id)
+
+
+def tree_runs(terrain: Terrain, places: F64, rng: np.random.Generator, first_id: int) -> tuple[Scatter, ...]:
+    """Plant trees.
+
+    Args:
+        terrain: The terrain.
+        places: Station [m], left [m], species [1] and scale [1] of each, shape (N, 4), float64.
+        rng: Random stream.
+        first_id: Instance id of the first run.
+
+    Returns:
+        Runs of detailed and of plain trees.
+    """
     height = terrain.height(places[:, 0], places[:, 1]) - SUNK
     positions = to_world(terrain.land.layout.alignment, np.column_stack([places[:, :2], height]))
-    scale = rng.uniform(0.62, 1.18, len(places))[:, None] * rng.uniform(0.93, 1.07, (len(places), 3))
+    scale = places[:, 3:] * rng.uniform(0.93, 1.07, (len(places), 3))
     yaw = rng.uniform(0.0, 2 * np.pi, len(places))
     away = terrain.beyond(places[:, 0], places[:, 1])
     near = away < NEAR - 80.0
@@ -197,8 +214,16 @@ def _places(terrain: Terrain, parcels: tuple[Parcel, ...], count: int, rng: np.r
     return places[np.argsort(far * rng.uniform(0.25, 1.0, len(places)), kind="stable")]
 
 
-def _spaced(places: F64, gap: float) -> NDArray[np.bool_]:
-    """Remove every place closer than a gap to an earlier one, shape (N,), bool."""
+def spaced(places: F64, gap: float) -> NDArray[np.bool_]:
+    """Remove every place closer than a gap to an earlier one.
+
+    Args:
+        places: Positions in plan [m], shape (N, 2), float64.
+        gap: Least distance along either axis [m].
+
+    Returns:
+        Which places are kept, shape (N,), bool.
+    """
     kept = np.ones(len(places), bool)
     for row in range(1, len(places)):
         before = places[:row][kept[:row]]

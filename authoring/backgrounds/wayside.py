@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.backgrounds.parcels import clear_of
 from authoring.backgrounds.solids import Frame, box
 from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.vehicles import vehicle_models
@@ -21,11 +22,12 @@ _CARS = ("saloon", "estate", "van", "truck")
 _GATE = 9  # panels from gap to gap, on the average
 
 
-def plant_fences(terrain: Terrain, rng: np.random.Generator, first_id: int) -> tuple[Scatter, ...]:
+def plant_fences(terrain: Terrain, taken: F64, rng: np.random.Generator, first_id: int) -> tuple[Scatter, ...]:
     """Fence the pasture off from the crossing way and from the bridge's strip, on both sides, with gaps.
 
     Args:
         terrain: The terrain.
+        taken: Station, left and radius of existing objects [m], shape (K, 3), float64.
         rng: Random stream.
         first_id: Instance id of the run.
 
@@ -48,13 +50,14 @@ def plant_fences(terrain: Terrain, rng: np.random.Generator, first_id: int) -> t
         rows.append(line[crossing.distance(line[:, 0], line[:, 1]) > away + PANEL])
     places = np.concatenate(rows)
     kept = (terrain.clear(places[:, 0], places[:, 1]) > 5.0) & (rng.random(len(places)) > 1.0 / _GATE)
+    kept &= clear_of(axis, places[:, :2], taken, PANEL)
     places = places[kept]
     height = terrain.height(places[:, 0], places[:, 1])
     positions = to_world(axis, np.column_stack([places[:, :2], height]))
     beyond = to_world(axis, np.column_stack([places[:, :2] + 0.25 * places[:, 2:], height]))
     yaw = np.arctan2(*(beyond - positions)[:, 1::-1].T)
     which, scales = rng.integers(0, 2, len(places)).astype(np.int32), np.ones((len(places), 3))
-    panels = (_panel(0.0), _panel(0.06))
+    panels = (fence_panel(0.0), fence_panel(0.06))
     return (Scatter("Countryside_Fences", "fence", "Plants", panels, which, positions, yaw, scales, (first_id,)),)
 
 
@@ -101,8 +104,15 @@ def drive_cars(terrain: Terrain, count: int, rng: np.random.Generator, first_id:
     return (Scatter("Countryside_Vehicles", "vehicle", "Vehicles", shapes, which, positions, yaw, scales, (first_id,)),)
 
 
-def _panel(sag: float) -> tuple[tuple[str, Mesh], ...]:
-    """Make a post with three rails up to the next post."""
+def fence_panel(sag: float) -> tuple[tuple[str, Mesh], ...]:
+    """Make a post with three rails up to the next post.
+
+    Args:
+        sag: Depth that the rails have sunk [m].
+
+    Returns:
+        The panel, its post on the origin, its rails along x.
+    """
     frame = Frame(0.0, 0.0, 0.0, 0.0)
     half = 0.5 * PANEL
     rails = [box(frame, (half, 0.04, height - sag), (half + 0.1, 0.018, 0.055)) for height in (0.38, 0.76, 1.14)]

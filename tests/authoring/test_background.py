@@ -147,7 +147,7 @@ def test_far_roads_stay_above_ground(world: World) -> None:
     """Within half a kilometre no road vertex is covered by the ground, nor does it float."""
     site, pieces = world
     ground = np.concatenate([part.mesh.points for part in solids(pieces) if part.group == "Ground"])
-    for road in (part for part in solids(pieces) if part.role == "asphalt"):
+    for road in (part for part in solids(pieces) if part.role == "asphalt" and "Road_" in part.name):
         top = road.mesh.points[np.unique(road.mesh.corners[road.mesh.normals[:, 2] > 0.9])]
         near = np.hypot(*(top[:, :2] - site.extent.mean(axis=0)).T) < 500.0
         for point in top[near][::7]:
@@ -168,7 +168,7 @@ def test_buildings_are_closed_and_stand_in_the_ground(world: World) -> None:
     middle = site.land.layout.alignment.point(np.array([20.0]), np.zeros(1), np.zeros(1))[0, :2]
     for house in houses:
         center = house.mesh.points.mean(axis=0)[:2]
-        assert 55.0 < np.hypot(*(center - middle)) < 320.0
+        assert 55.0 < np.hypot(*(center - middle)) < 410.0
         around = ground[np.hypot(*(ground[:, :2] - center).T) < 12.0]
         if len(around):
             assert house.mesh.points[:, 2].min() < around[:, 2].min()
@@ -186,7 +186,7 @@ def assert_closed(mesh: Mesh) -> None:
 
 
 def test_triangles_are_sound_and_few(world: World) -> None:
-    """No degenerate triangle, unit normals, a plain model within 400 triangles, site and background within 450,000."""
+    """No degenerate triangle, unit normals, a plain model within 400 triangles, site and background within 600,000."""
     site, pieces = world
     total = 0
     for piece in (*site.pieces, *pieces):
@@ -206,7 +206,8 @@ def test_triangles_are_sound_and_few(world: World) -> None:
             assert np.linalg.norm(normal, axis=1).min() > 1e-7, piece.name
             np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-5)
             total += weight * len(corner)
-    assert total <= 450_000  # hedges on and round the site are 52,000 of them, tufts with two sides 51,000
+    # Hedges on and round the site are 52,000 of them, tufts with two sides 51,000, homesteads 110,000.
+    assert total <= 600_000
 
 
 def test_pieces_carry_known_names_and_ids(world: World) -> None:
@@ -221,7 +222,7 @@ def test_pieces_carry_known_names_and_ids(world: World) -> None:
     names = [piece.name for piece in (*site.pieces, *pieces)]
     assert len(set(names)) == len(names)
     trees = [run for run in runs(pieces) if run.kind == "tree"]
-    assert 100 <= sum(len(run.positions) for run in trees) <= 400
+    assert 100 <= sum(len(run.positions) for run in trees) <= 700  # 520, and those of gardens and orchards
     assert len(np.unique(np.concatenate([run.prototype for run in trees]))) >= 3
 
 

@@ -1,0 +1,258 @@
+"""Roads that buildings may be reached from, and lanes and drives that lie on the ground and join them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from authoring.axis.alignment import Alignment
+from authoring.backgrounds.lanes import Lane
+from authoring.backgrounds.terrain import Terrain
+from authoring.shapes.component import Mesh
+from authoring.site.covers import to_world
+from authoring.site.roads import Piece
+from authoring.site.ways import ribbon
+
+F64 = NDArray[np.float64]
+B = NDArray[np.bool_]
+
+PLAN = Alignment(0.0)  # its coordinates are world positions
+STEP = 1.5  # distance between cross-sections of lanes and drives [m]
+RAISED = 0.10  # height of a lane above the ground [m]
+YARD, SKIRT = 0.07, 0.35  # height of a yard above the ground, and width of the skirt round it [m]
+BURIED = 0.45  # depth of its flanks below the ground [m]
+RAMP = 9.0  # length on which it rises to the road that it joins [m]
+VERGE = 2.5  # distance from the edge of a lane to the gardens beside it [m]
+LONGEST = 500.0  # distance from the site up to which roads are used [m]
+UNDER = 0.5  # length of its end that lies hidden under that road [m]
+_ROWS = (1.0, 0.5, 0.0, -0.5, -1.0)  # lines along a lane, as shares of half its width
+
+
+@dataclass(frozen=True, eq=False)
+class Byway:
+    """A stretch of road beside which buildings may stand.
+
+    Attributes:
+        left: Its left edge in world space [m], shape (N, 3), float64.
+        right: Its right edge at the same cross-sections [m], shape (N, 3), float64.
+        verge: Distance from its edge to the gardens beside it [m].
+        walled: A wall stands along its right edge: nothing joins it there.
+    """
+
+    left: F64
+    right: F64
+    verge: float
+    walled: bool = False
+
+    @property
+    def middle(self) -> F64:
+        """Middle line in plan [m], shape (N, 2), float64."""
+        return 0.5 * (self.left + self.right)[:, :2]
+
+
+def road_byways(terrain: Terrain, pieces: list[Piece], verge: float) -> list[Byway]:
+    """Find the edges of roads among ways, as far as buildings stand beside them.
+
+    Args:
+        terrain: The terrain.
+        pieces: Ways of a world: name, component kind, material recipe and mesh.
+        verge: Distance from their edges to gardens [m].
+
+    Returns:
+        One for each carriageway; its lines are those of `carriageway`.
+    """
+    roads = []
+    meshes = [mesh for _, _, role, mesh in pieces if role == "asphalt" and len(mesh.points) % 5 == 0]
+    for lines in (mesh.points.reshape(5, -1, 3) for mesh in meshes):
+        wide = np.hypot(*(lines[1] - lines[3])[:, :2].T)
+        if not len(wide) or np.ptp(wide) > 1.0:  # cut obliquely at open water
+            continue
+        near = terrain.beyond(*terrain.land.layout.alignment.locate(lines[2])) < LONGEST
+        roads.append(Byway(lines[1, near], lines[3, near], verge))
+    return roads
+
+
+def lane_byways(terrain: Terrain, lanes: tuple[Lane, ...], walled: bool) -> list[Byway]:
+    """Take lanes on a slope, or level streets, as roads.
+
+    Args:
+        terrain: The terrain.
+        lanes: The lanes.
+        walled: A wall stands along their lower edge.
+
+    Returns:
+        One for each lane.
+    """
+    axis, found = terrain.land.layout.alignment, []
+    for lane in lanes:
+        edges = [np.column_stack([lane.line.offset(side), lane.crown]) for side in (lane.half, -lane.half)]
+        found.append(Byway(to_world(axis, edges[0]), to_world(axis, edges[1]), VERGE, walled))
+    return found
+
+
+def frontages(byway: Byway, step: float) -> F64:
+    """List places along both edges of a road, or the one without a wall.
+
+    Args:
+        byway: The road.
+        step: Distance between places [m].
+
+    Returns:
+        World position of the edge [m] and unit vector away from the road [1], shape (N, 5), float64.
+    """
+    middle = byway.middle
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(middle, axis=0).T))])
+    at = np.arange(0.5 * step, along[-1], step)
+    sides = []
+    for edge, other in ((byway.left, byway.right), (byway.right, byway.left))[: 1 if byway.walled else 2]:
+        near, far = (np.column_stack([np.interp(at, along, line[:, k]) for k in range(3)]) for line in (edge, other))
+        out = near[:, :2] - far[:, :2]
+        sides.append(np.column_stack([near, out / np.hypot(*out.T)[:, None]]))
+    return np.concatenate(sides)
+
+
+def nearest_edge(byways: list[Byway], places: F64) -> tuple[F64, F64]:
+    """Find the nearest point on the edge of a road.
+
+    Args:
+        byways: Roads, at least one.
+        places: World positions in plan [m], shape (N, 2), float64.
+
+    Returns:
+        Position of the point [m] and unit vector away from the road [1], shape (N, 5), float64; distances in plan to
+        it [m], shape (N,), float64.
+    """
+    edges = np.concatenate([frontages(byway, 2.0) for byway in byways])
+    apart = np.linalg.norm(places[:, None] - edges[None, :, :2], axis=2)
+    return edges[apart.argmin(axis=1)], apart.min(axis=1)
+
+
+def road_distance(byways: list[Byway], places: F64) -> F64:
+    """Measure the distance to the middle lines of roads.
+
+    Args:
+        byways: Roads.
+        places: World positions in plan [m], shape (N, 2), float64.
+
+    Returns:
+        Distances minus half the width, inf without roads [m], shape (N,), float64.
+    """
+    apart = np.full(len(places), np.inf)
+    for byway in byways:
+        first, step = byway.middle[:-1], np.diff(byway.middle, axis=0)
+        half = 0.5 * np.hypot(*(byway.left - byway.right)[:, :2].T)
+        for start in range(0, len(first), 64):
+            a, ab, wide = first[start : start + 64], step[start : start + 64], half[start : start + 65]
+            offset = places[:, None] - a
+            share = np.clip((offset * ab).sum(axis=2) / np.maximum((ab * ab).sum(axis=1), 1e-9), 0.0, 1.0)
+            away = np.linalg.norm(offset - share[..., None] * ab, axis=2)
+            away -= wide[:-1] + share * np.diff(wide)
+            apart = np.minimum(apart, away.min(axis=1))
+    return apart
+
+
+def ground(terrain: Terrain, places: F64) -> F64:
+    """Find ground heights at world positions.
+
+    Args:
+        terrain: The terrain.
+        places: World positions in plan [m], shape (N, 2), float64.
+
+    Returns:
+        World heights [m], shape (N,), float64.
+    """
+    station, left = located(terrain, places)
+    return terrain.height(station, left)
+
+
+def located(terrain: Terrain, places: F64) -> tuple[F64, F64]:
+    """Convert world positions to bridge coordinates.
+
+    Args:
+        terrain: The terrain.
+        places: World positions in plan [m], shape (N, 2), float64.
+
+    Returns:
+        Stations and lefts [m], each of shape (N,), float64.
+    """
+    return terrain.land.layout.alignment.locate(np.column_stack([places, np.zeros(len(places))]))
+
+
+def resampled(path: F64, step: float = STEP) -> F64:
+    """Divide a path into equal steps.
+
+    Args:
+        path: Its corners [m], shape (N, 2), float64.
+        step: Largest step [m].
+
+    Returns:
+        Points on it [m], shape (M, 2), float64.
+    """
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    at = np.linspace(0.0, along[-1], int(np.ceil(along[-1] / step)) + 1)
+    return np.column_stack([np.interp(at, along, path[:, k]) for k in range(2)])
+
+
+def laid(terrain: Terrain, path: F64, half: float, start: float | None, flare: float = 0.0) -> tuple[Mesh, Byway]:
+    """Lay a lane or drive on the ground.
+
+    Args:
+        terrain: The terrain.
+        path: Its middle line in plan, in equal steps [m], shape (N, 2), float64.
+        half: Half its width [m].
+        start: Height of the road that its first point joins [m], or None.
+        flare: Added to half its width where it joins that road [m].
+
+    Returns:
+        Its surface with flanks that reach into the ground; its edges, as of a road.
+    """
+    ahead: F64 = np.asarray(np.gradient(path, axis=0))
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    wide = half + flare * np.clip(1.0 - along / 5.0, 0.0, 1.0) ** 2
+    lines = [path + share * wide[:, None] * left for share in _ROWS]
+    base = np.array([ground(terrain, line) for line in lines])
+    level = base + RAISED
+    if start is not None:
+        share = np.clip((along - UNDER) / RAMP, 0.0, 1.0)
+        share = share * share * (3.0 - 2.0 * share)
+        level = np.maximum((1.0 - share) * start + share * level, base + np.where(along < 2.0, 0.0, 0.06))
+        level[:, along <= UNDER] = start
+    level[:, -1] = base[:, -1] - BURIED  # its end slopes into the ground
+    tops = [np.column_stack([line, row]) for line, row in zip(lines, level, strict=True)]
+    feet = [np.column_stack([lines[k], np.minimum(base[k], level[k]) - BURIED]) for k in (0, -1)]
+    across = tuple(float(share) * half for share in _ROWS)
+    mesh = ribbon(PLAN, [feet[0], *tops, feet[1]], along, (half + BURIED, *across, -half - BURIED))
+    return mesh, Byway(tops[0], tops[-1], VERGE)
+
+
+def paved(terrain: Terrain, frame: tuple[float, float, float], box: tuple[float, float, float, float]) -> Mesh:
+    """Lay a rectangular yard on the ground.
+
+    Args:
+        terrain: The terrain.
+        frame: World position [m] and direction [rad] of a local frame.
+        box: Lowest and highest x, lowest and highest y in that frame [m].
+
+    Returns:
+        Its surface, with a skirt all round that slopes into the ground.
+    """
+    x, y, turn = frame
+    first, last, low, high = box
+    at, sink = _skirted(first, last)
+    aside, drop = _skirted(low, high)
+    ahead, left = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])
+    rows = []
+    for across, deep in zip(aside[::-1], drop[::-1], strict=True):
+        place = np.array([x, y]) + at[:, None] * ahead + across * left
+        rows.append(np.column_stack([place, ground(terrain, place) + YARD - np.maximum(sink, deep)]))
+    return ribbon(PLAN, rows, at, tuple(aside[::-1].tolist()))
+
+
+def _skirted(low: float, high: float) -> tuple[F64, F64]:
+    """Divide a range, with a skirt at both ends: places, and their depths below the surface [m], shapes (N,)."""
+    at = np.linspace(low, high, max(int(np.ceil((high - low) / STEP)), 1) + 1)
+    sink = np.zeros(len(at) + 2)
+    sink[[0, -1]] = BURIED
+    return np.concatenate([[low - SKIRT], at, [high + SKIRT]]), sink

@@ -1,0 +1,214 @@
+"""Homesteads: a drive leads from a road to every house, gardens have a gate, and nothing overlaps."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from authoring.axis.alignment import Alignment, Layout
+from authoring.axis.plan_curve import Element
+from authoring.backgrounds.byways import RAISED, RAMP, Byway, ground, laid, resampled, road_byways, road_distance
+from authoring.backgrounds.countryside import VERGE
+from authoring.backgrounds.far_ways import far_ways
+from authoring.backgrounds.farm_lanes import HIGHEST, draw_farm_lanes
+from authoring.backgrounds.hamlet import draw_hamlet
+from authoring.backgrounds.hillside import HillsideSettings
+from authoring.backgrounds.homesteads import DRIVE, PANEL, Homestead, Plan, draw_cottage, draw_farm
+from authoring.backgrounds.lakeside import LakesideSettings
+from authoring.backgrounds.lanes import Lane, lane_pieces
+from authoring.backgrounds.registry import BackgroundSettings, build_background
+from authoring.backgrounds.terrain import Terrain, grow_terrain, rolling_hills
+from authoring.backgrounds.yards import boundary
+from authoring.shapes.component import Component, Mesh, Scatter, triangles
+from authoring.site.site import Site, SiteSettings, draw_site
+from authoring.site.ways import Line
+from authoring.streams import stream
+
+F64 = NDArray[np.float64]
+B = NDArray[np.bool_]
+
+AXES = {
+    "straight": Alignment(5.0),
+    "bent": Alignment(5.0, plan=(Element(60.0, 1 / 150.0, 1 / 150.0),), skew=0.3),
+}
+FEW = BackgroundSettings(
+    lakeside=LakesideSettings(reach=2500.0, villas=90, town_houses=20, trees=500, boats=0),
+    hillside=HillsideSettings(reach=2500.0, houses=120, blocks=50, sheds=4, cranes=0, trees=400),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Hamlet:
+    """A hamlet and the roads and land that it lies on."""
+
+    terrain: Terrain
+    roads: list[Byway]
+    lanes: list[Byway]
+    homes: tuple[Homestead, ...]
+
+
+def _site(name: str) -> Site:
+    layout = Layout(AXES[name], (0.0, 30.0, 60.0), 11.5, 1.9)
+    return draw_site(SiteSettings(crossing="road", fine_spacing=2.0, coarse_spacing=6.0), layout, stream(4, "site"))
+
+
+@pytest.fixture(scope="module", params=sorted(AXES))
+def hamlet(request: pytest.FixtureRequest) -> Hamlet:
+    """A hamlet on a straight and on a bent skewed axis."""
+    site = _site(request.param)
+    own, rng = site.field, stream(4, "background")
+    inner = (float(own.stations[0]), float(own.stations[-1]), float(own.lefts[0]), float(own.lefts[-1]))
+    terrain = grow_terrain(site, rolling_hills(site.land, inner, 30.0, rng), 2000.0)
+    roads = road_byways(terrain, far_ways(terrain), VERGE)
+    lanes = [lane for _, lane in draw_farm_lanes(terrain, roads, 3, rng)]
+    return Hamlet(terrain, roads, lanes, draw_hamlet(terrain, roads, lanes, 20, rng))
+
+
+def test_every_drive_joins_a_road_at_its_edge(hamlet: Hamlet) -> None:
+    """It begins on the edge of a road or lane, leaves it at about a right angle, and ends within its own lot."""
+    assert len(hamlet.homes) > 8
+    assert len(hamlet.lanes) > 0
+    ways = [*hamlet.roads, *hamlet.lanes]
+    for home in hamlet.homes:
+        path = resampled(home.driveway(), 1.0)
+        assert abs(road_distance(ways, path[:1])[0]) < 0.3  # a skewed cross-section is longer than a road is wide
+        assert (road_distance(ways, path[1:]) > 0.5).all()
+        assert home.inside(path[-1:])[0] > 2.0
+        assert len(home.houses) == len(home.plan.houses) > 0
+
+
+def test_lots_overlap_neither_each_other_nor_ways(hamlet: Hamlet) -> None:
+    """Points every 1.5 m of every lot lie outside all other lots, all roads, lanes, drives of others and the site."""
+    ways = [*hamlet.roads, *hamlet.lanes]
+    for home in hamlet.homes:
+        wide, deep = home.plan.size
+        grid = np.stack(np.meshgrid(np.arange(-wide / 2, wide / 2, 1.5), np.arange(0.0, deep, 1.5)), -1).reshape(-1, 2)
+        places = home.world(grid)
+        assert road_distance(ways, places).min() > 1.5
+        station, left = hamlet.terrain.land.layout.alignment.locate(np.column_stack([places, np.zeros(len(places))]))
+        assert min(hamlet.terrain.beyond(station, left).min(), hamlet.terrain.clear(station, left).min()) > 5.0
+        for other in hamlet.homes:
+            if other is not home:
+                assert other.inside(places).max() < 0.0
+                assert home.inside(resampled(other.driveway(), 0.5)).max() < -DRIVE
+
+
+def test_a_hedge_or_fence_leaves_a_gate(hamlet: Hamlet) -> None:
+    """Hedge and fence surround the lot but for the drive: the gap is where it enters, and a panel wide."""
+    for home in hamlet.homes:
+        wide, deep = home.plan.size
+        for step in (1.5, PANEL):
+            line = boundary(home, step)
+            middle = line[:, :2] + (0.5 * PANEL if step == PANEL else 0.0) * np.column_stack(
+                [np.cos(line[:, 2]), np.sin(line[:, 2])]
+            )
+            front = np.sort(middle[(line[:, 2] == 0.0), 0])
+            gaps = np.diff(front)
+            widest = int(np.argmax(gaps))
+            assert front[widest] < home.plan.drive[0] < front[widest + 1]
+            assert 2 * DRIVE < gaps[widest] <= 2 * PANEL + 1e-9
+            assert np.delete(gaps, widest).max() < step + 1e-9
+            assert len(line) == pytest.approx(2 * (wide + deep) / step, abs=4)
+
+
+@pytest.mark.parametrize("draw", [draw_cottage, draw_farm])
+def test_nothing_in_a_garden_overlaps(draw: Callable[[np.random.Generator], Plan]) -> None:
+    """In 200 plans: buildings and garages keep apart, clear of the drive, within the lot, and no tree on paving."""
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        plan = draw(rng)
+        boxes = []
+        for house, x, y, turn in plan.houses:
+            hx, hy = (house.length / 2, house.width / 2) if turn == 0.0 else (house.width / 2, house.length / 2)
+            boxes.append((x - hx, x + hx, y - hy, y + hy))
+        boxes += [(x - 1.9, x + 1.9, y - 3.1, y + 3.1) for x, y in plan.sheds]
+        drive = (plan.drive[0] - DRIVE, plan.drive[0] + DRIVE, 0.0, plan.drive[1] - 0.01)
+        for number, box in enumerate(boxes):
+            assert not any(_meet(box, other) for other in (*boxes[:number], drive))
+            assert -plan.size[0] / 2 < box[0]
+            assert box[1] < plan.size[0] / 2
+            assert box[2] > 0.0
+            assert box[3] < plan.size[1]
+        paved = [*boxes, drive, *(area for area, _ in plan.yards)]
+        for x, y in plan.trees:
+            assert not any(_meet((x, x, y, y), box) for box in paved)
+
+
+def test_a_lane_lies_on_the_ground_and_rises_to_its_road(hamlet: Hamlet) -> None:
+    """Its edges are `RAISED` above the ground away from its road, and at the road's height where it joins it."""
+    home = hamlet.homes[0]
+    path = resampled(home.driveway())
+    start = float(home.joint[2])
+    _, edges = laid(hamlet.terrain, path, DRIVE, start)
+    for edge in (edges.left, edges.right):
+        above = edge[:, 2] - ground(hamlet.terrain, edge[:, :2])
+        along = np.hypot(*(path - path[0]).T)
+        np.testing.assert_allclose(above[:-1][along[:-1] > RAMP + 0.5], RAISED, atol=1e-6)
+        assert edge[0, 2] == start
+        assert above[:-1].max() < HIGHEST + RAISED
+
+
+def test_a_wall_is_open_where_a_drive_leaves() -> None:
+    """The parapet is 0.45 m high along a lane, and below its surface over 4 m at a gate; the lane is the same."""
+    site = _site("straight")
+    terrain = grow_terrain(site, lambda station, left: np.zeros(np.shape(station)), 2000.0)
+    at = np.arange(200.0, 300.0, 8.0)
+    line = Line(at, np.full(len(at), 150.0), np.tile([0.0, 1.0], (len(at), 1)))
+    lane = Lane(line, np.full(len(at), 5.0), np.full(len(at), 4.0), 2.3, 1.0)
+    gates = np.array([[243.0, 150.0 - 2.3], [260.0, 190.0]])  # the second is beside another lane
+    whole, opened = (lane_pieces(terrain, (lane,), gates=rows) for rows in (None, gates))
+    top = opened[1][4].points.reshape(4, -1, 3)[1]
+    gap = np.abs(top[:, 0] - 243.0) < 2.01
+    assert gap.sum() >= 2
+    assert (top[gap, 2] < 5.0).all()
+    np.testing.assert_allclose(top[np.abs(top[:, 0] - 243.0) > 2.2, 2], 5.45)
+    assert np.ptp(top[gap, 0]) == pytest.approx(4.0)
+    assert _area(opened[0][4]) == pytest.approx(_area(whole[0][4]))
+
+
+@pytest.mark.parametrize("world", ["countryside", "lakeside", "hillside"])
+def test_nothing_stands_on_a_drive(world: str) -> None:
+    """No tree, bush, pole or fence post stands on a yard or drive, which all are outside the keep-out volume."""
+    site = _site("straight")
+    pieces = build_background(world, FEW, site, stream(4, "background"))
+    yards = [piece for piece in pieces if isinstance(piece, Component) and piece.group == "Yards"]
+    assert len(yards) > 12
+    corners = np.concatenate([piece.mesh.points[triangles(piece.mesh)] for piece in yards])
+    assert not any(box.contains(corners.reshape(-1, 3)).any() for box in site.keep_out)
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
+    tops = corners[flat > 1e-3][:, :, :2]
+    standing = [piece for piece in pieces if isinstance(piece, Scatter)]
+    kinds = ("tree", "shrub", "pole", "fence", "lamp_post")
+    for run in (run for run in standing if run.kind in kinds):
+        on = [bool(_within(tops, place).any()) for place in run.positions[:, :2]]
+        assert not any(on), f"{run.name} {run.positions[int(np.argmax(on))]}"
+
+
+def test_conifers_stand_in_stands() -> None:
+    """At least nine of ten spruces of the countryside have two more within 10 m."""
+    site = _site("straight")
+    pieces = build_background("countryside", FEW, site, stream(4, "background"))
+    trees = [piece for piece in pieces if isinstance(piece, Scatter) and piece.kind == "tree"]
+    places = np.concatenate([run.positions[run.prototype % 5 == 3, :2] for run in trees])
+    apart = np.linalg.norm(places[:, None] - places[None], axis=2)
+    assert len(places) > 5
+    assert ((apart < 10.0).sum(axis=1) >= 3).mean() >= 0.9
+
+
+def _meet(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
+    """Whether two boxes (lowest and highest x, lowest and highest y) share more than a border."""
+    return one[0] < other[1] and other[0] < one[1] and one[2] < other[3] and other[2] < one[3]
+
+
+def _within(faces: F64, place: F64) -> B:
+    """Which counter-clockwise triangles in plan hold a place, shape (T,)."""
+    ahead = np.roll(faces, -1, axis=1) - faces
+    offset = place - faces
+    return np.all(ahead[..., 0] * offset[..., 1] - ahead[..., 1] * offset[..., 0] > 0.0, axis=1)
+
+
+def _area(mesh: Mesh) -> float:
+    corners = mesh.points[triangles(mesh)]
+    return float(np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum())
