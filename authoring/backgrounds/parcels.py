@@ -11,6 +11,7 @@ from authoring.site.covers import Cover
 
 F64 = NDArray[np.float64]
 NEAR = 500.0  # distance from the site beyond which fields are larger, and need no finer mesh [m]
+_PAIRS = 1 << 19  # places and objects whose distances are computed at once [1]
 BALK = 1.0  # half the width of the uncultivated strip between two fields [m]
 CROPS = (
     Cover("ploughed", "Ploughed", "ground", "furrows"),
@@ -155,9 +156,12 @@ def clear_of(axis: Alignment, places: F64, taken: F64, gap: float) -> NDArray[np
         Whether they do, shape (N,), bool.
     """
     plan, stand = (axis.point(rows[:, 0], rows[:, 1], np.zeros(len(rows)))[:, :2] for rows in (places, taken))
+    far = taken[:, 2] + gap
     free = np.ones(len(places), bool)
-    for (x, y), radius in zip(stand, taken[:, 2], strict=True):
-        free &= np.hypot(plan[:, 0] - x, plan[:, 1] - y) > radius + gap
+    step = max(1, _PAIRS // max(1, len(taken)))
+    for start in range(0, len(places), step):
+        some = plan[start : start + step, None]
+        free[start : start + step] = (np.hypot(some[..., 0] - stand[:, 0], some[..., 1] - stand[:, 1]) > far).all(axis=1)
     return free
 
 

@@ -134,11 +134,11 @@ def solid(frame: Frame, points: F64, faces: list[list[int]]) -> Mesh:
     normals, st = [], []
     for face in faces:
         corner = points[face]
-        normal = np.cross(corner[1] - corner[0], corner[2] - corner[1])
-        normal /= np.linalg.norm(normal)
+        normal = _cross(corner[1] - corner[0], corner[2] - corner[1])
+        normal /= np.sqrt(normal.dot(normal))
         level = np.array([-normal[1], normal[0], 0.0])
         along = level / np.linalg.norm(level) if abs(normal[2]) < 0.99 else np.array([1.0, 0.0, 0.0])
-        st.append(np.stack([corner @ along, corner @ np.cross(normal, along)], axis=1))
+        st.append(np.stack([corner @ along, corner @ _cross(normal, along)], axis=1))
         normals.append(np.tile(normal, (len(face), 1)))
     return Mesh(
         points=frame.placed(points),
@@ -147,3 +147,9 @@ def solid(frame: Frame, points: F64, faces: list[list[int]]) -> Mesh:
         normals=frame.turned(np.concatenate(normals)).astype(np.float32),
         st=np.concatenate(st).astype(np.float32),
     )
+
+
+def _cross(a: F64, b: F64) -> F64:
+    """Compute the cross product of two vectors, shape (3,): a town has 25,000 of them, and `np.cross` is slow for one."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
