@@ -161,7 +161,8 @@ def clear_of(axis: Alignment, places: F64, taken: F64, gap: float) -> NDArray[np
     step = max(1, _PAIRS // max(1, len(taken)))
     for start in range(0, len(places), step):
         some = plan[start : start + step, None]
-        free[start : start + step] = (np.hypot(some[..., 0] - stand[:, 0], some[..., 1] - stand[:, 1]) > far).all(axis=1)
+        away = np.hypot(some[..., 0] - stand[:, 0], some[..., 1] - stand[:, 1])
+        free[start : start + step] = (away > far).all(axis=1)
     return free
 
 

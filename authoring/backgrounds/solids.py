@@ -150,6 +150,6 @@ def solid(frame: Frame, points: F64, faces: list[list[int]]) -> Mesh:
 
 
 def _cross(a: F64, b: F64) -> F64:
-    """Compute the cross product of two vectors, shape (3,): a town has 25,000 of them, and `np.cross` is slow for one."""
+    """Compute the cross product of two vectors, shape (3,); `np.cross` is slow for one, and a town has 25,000."""
     (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
