@@ -1,11 +1,14 @@
 """Runs inside Blender's own Python: renders a few frames of a scene with one engine, and tells what each cost.
 
+What Blender has loaded for a frame it keeps for the next (`use_persistent_data`).
+
 Usage: python in_blender.py REQUEST_JSON, with `script` (folder of open_scene.py), `scene`, `survey`, `engine`,
 `samples`, `frames`, `folder` for the images, and `answer`, the file for the figures.
 """
 
 import json
 import os
+import resource
 import sys
 import time
 from pathlib import Path
@@ -30,6 +33,7 @@ def main(request: dict[str, Any]) -> None:
     scene = bpy.context.scene
     engine, samples = request["engine"], request["samples"]
     scene.render.engine = engine
+    scene.render.use_persistent_data = True
     scene.render.image_settings.file_format = "JPEG"
     scene.render.image_settings.quality = 95
     if engine == "CYCLES":
@@ -41,7 +45,8 @@ def main(request: dict[str, Any]) -> None:
         scene.render.filepath = str(Path(request["folder"]) / f"{engine}_{frame:06d}.jpg")
         cpu, wall = _cpu(), time.perf_counter()
         bpy.ops.render.render(write_still=True)
-        rows.append({"cpu": _cpu() - cpu, "wall": time.perf_counter() - wall})
+        spent = {"cpu": _cpu() - cpu, "wall": time.perf_counter() - wall}
+        rows.append({**spent, "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9})
     Path(request["answer"]).write_text(json.dumps(rows), encoding="utf-8")
 
 
