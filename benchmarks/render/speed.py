@@ -257,8 +257,8 @@ def _page(scene: FlatScene, ours: dict[str, list[Cost]], peers: list[Cost], valu
         f"shadows, in each of its {cores} worker processes), and the most memory that one of them takes; the least of",
         f"{ROUNDS} surveys, and the greatest in brackets (of images per second, the most and the least), as others",
         "work on the same machine. Below them the others, scene, textures and shaders loaded (Blender's",
-        f"`use_persistent_data` is on): the dearest of {len(FRAMES) - 1} images after the first. Blender's EEVEE is not "
-        "among them.",
+        f"`use_persistent_data` is on): the dearest of {len(FRAMES) - 1} images after the first. Blender's EEVEE is "
+        "not among them.",
         "",
         "| renderer | processor [s per image] | limit | images per second | limit | times `standard` | once [s] "
         "| memory [GB] | limit |",
