@@ -129,7 +129,7 @@ def test_joint_shares_every_vertex(kind: CrossingKind, group: str) -> None:
 
 
 ROLES = {
-    "Ground": ("gravel", "grass", "soil", "meadow", "asphalt", "ballast", "rock"),
+    "Ground": ("gravel", "grass", "soil", "meadow", "asphalt", "ballast", "rock", "pavement", "masonry"),
     "Ways": ("asphalt", "water"),
 }
 
