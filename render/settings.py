@@ -40,7 +40,8 @@ class SensorSettings(Settings):
         ge=0,
         le=1,
         description="Auto white balance: share of the cast left on the gray surfaces of each frame by which its red "
-        "and blue are corrected, as of concrete in the shade, which only the blue sky lights; at most 15 % [1].",
+        "and blue are corrected, as of concrete in the shade, which only the blue sky lights; at most 15 %; none with "
+        "`noise = false` [1].",
     )
     white_balance_sigma: float = Field(
         default=0.008, ge=0, le=0.2, description="Standard deviation of the red and blue gains from frame to frame [1]."

@@ -1,6 +1,7 @@
 """A stage as GLB, for the web and for tools without USD: nodes named like prims, labels as extras."""
 
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -67,7 +68,7 @@ def write_glb(stage: Path, out: Path, warn: Warn) -> list[str]:
         else:
             result.graph.update(node, "world", matrix=matrix, geometry=known, metadata=facts)
     out.parent.mkdir(parents=True, exist_ok=True)
-    shines = {_short(material): material.specular for material in scene.materials if material.specular is not None}
+    shines = constant_shines(scene.materials)
 
     def finish(tree: dict[str, Any]) -> None:
         _tell_shines(tree, shines)
@@ -80,6 +81,22 @@ def write_glb(stage: Path, out: Path, warn: Warn) -> list[str]:
 def _short(material: Material) -> str:
     """Find the name of a material in a GLB."""
     return material.name.rpartition("/")[2]
+
+
+def constant_shines(materials: Sequence[Material]) -> dict[str, tuple[float, float, float]]:
+    """Find what materials mirror at normal incidence by their names in a GLB.
+
+    Args:
+        materials: Materials of a scene.
+
+    Returns:
+        Linear specular colors [1]; not of dielectrics of index 1.5, of pictures of shine, and of names that materials
+        of different shine share.
+    """
+    found: dict[str, set[tuple[float, float, float] | None]] = {}
+    for material in materials:
+        found.setdefault(_short(material), set()).add(None if material.specular_texture else material.specular)
+    return {name: shine for name, (shine, *others) in found.items() if shine is not None and not others}
 
 
 def _tell_shines(tree: dict[str, Any], shines: dict[str, tuple[float, float, float]]) -> None:

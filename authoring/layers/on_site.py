@@ -70,6 +70,7 @@ def _author(stage: Usd.Stage, path: str, recipe: MaterialRecipe, base: str) -> N
         return
     material.GetPrim().GetSpecializes().AddSpecialize(_inside(base))
     surface = UsdShade.Shader(stage.GetPrimAtPath(f"{path}/Surface"))
+    surface.CreateInput("ior", _TYPES.Float).Set(recipe.ior)  # land is matt, paving is not
     for name, file, kind in _INPUTS:
         if not getattr(recipe, file):
             surface.CreateInput(name, kind).GetAttr().SetConnections([])

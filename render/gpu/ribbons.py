@@ -159,7 +159,7 @@ def upload_ribbons(
     geometry = scene.geometry
     counts = np.bincount(bars.part, minlength=len(geometry.part_first))
     parts = np.flatnonzero(counts)
-    lying, tops = _lying(scene, bars, parts)
+    lying, tops = level_bars(scene, bars, parts)
     second = np.where((tops == 0).all(axis=1)[:, None, None], bars.second, 0.0)
     bars = replace(bars, ends=bars.ends + tops[:, None], second=second)
     runs = [
@@ -253,8 +253,13 @@ def _embedded(scene: FlatScene, bars: Bars, parts: I64) -> NDArray[np.bool_]:
     return found
 
 
-def _lying(scene: FlatScene, bars: Bars, parts: I64) -> tuple[NDArray[np.bool_], F64]:
+def level_bars(scene: FlatScene, bars: Bars, parts: I64) -> tuple[NDArray[np.bool_], F64]:
     """Find level bars so thin that they lie on a surface, such as lines on a road.
+
+    Args:
+        scene: The scene.
+        bars: Its bars.
+        parts: Parts that have bars, shape (B,), int64.
 
     Returns:
         Which parts mostly consist of such bars, shape (P,); the way from the middle of each of these bars to its top,
@@ -269,6 +274,8 @@ def _lying(scene: FlatScene, bars: Bars, parts: I64) -> tuple[NDArray[np.bool_],
     for part in parts.tolist():
         own = np.arange(*np.searchsorted(bars.part, [part, part + 1]).tolist())
         place = draws.transform[draws.part == part, :3, :3]
+        if not len(place):  # invisible in the first image
+            continue
         scale = np.linalg.norm(place[:, :, 0], axis=1).max(initial=0.0)
         up = normal[own] @ place[:, 2].T / max(scale, 1e-12)
         level = ((up > _LEVEL).all(axis=1) | (up < -_LEVEL).all(axis=1)) & thin[own]

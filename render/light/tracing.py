@@ -145,5 +145,6 @@ def joined(parts: list[Hits]) -> Hits:
 
 def _mirrored(scene: FlatScene) -> F64:
     """List what the surface of each material mirrors [1], in proportion to its specular color, shape (M, 3)."""
-    told = [material.specular or (_MIRRORED_STRAIGHT,) * 3 for material in scene.materials]
+    usual = (_MIRRORED_STRAIGHT,) * 3  # of pictures of shine, too: their mean is not known here
+    told = [usual if each.specular is None or each.specular_texture else each.specular for each in scene.materials]
     return _MIRRORED / _MIRRORED_STRAIGHT * np.minimum(np.array(told).reshape(-1, 3), _MIRRORED_STRAIGHT)

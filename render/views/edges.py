@@ -92,7 +92,9 @@ def _drop_faint(code: U16, down: Bools, right: Bools) -> None:
             *((crossing, shift) for shift in (0, -aside, step, step - aside)),
             *((own, shift) for shift in (step, -step)),
         ):
-            np.maximum(most, np.take(contrast, place + shift, mode="clip"), out=most)
+            beside = place + shift
+            there = (beside >= 0) & (beside < size)
+            np.maximum(most, np.where(there, np.take(contrast, beside, mode="clip"), 0), out=most)
         faint = place[own[place] < most // _FAINT]
         edges[faint // width, faint % width] = False
 

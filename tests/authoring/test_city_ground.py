@@ -147,6 +147,8 @@ def test_the_renderer_reads_the_new_surface_and_the_picture_of_the_site(scene: P
     assert paved.base_texture is not None
     assert Path(paved.base_texture.file).name == "city_pavement_albedo.jpg"
     assert paved.normal_texture is None
+    assert grass.is_matt
+    assert not paved.is_matt  # though the soil below it is
     assert paved.detail.macro_file == grass.detail.macro_file != ""
     drawn = {row.path for row in flat.instances}
     assert TUFTS not in drawn

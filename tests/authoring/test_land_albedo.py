@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom, UsdShade
 
-from authoring.exchange.glb import write_glb
+from authoring.exchange.glb import constant_shines, write_glb
 from authoring.looks.bake import bake_surface, open_ground
 from authoring.looks.library import SheetName
 from authoring.looks.material import author_material
 from authoring.looks.scenery import SCENERY
-from usd_schemas.flat_scene import Material
+from usd_schemas.flat_scene import Material, Texture
 from usd_schemas.reading.materials import read_material
 
 Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -84,6 +84,19 @@ def test_a_glb_says_what_is_matt(tmp_path: Path) -> None:
         "Land_concrete": None,
     }
     assert tree["extensionsUsed"] == ["KHR_materials_specular"]
+
+
+def test_a_shine_that_a_glb_cannot_tell_is_left_out() -> None:
+    """Pictures of shine, and materials of one name with different shine, keep the default of a GLB."""
+    black, gray = (0.0, 0.0, 0.0), (0.5, 0.5, 0.5)
+    materials = (
+        Material("/A/Paint", gray, specular=black),
+        Material("/B/Paint", gray),
+        Material("/A/Sand", gray, specular=black),
+        Material("/B/Sand", gray, specular=black),
+        Material("/A/Tiles", gray, specular=black, specular_texture=Texture("tiles.png", srgb=True)),
+    )
+    assert constant_shines(materials) == {"Sand": black}
 
 
 def test_tone_changes_over_a_field() -> None:

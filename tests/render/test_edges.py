@@ -98,6 +98,20 @@ def test_corners_stay(height: int, width: int) -> None:
     np.testing.assert_allclose(shown, np.where(inside, _BRIGHT, _DARK), atol=1e-4)
 
 
+def test_a_corner_of_the_picture_does_not_change_its_first_row() -> None:
+    """An edge that reaches the top of the picture is as smooth with a strong edge in the corner as without it."""
+    inside = _half_plane(0.13, 0.0, 1) > 0.5
+    codes = []
+    for corner in (_DARK, 1.0):
+        light = np.where(inside, 1.5 * _DARK, _DARK)
+        draw = inside.astype(np.uint32)
+        light[0, 0], draw[0, 0] = corner, 7
+        code = _coded(light)
+        smooth_edges(code, draw, np.full((_SIDE, _SIDE), 20.0, np.float32))
+        codes.append(code[:, 4:])
+    np.testing.assert_array_equal(*codes)
+
+
 def test_one_surface_before_itself_has_an_edge_and_a_slope_has_none() -> None:
     """The same id twice: a step of depth is an edge, a plane that runs away is none."""
     across = np.arange(_SIDE, dtype=np.float32)[None, :] + np.zeros((_SIDE, 1), np.float32)

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from groundwork.progress import SILENT
 from render.gpu.bars import find_bars
 from render.gpu.context import Gl
+from render.gpu.ribbons import level_bars
 from render.settings import RenderSettings
 from render.views.passes import Painter
 from render.views.prepare import prepare
 from tests.render.scenes import SceneBuilder, placed
-from usd_schemas.flat_scene import Dome, FlatScene, Material, Sun
+from usd_schemas.flat_scene import Dome, Draws, FlatScene, Material, Sun
 from usd_schemas.pinhole import Pinhole, look_at
 
 F64 = NDArray[np.float64]
@@ -91,3 +92,17 @@ def test_a_line_is_one_flat_bar() -> None:
     width = WIDTH + EDGE * (BELOW - ABOVE)
     np.testing.assert_allclose(2 * np.linalg.norm(bars.first, axis=-1), width, atol=0.025)
     np.testing.assert_allclose(2 * np.linalg.norm(bars.second, axis=-1), BELOW + ABOVE, atol=1e-4)
+
+
+def test_a_line_may_be_invisible_at_first() -> None:
+    """A part without a draw in the first image lies on nothing; others keep their tops."""
+    scene = painted()
+    bars = find_bars(scene)
+    parts = np.unique(bars.part)
+    found, tops = level_bars(scene, bars, parts)
+    assert found[parts].all()
+    assert np.abs(tops).max() > 0
+    rest = Draws(**{name: values[scene.draws.part != parts[0]] for name, values in vars(scene.draws).items()})
+    found, tops = level_bars(replace(scene, draws=rest), bars, parts)
+    assert not found.any()
+    assert not tops.any()

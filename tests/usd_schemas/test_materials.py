@@ -234,14 +234,16 @@ def test_what_a_flat_material_cannot_hold_is_named(tmp_path: Path) -> None:
         ("float inputs:ior = 0", 1.0),
         ("float inputs:ior = -3", 1.0),
         ("float inputs:ior = 2\nfloat inputs:metallic = 1", None),
+        ("float inputs:ior = inf", None),
+        ("float inputs:ior = nan", None),
     ],
 )
 def test_ior_tells_the_shine(told: str, expected: float | None, tmp_path: Path) -> None:
-    """((1 - ior) / (1 + ior))^2 is mirrored straight on, nothing at 1; of a metal its color says it."""
+    """((1 - ior) / (1 + ior))^2 is mirrored straight on, nothing at 1; of a metal its color does."""
     scene, material = read_one(tmp_path, network(f"color3f inputs:diffuseColor = (0.2, 0.2, 0.2)\n{told}", ""))
     assert material.specular == (pytest.approx((expected,) * 3) if expected is not None else None)
     assert material.is_matt == (expected == 0.0)
-    assert not any("ior" in line for line in scene.warnings)
+    assert any("ior" in line for line in scene.warnings) == told.endswith(("inf", "nan"))
 
 
 def test_missing_texture_is_grey(tmp_path: Path) -> None:

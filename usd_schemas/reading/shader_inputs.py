@@ -1,5 +1,6 @@
 """What is connected to the inputs of a shader: constants, textures, and the paths of texture files."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -97,11 +98,13 @@ def shine_by_ior(surface: UsdShade.Shader) -> tuple[float, float, float] | None:
         surface: A UsdPreviewSurface in the metallic workflow.
 
     Returns:
-        Linear specular color [1]; None where `ior` has its default or is connected, and for metals.
+        Linear specular color [1]; None where `ior` has its default, is connected or is not finite, and for metals.
     """
     index, metallic = find_source(surface, "ior"), find_source(surface, "metallic")
     value = max(number_of(index, GLASS), 0.0)
-    if index.shader or metallic.shader or number_of(metallic, 0.0) != 0.0 or abs(value - GLASS) <= _NEAR:
+    if index.shader or metallic.shader or number_of(metallic, 0.0) != 0.0 or not math.isfinite(value):
+        return None
+    if abs(value - GLASS) <= _NEAR:
         return None
     share = ((1.0 - value) / (1.0 + value)) ** 2
     return share, share, share
