@@ -1,4 +1,4 @@
-"""The six bridges of the picture of families and worlds, and the runs that reconstruct them: an hour on two cores."""
+"""The six bridges of the picture of families and worlds, and the runs that reconstruct them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

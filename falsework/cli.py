@@ -86,7 +86,7 @@ def gallery(
 
     Families: photograph, classes, close-up. Worlds: from eye height, under the deck, beside a pier and from the air,
     with varying look and light, and a table of measurements. Looks: one girder bridge in every look. Combinations:
-    one bridge of each family in every world and look, one sheet for each world; 96 pictures, which take half an hour.
+    one bridge of each family in every world and look, one sheet for each world; 96 pictures, which take an hour or two.
 
     Args:
         subject: What to show.

@@ -14,7 +14,6 @@ from authoring.site.roads import Piece
 from authoring.site.ways import ribbon
 
 F64 = NDArray[np.float64]
-B = NDArray[np.bool_]
 
 PLAN = Alignment(0.0)  # its coordinates are world positions
 STEP = 1.5  # distance between cross-sections of lanes and drives [m]
@@ -24,6 +23,7 @@ BURIED = 0.45  # depth of its flanks below the ground [m]
 RAMP = 9.0  # length on which it rises to the road that it joins [m]
 VERGE = 2.5  # distance from the edge of a lane to the gardens beside it [m]
 LONGEST = 500.0  # distance from the site up to which roads are used [m]
+HIGHEST = 1.3  # largest height of a road above the ground beside it where something joins it [m]
 UNDER = 0.5  # length of its end that lies hidden under that road [m]
 _ROWS = (1.0, 0.5, 0.0, -0.5, -1.0)  # lines along a lane, as shares of half its width
 
@@ -68,6 +68,8 @@ def road_byways(terrain: Terrain, pieces: list[Piece], verge: float) -> list[Byw
         if not len(wide) or np.ptp(wide) > 1.0:  # cut obliquely at open water
             continue
         near = terrain.beyond(*terrain.land.layout.alignment.locate(lines[2])) < LONGEST
+        if near.sum() < 2:
+            continue
         roads.append(Byway(lines[1, near], lines[3, near], verge))
     return roads
 

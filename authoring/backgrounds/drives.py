@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.backgrounds.byways import (
+    HIGHEST,
     UNDER,
     Byway,
     ground,
@@ -31,7 +32,6 @@ NEAR = 330.0  # distance from the site up to which buildings have one [m]
 TRIED = 3  # roads that are tried for each building
 SPOT = 1.5  # radius of a circle over a paved place [m]
 BESIDE = 0.6  # between a drive and a wall [m]
-HIGHEST = 1.3  # of a road above the ground beside it where a drive leaves it [m]
 STEEPEST = 0.30  # largest grade [1]
 
 

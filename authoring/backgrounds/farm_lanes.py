@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.backgrounds.byways import (
+    HIGHEST,
     UNDER,
     Byway,
     frontages,
@@ -24,10 +25,10 @@ FLARE = 2.2  # added to it at the mouth [m]
 LENGTHS = (150.0, 240.0)  # [m]
 APART = 95.0  # least distance between two mouths, and of a lane to any other road than its own [m]
 STEEPEST = 0.14  # largest grade [1]
-HIGHEST = 1.3  # largest height of a road above the ground beside it where something joins it [m]
 FAR = 900.0  # distance from the site at which a lane begins where no road is near [m]
 STEP_AFAR = 5.0  # distance between the points of a lane from there [m]
 REACH = 300.0  # distance from the site's middle within which lanes leave roads [m]
+AT_ENDS = 95.0  # distance from the ends of a long site within which lanes and drives leave roads all the same [m]
 
 
 def draw_farm_lanes(
@@ -67,7 +68,7 @@ def joints(terrain: Terrain, roads: list[Byway], step: float, nearest: float, re
         roads: The roads.
         step: Distance between places [m].
         nearest: Least distance from the site [m].
-        reach: Largest distance from its middle [m].
+        reach: Largest distance from its middle [m]; beyond the ends of a long site it is `AT_ENDS`.
 
     Returns:
         World position of the edge [m] and unit vector away from the road [1], shape (N, 5), float64.
@@ -78,7 +79,7 @@ def joints(terrain: Terrain, roads: list[Byway], step: float, nearest: float, re
     station, left = located(terrain, rows[:, :2])
     middle = 0.5 * (terrain.inner[0] + terrain.inner[1])
     kept = (terrain.beyond(station, left) > nearest) & (terrain.clear(station, left) > nearest)
-    kept &= np.hypot(station - middle, left) < reach
+    kept &= np.hypot(station - middle, left) < max(reach, 0.5 * (terrain.inner[1] - terrain.inner[0]) + AT_ENDS)
     rows = rows[kept]
     beside = ground(terrain, rows[:, :2] + 7.0 * rows[:, 3:])
     return rows[np.abs(rows[:, 2] - beside) < HIGHEST]

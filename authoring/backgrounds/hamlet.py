@@ -15,7 +15,6 @@ from authoring.shapes.component import Component, Mesh
 from authoring.site.covers import to_world, turn
 
 F64 = NDArray[np.float64]
-RADIUS = 12.5  # circle that holds any building [m]
 FARTHEST = 360.0  # of a drive from the bridge's middle [m]
 FARMS = 0.14  # share of the buildings that are pairs of a farmhouse and a barn, half of it [1]
 TRIALS = 3  # plans of a house that are tried at each place

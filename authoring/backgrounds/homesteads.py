@@ -10,7 +10,6 @@ from authoring.backgrounds.byways import ground, located, resampled
 from authoring.backgrounds.terrain import Terrain
 
 F64 = NDArray[np.float64]
-B = NDArray[np.bool_]
 Box = tuple[float, float, float, float]
 
 PANEL = 3.0  # length of a fence's panel; lots are multiples of it [m]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pytest
@@ -9,10 +10,20 @@ from numpy.typing import NDArray
 
 from authoring.axis.alignment import Alignment, Layout
 from authoring.axis.plan_curve import Element
-from authoring.backgrounds.byways import RAISED, RAMP, Byway, ground, laid, resampled, road_byways, road_distance
+from authoring.backgrounds.byways import (
+    HIGHEST,
+    RAISED,
+    RAMP,
+    Byway,
+    ground,
+    laid,
+    resampled,
+    road_byways,
+    road_distance,
+)
 from authoring.backgrounds.countryside import VERGE
 from authoring.backgrounds.far_ways import far_ways
-from authoring.backgrounds.farm_lanes import HIGHEST, draw_farm_lanes
+from authoring.backgrounds.farm_lanes import draw_farm_lanes
 from authoring.backgrounds.hamlet import draw_hamlet
 from authoring.backgrounds.hillside import HillsideSettings
 from authoring.backgrounds.homesteads import DRIVE, PANEL, Homestead, Plan, draw_cottage, draw_farm
@@ -28,6 +39,7 @@ from authoring.streams import stream
 
 F64 = NDArray[np.float64]
 B = NDArray[np.bool_]
+Pieces = tuple[Component | Scatter, ...]
 
 AXES = {
     "straight": Alignment(5.0),
@@ -49,6 +61,7 @@ class Hamlet:
     homes: tuple[Homestead, ...]
 
 
+@cache
 def _site(name: str) -> Site:
     layout = Layout(AXES[name], (0.0, 30.0, 60.0), 11.5, 1.9)
     return draw_site(SiteSettings(crossing="road", fine_spacing=2.0, coarse_spacing=6.0), layout, stream(4, "site"))
@@ -64,6 +77,15 @@ def hamlet(request: pytest.FixtureRequest) -> Hamlet:
     roads = road_byways(terrain, far_ways(terrain), VERGE)
     lanes = [lane for _, lane in draw_farm_lanes(terrain, roads, 3, rng)]
     return Hamlet(terrain, roads, lanes, draw_hamlet(terrain, roads, lanes, 20, rng))
+
+
+def test_a_long_bridge_has_a_hamlet_at_its_ends() -> None:
+    """Where the middle of the site is farther from its ends than lanes and drives reach, they are sought there."""
+    layout = Layout(AXES["straight"], (0.0, 700.0), 11.5, 1.9)
+    site = draw_site(SiteSettings(crossing="river", fine_spacing=2.0, coarse_spacing=6.0), layout, stream(4, "site"))
+    pieces = build_background("countryside", FEW, site, stream(4, "background"))
+    walls = [piece for piece in pieces if isinstance(piece, Component) and "_House_" in piece.name]
+    assert len({piece.name.split("_")[2] for piece in walls}) > 4
 
 
 def test_every_drive_joins_a_road_at_its_edge(hamlet: Hamlet) -> None:
@@ -168,11 +190,15 @@ def test_a_wall_is_open_where_a_drive_leaves() -> None:
     assert _area(opened[0][4]) == pytest.approx(_area(whole[0][4]))
 
 
+@cache
+def _world(name: str) -> Pieces:
+    return build_background(name, FEW, _site("straight"), stream(4, "background"))
+
+
 @pytest.mark.parametrize("world", ["countryside", "lakeside", "hillside"])
 def test_nothing_stands_on_a_drive(world: str) -> None:
     """No tree, bush, pole or fence post stands on a yard or drive, which all are outside the keep-out volume."""
-    site = _site("straight")
-    pieces = build_background(world, FEW, site, stream(4, "background"))
+    site, pieces = _site("straight"), _world(world)
     yards = [piece for piece in pieces if isinstance(piece, Component) and piece.group == "Yards"]
     assert len(yards) > 12
     corners = np.concatenate([piece.mesh.points[triangles(piece.mesh)] for piece in yards])
@@ -188,9 +214,7 @@ def test_nothing_stands_on_a_drive(world: str) -> None:
 
 def test_conifers_stand_in_stands() -> None:
     """At least nine of ten spruces of the countryside have two more within 10 m."""
-    site = _site("straight")
-    pieces = build_background("countryside", FEW, site, stream(4, "background"))
-    trees = [piece for piece in pieces if isinstance(piece, Scatter) and piece.kind == "tree"]
+    trees = [piece for piece in _world("countryside") if isinstance(piece, Scatter) and piece.kind == "tree"]
     places = np.concatenate([run.positions[run.prototype % 5 == 3, :2] for run in trees])
     apart = np.linalg.norm(places[:, None] - places[None], axis=2)
     assert len(places) > 5

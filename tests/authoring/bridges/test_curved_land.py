@@ -6,7 +6,6 @@ import pytest
 from authoring.axis.alignment import Alignment, Layout
 from authoring.axis.plan_curve import Element
 from authoring.backgrounds.countryside import CountrysideSettings, build_countryside
-from authoring.backgrounds.hamlet import RADIUS
 from authoring.shapes.component import Component, Scatter, triangles
 from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
@@ -38,7 +37,7 @@ def test_buildings_have_square_corners(land: tuple[Site, tuple[Component | Scatt
     assert len(middles) > 8
     places = np.array(list(middles.values()))
     apart = np.linalg.norm(places[:, None] - places[None], axis=2)
-    assert apart[~np.eye(len(places), dtype=bool)].min() > 1.2 * RADIUS
+    assert apart[~np.eye(len(places), dtype=bool)].min() > 15.0
 
 
 def test_nothing_of_it_stands_on_the_site(land: tuple[Site, tuple[Component | Scatter, ...]]) -> None:
