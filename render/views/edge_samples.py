@@ -77,7 +77,7 @@ class EdgeSamples:
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
 
     def projection(self, first: int, near: float) -> F64:
-        """Build the projection to the image, for `Sight`; shape (4, 4), float64.
+        """Build the projection to the image [1], for `Sight`; shape (4, 4), float64.
 
         Args:
             first: Row of pixels at the top of the image.
