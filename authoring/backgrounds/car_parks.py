@@ -256,5 +256,5 @@ def _lines_between(lot: Lot) -> F64:
 def _divided(breaks: list[float]) -> F64:
     """Divide a range at given places, and further into steps of at most 3 m, shape (N,), float64."""
     at = np.unique(np.round(breaks, 6))
-    pieces = [np.linspace(a, b, int(np.ceil((b - a) / 3.0 - 1e-9)) + 1) for a, b in pairwise(at)]
+    pieces: list[F64] = [np.linspace(a, b, int(np.ceil((b - a) / 3.0 - 1e-9)) + 1) for a, b in pairwise(at.tolist())]
     return np.unique(np.round(np.concatenate(pieces), 6))

@@ -148,6 +148,7 @@ def build_city(settings: CitySettings, site: Site, rng: np.random.Generator) -> 
     pieces += blocks + _buildings(town) + on_site.pieces
     runs = window_runs(town.towers, site.extent, rng) + roof_runs(town.towers, rng) + furniture(plan, terrain, rng)
     runs += street_trees(plan, terrain, lawns, settings.trees, rng)
+    runs = [run for run in map(on_site.clear, runs) if run is not None]
     runs += traffic(plan, terrain, (block_spots(plan, lots), on_site.spots), settings.vehicles, rng)
     components = [
         Component(f"City_{prim}", kind, role, group, mesh, FIRST_BACKGROUND_ID + number)

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from authoring.backgrounds.byways import laid, located, resampled
 from authoring.backgrounds.car_parks import (
@@ -24,7 +25,7 @@ from authoring.backgrounds.kerbs import Spots, joined
 from authoring.backgrounds.quads import quad_mesh
 from authoring.backgrounds.streets import TownPlan, beside_ways
 from authoring.backgrounds.terrain import Terrain
-from authoring.shapes.component import Mesh
+from authoring.shapes.component import Mesh, Scatter
 from authoring.site.covers import to_world
 from authoring.site.grid import HeightField
 from authoring.site.land import no_hills
@@ -41,7 +42,7 @@ COUNTS = (8, 26)  # fewest and most bays in a row
 FLAT = 0.07  # largest slope of the ground under a lot [1]
 EDGE = 1.0  # from the border of a plot to a kerb [m]
 STEP = 1.5  # spacing of the places at which free ground is looked for [m]
-HALF = 2.8  # half the width of a drive [m]
+HALF, BESIDE = 2.8, 0.9  # half the width of a drive, and from its edge to the middle of trees and lamps [m]
 LANE, MOUTH = 4.6, 13.0  # distances from the site at which a drive turns, and at which it has reached its street [m]
 LONGEST = 200.0  # of drives, along the border of the site [m]
 PAST = 120.0  # distance past the ends of the site up to which streets are looked for [m]
@@ -55,10 +56,30 @@ class SiteLots:
     Attributes:
         pieces: Name, component kind, material recipe, group and mesh of each part.
         spots: The places of cars, of all bays.
+        drives: Places along the middles of drives in plan [m], shape (N, 2), float64.
     """
 
     pieces: list[Piece]
     spots: Spots
+    drives: F64
+
+    def clear(self, run: Scatter) -> Scatter | None:
+        """Take away repeats that stand on drives; None where nothing is left.
+
+        Args:
+            run: Trees, lamps and the like.
+        """
+        if not len(self.drives):
+            return run
+        near, _ = KDTree(self.drives).query(run.positions[:, :2])
+        kept = near > HALF + BESIDE
+        ids = run.instance_ids[: int(kept.sum())] if len(run.instance_ids) == len(kept) else run.instance_ids
+        if kept.all() or not kept.any():
+            return run if kept.all() else None
+        rows = (run.positions[kept], run.yaw[kept], run.scales[kept])
+        return replace(
+            run, prototype=run.prototype[kept], positions=rows[0], yaw=rows[1], scales=rows[2], instance_ids=ids
+        )
 
 
 def find_lots(site: Site) -> tuple[Lot, ...]:
@@ -107,6 +128,7 @@ def build_lots(lots: tuple[Lot, ...], terrain: Terrain, plan: TownPlan) -> SiteL
     """
     pieces: list[Piece] = []
     spots: list[Spots] = []
+    drives = [np.zeros((0, 2))]
     centers = _centers(terrain, plan) if lots else _Centers(())
 
     def ground(places: F64) -> F64:
@@ -131,7 +153,8 @@ def build_lots(lots: tuple[Lot, ...], terrain: Terrain, plan: TownPlan) -> SiteL
             (f"{name}_Marking", "road", "road_marking", GROUP, quad_mesh(painted(lot, bay_lines(lot), level))),
         ]
         spots.append(bay_spots(lot, level))
-    return SiteLots(pieces, joined(spots))
+        drives.append(path)
+    return SiteLots(pieces, joined(spots), np.concatenate(drives))
 
 
 def _largest(site: Site, *, behind: bool, side: float) -> Lot | None:

@@ -48,7 +48,7 @@ def on_site(kind: CrossingKind) -> dict[str, Component | Scatter]:
     site, town, rng = site_of(kind), town_of(kind), stream(7, "cars")
     lots = build_lots(find_lots(site), town.terrain, town.plan)
     cars = traffic(town.plan, town.terrain, (joined([]), lots.spots), 200, rng)
-    parts = [Component(name, *rest, 0) for name, *rest in lots.pieces]
+    parts = [Component(name, kind, role, group, mesh, 0) for name, kind, role, group, mesh in lots.pieces]
     return {piece.name.removeprefix("City_"): piece for piece in (*parts, *cars) if piece.group == GROUP}
 
 
@@ -183,3 +183,30 @@ def test_bays_and_aisles_share_the_room(size: tuple[float, float], first: bool) 
     assert len(rows_of(10.9)) == 0
     assert KERB_HIGH < 0.15
     np.testing.assert_allclose(lot.local(lot.world(found[:, :2])), found[:, :2], atol=1e-12)
+
+
+def test_nothing_stands_on_a_drive() -> None:
+    """Of trees along two drives and beside them, those on a drive are taken away, with their ids, and no others."""
+    site, town = site_of("rail"), town_of("rail")
+    lots = build_lots(find_lots(site), town.terrain, town.plan)
+    places = np.concatenate(
+        [lots.drives[::7] + offset for offset in np.random.default_rng(3).uniform(-9.0, 9.0, (8, 1, 2))]
+    )
+    count = len(places)
+    upright = np.column_stack([places, np.zeros(count)])
+    run = Scatter(
+        "T",
+        "tree",
+        "G",
+        ((),),
+        np.arange(count, dtype=np.int32),
+        upright,
+        np.zeros(count),
+        np.ones((count, 3)),
+        tuple(range(count)),
+    )
+    left = lots.clear(run)
+    assert left is not None
+    apart = np.linalg.norm(places[:, None] - lots.drives[None], axis=2).min(axis=1)
+    np.testing.assert_array_equal(left.prototype, np.flatnonzero(apart > 3.7))
+    assert 0 < len(left.instance_ids) == len(left.positions) < count
