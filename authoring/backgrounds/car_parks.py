@@ -250,7 +250,7 @@ def _lines_between(lot: Lot) -> F64:
     free = lot.size[0] - AISLE
     count = int(free // BAY)
     start = AISLE if lot.first else free - count * BAY
-    return start + BAY * np.arange(count + 1)
+    return start + BAY * np.arange(count + 1, dtype=np.float64)
 
 
 def _divided(breaks: list[float]) -> F64:

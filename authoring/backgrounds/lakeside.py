@@ -32,8 +32,8 @@ STREET = 112.0  # distance of a street behind the town from the axis [m]
 WIDEST = 66.0  # largest spacing of the terrain's grid lines [m]
 HEDGES = 140  # most bushes between fields [1]
 CLOSE = 50.0  # distance from the site within which buildings stand in detail [m]
-_PLASTERS = ("plaster", "plaster_white", "plaster_rose", "plaster_white")
-VILLA = Style((10.0, 16.5), (8.5, 12.0), (2, 3), ("hip", "hip", "gable"), _PLASTERS, 0.45, 0.8)
+_PLASTERS = ("plaster", "plaster_white", "plaster_rose", "plaster_ochre", "plaster_white")
+VILLA = Style((10.0, 16.5), (8.5, 12.0), (2, 3), ("hip", "hip", "gable"), _PLASTERS, 0.45, 0.8, wings=0.6)
 TOWN = Style((15.0, 25.0), (12.0, 15.0), (3, 5), ("hip", "hip", "flat"), _PLASTERS, 0.7, 0.7)
 
 
