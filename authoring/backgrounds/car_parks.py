@@ -42,12 +42,26 @@ class Lot:
     first: bool = True
 
     def world(self, local: F64) -> F64:
-        """Turn local positions into world positions in plan [m], shape (..., 2), float64."""
+        """Turn local positions into world positions in plan.
+
+        Args:
+            local: Local positions [m], shape (..., 2), float64.
+
+        Returns:
+            World positions [m], the same shape (..., 2), float64.
+        """
         cosine, sine = np.cos(self.heading), np.sin(self.heading)
         return local @ np.array([[cosine, sine], [-sine, cosine]]) + np.asarray(self.corner)
 
     def local(self, world: F64) -> F64:
-        """Turn world positions in plan into local ones [m], shape (..., 2), float64."""
+        """Turn world positions in plan into local ones.
+
+        Args:
+            world: World positions [m], shape (..., 2), float64.
+
+        Returns:
+            Local positions [m], the same shape (..., 2), float64.
+        """
         cosine, sine = np.cos(self.heading), np.sin(self.heading)
         return (world - np.asarray(self.corner)) @ np.array([[cosine, -sine], [sine, cosine]])
 
@@ -58,13 +72,14 @@ class Lot:
 
 
 def rows_of(depth: float) -> list[tuple[float, float]]:
-    """Divide a depth into rows of bays: lowest y of each [m], and where the cars in it head [1].
+    """Divide a depth into rows of bays.
 
     Args:
         depth: Depth of a lot [m].
 
     Returns:
-        Rows from the lowest y on; a lot that is too narrow for two rows has one, with the aisle on its far side.
+        Lowest y of each row [m] and where the cars in it head along y [1], from the lowest on; a lot that is too narrow
+        for two rows has one, with the aisle on its far side.
     """
     count = int(depth // MODULE)
     margin = 0.5 * (depth - count * MODULE)

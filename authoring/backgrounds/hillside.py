@@ -132,8 +132,7 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
     woods = Woods(
         draw_stands(rng), (BUILT - 60.0, BUILT + 140.0), (OAK, LIME, SPRUCE), 480.0, 0.0, 165.0, settings.trees
     )
-    taken = np.concatenate([plots.taken(), town.drives])
-    parcels, crops = valley_fields(terrain, sea, taken, (*lanes, *terraces, *streets), rng)
+    parcels, crops = valley_fields(terrain, sea, town.taken(), (*lanes, *terraces, *streets), rng)
     covers = (
         *mountain_covers(terrain, sea, plots, woods, rng),
         *_town_covers(terrain, sea, draw_relief(((34.0, 1.0), (13.0, 0.6)), rng)),
@@ -153,7 +152,7 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
     first_id = FIRST_BACKGROUND_ID + len(components)
     runs = _repeats(place, town, woods, settings, rng, first_id)
     first_id += sum(len(run.instance_ids) for run in runs)
-    hedges = plant_hedges(terrain, parcels, taken, HEDGES, rng, first_id)
+    hedges = plant_hedges(terrain, parcels, town.taken(), HEDGES, rng, first_id)
     return (*components, *runs, *(replace(run, name=f"{PREFIX}_FieldHedges") for run in hedges))
 
 

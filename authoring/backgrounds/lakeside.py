@@ -86,8 +86,7 @@ def build_lakeside(settings: LakesideSettings, site: Site, rng: np.random.Genera
     place, town = Waterside(terrain, lake, reaches, PREFIX), Town(designs, plots, (*lanes, *streets))
     town = replace(town, drives=drive_circles(terrain, drives))
     woods = Woods(draw_stands(rng), (220.0, 1000.0), (OAK, LIME, OAK, CYPRESS, PALM), 480.0, 0.4, 4.0, settings.trees)
-    taken = np.concatenate([plots.taken(), town.drives])
-    parcels, crops = valley_fields(terrain, lake, taken, town.lanes, rng)
+    parcels, crops = valley_fields(terrain, lake, town.taken(), town.lanes, rng)
     covers = (*mountain_covers(terrain, lake, plots, woods, rng), *crops)
     pieces = shore_pieces(terrain, lake, covers) + quays
     pieces += lane_pieces(terrain, lanes, gates=drive_gates(terrain, drives)) + lane_pieces(
@@ -110,7 +109,7 @@ def build_lakeside(settings: LakesideSettings, site: Site, rng: np.random.Genera
     runs += street_cars(place, town.lanes, rng, ahead())
     promenade = quay_places(terrain, lake, reaches, 7.0, 9.0)
     runs += green_runs(place, town, woods, promenade, rng, ahead())
-    hedges = plant_hedges(terrain, parcels, taken, HEDGES, rng, ahead())
+    hedges = plant_hedges(terrain, parcels, town.taken(), HEDGES, rng, ahead())
     runs += [replace(run, name=f"{PREFIX}_FieldHedges") for run in hedges]
     runs += [replace(run, name=f"{PREFIX}_Poles") for run in plant_poles(terrain, ahead(), rng, town.drives)]
     return (*components, *runs)

@@ -110,6 +110,9 @@ def covered_by(lots: tuple[Lot, ...], places: F64) -> NDArray[np.bool_]:
     Args:
         lots: The lots.
         places: World positions in plan [m], shape (N, 2), float64.
+
+    Returns:
+        Whether they do, shape (N,), bool.
     """
     inside = np.zeros(len(places), bool)
     for lot in lots:
@@ -168,7 +171,7 @@ def _largest(site: Site, *, behind: bool, side: float) -> Lot | None:
     reach = abs(end - middle) + 40.0
     probe = Lot((float(corner[0]), float(corner[1])), heading, (0.0, 0.0))
     x, y = np.arange(-reach, reach, STEP), np.arange(0.0, float(np.abs(site.field.lefts).max()), STEP)
-    at = located_on(site, probe.world(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)))
+    at = _located(site, probe.world(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)))
     free = land.plot_room(*at, no_hills) > EDGE
     free &= (land.steepness(*at, no_hills) < FLAT) & ((at[0] > land.crossing.center(at[1])) == behind)
     free &= side * at[1] > 0.0
@@ -189,7 +192,7 @@ def _largest(site: Site, *, behind: bool, side: float) -> Lot | None:
     return Lot((float(start[0]), float(start[1])), heading, size)
 
 
-def located_on(site: Site, places: F64) -> tuple[F64, F64]:
+def _located(site: Site, places: F64) -> tuple[F64, F64]:
     """Convert world positions in plan to stations and lefts [m], each of shape (N,), float64."""
     return site.land.layout.alignment.locate(np.column_stack([places, np.zeros(len(places))]))
 
