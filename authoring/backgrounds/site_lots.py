@@ -45,6 +45,7 @@ STEP = 1.5  # spacing of the places at which free ground is looked for [m]
 HALF, BESIDE = 2.8, 0.9  # half the width of a drive, and from its edge to the middle of trees and lamps [m]
 LANE, MOUTH = 4.6, 13.0  # distances from the site at which a drive turns, and at which it has reached its street [m]
 LONGEST = 200.0  # of drives, along the border of the site [m]
+CARS_AWAY = 16.0  # of cars from the edge of the deck: drones fly nearer than that, as low as a car is high [m]
 PAST = 120.0  # distance past the ends of the site up to which streets are looked for [m]
 _BEND = 9  # steps over which the corners of a drive are rounded
 
@@ -155,7 +156,9 @@ def build_lots(lots: tuple[Lot, ...], terrain: Terrain, plan: TownPlan) -> SiteL
             (f"{name}_Kerbs", "ground", "concrete", GROUP, kerb_mesh(lot, surface, ground)),
             (f"{name}_Marking", "road", "road_marking", GROUP, quad_mesh(painted(lot, bay_lines(lot), level))),
         ]
-        spots.append(bay_spots(lot, level))
+        cars = bay_spots(lot, level)
+        _, left = located(terrain, cars.places[:, :2])
+        spots.append(cars.only(np.abs(left) > 0.5 * terrain.land.layout.width + CARS_AWAY))
         drives.append(path)
     return SiteLots(pieces, joined(spots), np.concatenate(drives))
 

@@ -48,7 +48,7 @@ class RoadwaySettings(Settings):
     kerb_height: float | None = drawn(0.10, 0.15, "Height of the kerb above the asphalt [m]", ge=0.05, le=0.25)
     surfacing: float | None = drawn(0.07, 0.10, "Thickness of the asphalt surfacing [m]", ge=0.04, le=0.15)
     divided: bool | None = chosen(
-        {True: 0.4, False: 0.6}, "Raised median between the two directions of 4 or 6 lanes", paper={False: 1}
+        {True: 0.6, False: 0.4}, "Raised median between the two directions of 4 or 6 lanes", paper={False: 1}
     )
     median: float | None = drawn(
         1.2, 2.4, "Width of the median, from inner edge line to inner edge line [m]", ge=0.8, le=5.0
