@@ -12,9 +12,11 @@ from scipy import fft
 
 from authoring.exchange.bake_stains import detail_factors
 from authoring.looks.bake import LookSettings, bake_look, bake_surface
+from authoring.looks.charts import draw_charts
 from authoring.looks.encode import encode_raw
 from authoring.looks.library import SheetName
 from authoring.looks.material import MaterialRecipe
+from authoring.looks.members import draw_fields, read_members, read_spots
 from authoring.looks.roles import fill_roles
 from authoring.looks.weathering import weather
 from authoring.shapes.component import Component
@@ -86,11 +88,11 @@ def test_old_surfaces_feed_sift(tmp_path: Path, proof_count: Count, record_proof
     )
 
 
-def _wall(role: str) -> Component:
-    """A wall of 30 x 30 m whose one chart is the whole atlas."""
-    mesh = box((0, 0, 0), (_SIDE, 1, _SIDE))
+def _wall(role: str, side: float = _SIDE) -> Component:
+    """A wall of 30 x 30 m, or another side, whose one chart is the whole atlas."""
+    mesh = box((0, 0, 0), (side, 1, side))
     front = np.flatnonzero(mesh.normals[:, 1] < -0.9)
-    place = mesh.points[mesh.corners][:, [0, 2]] / _SIDE
+    place = mesh.points[mesh.corners][:, [0, 2]] / side
     st1 = np.full((len(mesh.corners), 2), 0.0, np.float32)
     st1[front] = place[front]
     return Component("Wall", "abutment_wall", role, "Superstructure", replace(mesh, st1=st1), 1)
@@ -223,6 +225,23 @@ def test_edges_of_stains_are_as_sharp_as_the_grain(tmp_path: Path, record_proof:
     assert drawn.mean() == pytest.approx(painted.mean(), rel=0.02)
     facts = {"slope_of_texture_alone": 1.0, "slope": round(float(slopes[0] / slopes[1]), 1)}
     record_proof("looks/edges of stains are as sharp as the grain", 1, 0, facts)
+
+
+def test_runs_have_no_upright_steps() -> None:
+    """On a wall whose texels are a tenth of the noise's, what is streaked changes gradually, and swerves."""
+    wall, pixels = _wall("Role_PierConcrete", 3.0), 1000
+    charts = draw_charts([wall], pixels)
+    rng = np.random.default_rng(2)
+    members, fields = read_members([wall], 1.0, rng), draw_fields(rng)
+    row, column = (grid.ravel() for grid in np.indices((pixels, pixels)))
+    texels = charts.triangle[row, column], column, row
+    spots = read_spots(charts, members, fields, texels, np.ones(len(row), np.float32))
+    streaks, patches = (one.reshape(pixels, pixels) for one in (spots.streaks, spots.patches))
+    even = np.abs(np.diff(patches, axis=1)) == 0  # the run is not bent between them
+    steps = np.abs(np.diff(streaks, axis=1))
+    assert even.mean() > 0.8
+    assert steps[even].max() < 0.25 * np.ptp(streaks)
+    assert (np.diff(streaks, axis=1)[even] != 0).mean() > 0.95
 
 
 def test_what_has_no_chart_has_no_stain(monkeypatch: pytest.MonkeyPatch) -> None:
