@@ -12,7 +12,7 @@ from authoring.shapes.component import Component
 
 _FIELD_METERS = 32.0
 _FIELD_PIXELS = 1024
-_SWERVE = 0.7  # shift of a run over the deviation of the patches below it [texels of the fields]
+_SWERVE = 0.35  # shift of a run over the deviation of the patches below it [texels of the fields]
 _STANDING = ("column", "wall_pier", "abutment_wall", "wing_wall", "pier_footing", "abutment_footing", "pylon", "tower")
 
 
