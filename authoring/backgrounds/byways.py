@@ -24,6 +24,7 @@ RAMP = 9.0  # length on which it rises to the road that it joins [m]
 VERGE = 2.5  # distance from the edge of a lane to the gardens beside it [m]
 LONGEST = 500.0  # distance from the site up to which roads are used [m]
 HIGHEST = 1.3  # largest height of a road above the ground beside it where something joins it [m]
+FLANK = 0.3  # fall from the edge of a road to its outermost line where that is a flank in the ground [m]
 UNDER = 0.5  # length of its end that lies hidden under that road [m]
 _ROWS = (1.0, 0.5, 0.0, -0.5, -1.0)  # lines along a lane, as shares of half its width
 
@@ -59,19 +60,45 @@ def road_byways(terrain: Terrain, pieces: list[Piece], verge: float) -> list[Byw
         verge: Distance from their edges to gardens [m].
 
     Returns:
-        One for each carriageway; its lines are those of `carriageway`.
+        One for each road that was built as lines along it, as those of `carriageway` and `laid`.
     """
     roads = []
-    meshes = [mesh for _, _, role, mesh in pieces if role == "asphalt" and len(mesh.points) % 5 == 0]
-    for lines in (mesh.points.reshape(5, -1, 3) for mesh in meshes):
-        wide = np.hypot(*(lines[1] - lines[3])[:, :2].T)
-        if not len(wide) or np.ptp(wide) > 1.0:  # cut obliquely at open water
+    for _, kind, role, mesh in pieces:
+        edges = _edges(mesh) if (kind, role) == ("road", "asphalt") else None
+        if edges is None:
             continue
-        near = terrain.beyond(*terrain.land.layout.alignment.locate(lines[2])) < LONGEST
-        if near.sum() < 2:
+        left, right = edges
+        wide = np.hypot(*(left - right)[:, :2].T)
+        if np.ptp(wide) > 1.0:  # cut obliquely at open water
             continue
-        roads.append(Byway(lines[1, near], lines[3, near], verge))
+        near = terrain.beyond(*terrain.land.layout.alignment.locate(0.5 * (left + right))) < LONGEST
+        if near.sum() >= 2:
+            roads.append(Byway(left[near], right[near], verge))
     return roads
+
+
+def _edges(mesh: Mesh) -> tuple[F64, F64] | None:
+    """Find the edges of a road that was built as lines along it, with or without flanks that reach into the ground.
+
+    `st` holds the distance along the road and across it: a line is a run of vertices with one distance across.
+
+    Args:
+        mesh: Any mesh.
+
+    Returns:
+        Left and right edge [m], each of shape (N, 3), float64; None where the mesh is no such road.
+    """
+    across = np.zeros(len(mesh.points))
+    across[mesh.corners] = mesh.st[:, 1]
+    starts = np.flatnonzero(np.diff(across, prepend=np.inf) != 0.0)
+    count = len(mesh.points) // max(len(starts), 1)
+    if len(starts) < 2 or count < 2 or (np.diff(starts, append=len(across)) != count).any():
+        return None
+    lines = mesh.points.reshape(len(starts), count, 3)
+    drop = np.median(lines[:, :, 2], axis=1)
+    first = int(drop[1] - drop[0] > FLANK)
+    last = len(lines) - 1 - int(drop[-2] - drop[-1] > FLANK)
+    return (lines[first], lines[last]) if last > first else None
 
 
 def lane_byways(terrain: Terrain, lanes: tuple[Lane, ...], walled: bool) -> list[Byway]:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from authoring.backgrounds.block_lots import block_lots, block_spots
 from authoring.backgrounds.city_ground import city_surfaces
 from authoring.backgrounds.facades import MIDDLE, tower_faces
 from authoring.backgrounds.far_ways import far_ways
@@ -13,6 +14,7 @@ from authoring.backgrounds.forests import Forests, draw_forests
 from authoring.backgrounds.pavements import KERB, plate, street_paint
 from authoring.backgrounds.quads import quad_mesh
 from authoring.backgrounds.river_quays import quays
+from authoring.backgrounds.site_lots import build_lots, find_lots
 from authoring.backgrounds.street_furniture import furniture
 from authoring.backgrounds.street_trees import street_trees
 from authoring.backgrounds.streets import STRIP, Block, TownPlan, draw_plan
@@ -142,11 +144,12 @@ def build_city(settings: CitySettings, site: Site, rng: np.random.Generator) -> 
     pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in far_ways(terrain)]
     pieces += [(prim, kind, role, "Quays", mesh) for prim, kind, role, mesh in quays(terrain, 1.2 * settings.town)]
     blocks, lawns, lots = _blocks(town)
-    pieces += blocks + _buildings(town)
+    on_site = build_lots(find_lots(site), terrain, plan)
+    pieces += blocks + _buildings(town) + on_site.pieces
     runs = window_runs(town.towers, site.extent, rng) + roof_runs(town.towers, rng) + furniture(plan, terrain, rng)
-    runs += street_trees(plan, terrain, lawns, settings.trees, rng) + traffic(
-        plan, terrain, lots, settings.vehicles, rng
-    )
+    runs += street_trees(plan, terrain, lawns, settings.trees, rng)
+    runs = [run for run in map(on_site.clear, runs) if run is not None]
+    runs += traffic(plan, terrain, (block_spots(plan, lots), on_site.spots), settings.vehicles, rng)
     components = [
         Component(f"City_{prim}", kind, role, group, mesh, FIRST_BACKGROUND_ID + number)
         for number, (prim, kind, role, group, mesh) in enumerate(pieces)
@@ -199,6 +202,7 @@ def _blocks(town: Town) -> tuple[list[Piece], list[Block], list[Block]]:
             top = plate(plan, area, KERB + rise, WALK - 1.5)
             if top is not None:
                 pieces.append((f"{name}_{number:03d}", kind, role, "Streets", top))
+    pieces += block_lots(plan, lots)
     return pieces, lawns, lots
 
 

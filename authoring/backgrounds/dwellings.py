@@ -1,10 +1,21 @@
 """Designs of villas, town houses and blocks about their own origin, detailed and simplified, for many repetitions."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.backgrounds.facade_parts import (
+    HOME,
+    STOREY,
+    balcony,
+    door,
+    openings,
+    plain_balcony,
+    plinth,
+    sheets,
+    window,
+)
 from authoring.backgrounds.plots import DEEP, Plots
 from authoring.backgrounds.solids import Frame, box, gabled_walls, roof_slab, solid
 from authoring.backgrounds.terrain import Terrain
@@ -15,9 +26,9 @@ from authoring.site.ways import merged
 F64 = NDArray[np.float64]
 Parts = tuple[tuple[str, Mesh], ...]
 
-STOREY = 3.0  # [m]
 MOST = 32  # buildings in detail
-HOME = Frame(0.0, 0.0, 0.0, 0.0)
+HIGH = 6  # storeys of a block above which its roof is flat where the style has flat ones
+MAIN = (0.56, 0.68)  # share of the front of a house with a wing that its main part takes [1]
 
 
 @dataclass(frozen=True)
@@ -33,6 +44,8 @@ class Style:
         balconies: Share of the designs with balconies [1].
         shutters: Share of the designs with shutters [1].
         tiles: Material recipe of pitched roofs.
+        wings: Share of the designs with a lower wing beside the main part [1].
+        towers: Share of the designs with a stair tower [1].
     """
 
     length: tuple[float, float]
@@ -43,6 +56,23 @@ class Style:
     balconies: float
     shutters: float
     tiles: str = "roof_tile"
+    wings: float = 0.0
+    towers: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A box of a building with a roof of its own: the middle of its floor [m], half its size [m], storeys and roof."""
+
+    at: tuple[float, float]
+    half: tuple[float, float]
+    storeys: int
+    roof: str
+
+    @property
+    def eaves(self) -> float:
+        """Height of its eaves [m]."""
+        return round(self.storeys * STOREY + 0.35, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,58 +179,137 @@ def repeated(mesh: Mesh, places: F64, turns: F64) -> Mesh:
 
 
 def _design(style: Style, rng: np.random.Generator) -> Design:
-    length, depth = rng.uniform(*style.length), rng.uniform(*style.depth)
-    half = (round(float(length) / 2, 3), round(float(depth) / 2, 3))
-    storeys = int(rng.integers(style.storeys[0], style.storeys[1] + 1))
-    roof = str(rng.choice(style.roofs))
-    wall = str(rng.choice(style.walls))
-    eaves = round(storeys * STOREY + 0.35, 3)
-    pitch = float(rng.uniform(0.36, 0.55))
-    body, cap = _shell(half, eaves, (roof, style.tiles), pitch, rng)
-    spots, turns, front = _openings(half, storeys, rng)
-    pane, trim = _window(bool(rng.random() < style.shutters), rng)
-    balconies = rng.random() < style.balconies
-    walls = [(wall, body), ("concrete", merged([repeated(trim[0], spots, turns), *_base(half, wall)]))]
+    half = tuple(round(float(rng.uniform(*side)) / 2, 3) for side in (style.length, style.depth))
+    wall, pitch = str(rng.choice(style.walls)), float(rng.uniform(0.36, 0.55))
+    parts = _parts(style, (half[0], half[1]), rng)
+    shells = [_shell(part, style.tiles, pitch, rng) for part in parts]
+    body, main = merged([shell for shell, _ in shells]), parts[0]
+    cap = tuple(piece for _, roof in shells for piece in roof)
+    spots, faces = _windows(parts, pitch, rng)
+    tower = _tower(main, rng) if rng.random() < style.towers else None
+    if tower is not None:
+        beside = tower.clear(spots, faces)
+        spots, faces = spots[beside], faces[beside]
+    entry = int(np.argmin(np.hypot(spots[:, 0] - main.at[0], 9.0 * (faces != 0) + spots[:, 2])))
+    entrance = door((float(spots[entry, 0]), main.at[1] - main.half[1]), 0.55 if main.storeys < 4 else 1.1)
+    spots, faces = np.delete(spots, entry, axis=0), np.delete(faces, entry)
+    turns = (0.5 * np.pi * faces).astype(np.float64)
+    shutters = bool(rng.random() < style.shutters)
+    pane, trim = window(shutters, rng)
+    plain_pane, plain_trim = sheets(shutters)
+    frames = "painted_steel" if shutters else "white_paint" if wall != "plaster_white" else "limestone"
+    bases = [plinth(part.half, wall, part.at) for part in parts]
+    walls = [(wall, body), ("concrete", merged([repeated(trim[0], spots, turns), *bases]))]
+    plain = [(wall, body), (frames, repeated(plain_trim, spots, turns))]
     if trim[1] is not None:
         walls.append(("painted_steel", repeated(trim[1], spots, turns)))
-    if balconies:
-        slab, rail = _balcony(half, rng)
-        upper = front & (spots[:, 2] > STOREY)
-        levels = np.unique(np.round(spots[upper, 2], 3))
-        at = np.column_stack([np.zeros((len(levels), 1)), np.full(len(levels), -half[1]), levels - 1.55])
-        if len(levels):
-            walls.append(("concrete", repeated(slab, at, np.zeros(len(levels)))))
-            walls.append(("galvanised_steel", repeated(rail, at, np.zeros(len(levels)))))
-    plain = (("window", repeated(_sheet(), spots, turns)),)
-    whole = (("window", repeated(pane, spots, turns)),)
-    return Design(half, eaves, (tuple(walls), ((wall, body),)), (cap, cap), (whole, plain))
+    if tower is not None:
+        walls.append(("concrete", tower.mesh))
+        plain.append(("concrete", tower.mesh))
+    for built in (walls, plain):
+        built.append(("metal_panel", entrance))
+    if rng.random() < style.balconies and main.storeys > 1:
+        near, far = _balconies(main, rng)
+        walls += near
+        plain += far
+    panes = tuple((("window", repeated(mesh, spots, turns)),) for mesh in (pane, plain_pane))
+    return Design((half[0], half[1]), main.eaves, (tuple(walls), tuple(plain)), (cap, cap), (panes[0], panes[1]))
 
 
-def _shell(
-    half: tuple[float, float], eaves: float, top: tuple[str, str], pitch: float, rng: np.random.Generator
-) -> tuple[Mesh, Parts]:
-    """Build walls down into the ground, and the roof on them."""
-    (x, y), (roof, tiles) = half, top
-    foot = -DEEP - 0.5
-    body = box(HOME, (0.0, 0.0, (foot + eaves) / 2), (x, y, (eaves - foot) / 2))
-    chimney = box(HOME, (0.4 * x, 0.3 * y, eaves + 0.5 * pitch * y + 0.7), (0.4, 0.3, 0.5 * pitch * y + 0.7))
-    if roof == "gable":
+def _parts(style: Style, half: tuple[float, float], rng: np.random.Generator) -> list[_Part]:
+    """Divide a footprint into a main part and perhaps a lower wing on one side of it."""
+    storeys = int(rng.integers(style.storeys[0], style.storeys[1] + 1))
+    roof = str(rng.choice(style.roofs))
+    roof = "flat" if storeys > HIGH and "flat" in style.roofs else roof
+    if storeys < 2 or rng.random() > style.wings:
+        return [_Part((0.0, 0.0), half, storeys, roof)]
+    share, side, (x, y) = float(rng.uniform(*MAIN)), float(rng.choice((-1.0, 1.0))), half
+    deep = y * float(rng.uniform(0.6, 0.85))
+    lower = storeys - 1 - int(rng.integers(0, max(storeys // 3, 1)))
+    back = float(rng.choice((-1.0, 1.0, 1.0))) * (y - deep)
+    wing = _Part((side * share * x, back), ((1.0 - share) * x, deep), lower, str(rng.choice((roof, roof, "deck"))))
+    return [_Part((-side * (1.0 - share) * x, 0.0), (share * x, y), storeys, roof), wing]
+
+
+def _windows(parts: list[_Part], pitch: float, rng: np.random.Generator) -> tuple[F64, NDArray[np.int64]]:
+    """Place windows on the walls of all parts that are not inside another part: middles [m], (N, 3), and faces."""
+    rows, faces = [], []
+    for number, part in enumerate(parts):
+        spots, face = openings(part.half, part.storeys, rng)
+        spots = spots + np.array([*part.at, 0.0])
+        seen = np.full(len(face), True)
+        if len(parts) > 1:
+            other = parts[1 - number]
+            seen = face != (1 if other.at[0] > part.at[0] else 3)
+            if number == 0:
+                top = other.eaves + pitch * max(other.half) + 1.0
+                seen |= (np.abs(spots[:, 1] - other.at[1]) > other.half[1] + 0.9) | (spots[:, 2] > top)
+        rows.append(spots[seen])
+        faces.append(face[seen])
+    return np.concatenate(rows), np.concatenate(faces)
+
+
+@dataclass(frozen=True, eq=False)
+class _Tower:
+    """A stair tower on the face of a house: its mesh, the face, and the x between which no window shows [m]."""
+
+    mesh: Mesh
+    face: int
+    range: tuple[float, float]
+
+    def clear(self, spots: F64, faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Find the windows beside it, shape (N,), bool."""
+        return (faces != self.face) | (spots[:, 0] < self.range[0]) | (spots[:, 0] > self.range[1])
+
+
+def _tower(part: _Part, rng: np.random.Generator) -> _Tower:
+    face, wide = int(rng.choice((0, 2))), float(rng.uniform(1.3, 1.8))
+    x = part.at[0] + float(rng.uniform(-0.4, 0.4)) * (part.half[0] - wide)
+    y = part.at[1] + (part.half[1] if face else -part.half[1])
+    top, foot = part.eaves + 2.4, -DEEP - 0.5
+    mesh = box(HOME, (x, y, (top + foot) / 2), (wide, 0.5, (top - foot) / 2), "xXyYZ")
+    return _Tower(mesh, face, (x - wide - 0.8, x + wide + 0.8))
+
+
+def _balconies(part: _Part, rng: np.random.Generator) -> tuple[list[tuple[str, Mesh]], list[tuple[str, Mesh]]]:
+    """Put balconies along the front of a part, one on each upper storey: in detail and plain."""
+    wide, deep = part.half[0] * float(rng.uniform(0.55, 0.95)), float(rng.uniform(1.1, 1.6))
+    slab, rail = balcony(wide, deep)
+    levels = np.arange(1, part.storeys) * STOREY + 0.07
+    at = np.column_stack([np.full((len(levels), 2), (part.at[0], part.at[1] - part.half[1])), levels])
+    turns = np.zeros(len(levels))
+    near = [("concrete", repeated(slab, at, turns)), ("galvanised_steel", repeated(rail, at, turns))]
+    return near, [("concrete", repeated(plain_balcony(wide, deep), at, turns))]
+
+
+def _shell(part: _Part, tiles: str, pitch: float, rng: np.random.Generator) -> tuple[Mesh, Parts]:
+    """Build walls down into the ground, and the roof on them, its ridge along the longer side of a gabled part."""
+    turned = part.roof == "gable" and part.half[1] > part.half[0]
+    frame = Frame(*part.at, 0.0, 0.5 * np.pi if turned else 0.0)
+    x, y = part.half[::-1] if turned else part.half
+    foot, eaves = -DEEP - 0.5, part.eaves
+    body = box(frame, (0.0, 0.0, (foot + eaves) / 2), (x, y, (eaves - foot) / 2))
+    high = 0.5 * pitch * y + 0.7
+    chimney = ("brick", box(frame, (0.4 * x, 0.3 * y, eaves + high), (0.4, 0.3, high)))
+    if part.roof == "gable":
         ridge = eaves + y * pitch
-        slab = roof_slab(HOME, (x + 0.4, y + 0.6), eaves - 0.6 * pitch, ridge, 0.22)
-        return gabled_walls(HOME, half, (foot, eaves, ridge)), ((tiles, slab), ("brick", chimney))
-    if roof == "hip":
-        return body, ((tiles, _hipped((x + 0.7, y + 0.7), eaves, pitch)), ("brick", chimney))
-    parapet = [box(HOME, (sx * (x + 0.05), 0.0, eaves + 0.35), (0.15, y + 0.2, 0.55)) for sx in (-1.0, 1.0)] + [
-        box(HOME, (0.0, sy * (y + 0.05), eaves + 0.35), (x - 0.1, 0.15, 0.55)) for sy in (-1.0, 1.0)
+        slab = roof_slab(frame, (x + 0.4, y + 0.6), eaves - 0.6 * pitch, ridge, 0.22)
+        return gabled_walls(frame, (x, y), (foot, eaves, ridge)), ((tiles, slab), chimney)
+    if part.roof == "hip":
+        return body, ((tiles, _hipped(frame, (x + 0.7, y + 0.7), eaves, pitch)), chimney)
+    parapet = [box(frame, (sx * (x + 0.05), 0.0, eaves + 0.35), (0.15, y + 0.2, 0.55)) for sx in (-1.0, 1.0)] + [
+        box(frame, (0.0, sy * (y + 0.05), eaves + 0.35), (x - 0.1, 0.15, 0.55)) for sy in (-1.0, 1.0)
     ]
+    deck = ("gravel", box(frame, (0.0, 0.0, eaves + 0.05), (x - 0.05, y - 0.05, 0.09)))
+    if part.roof == "deck":
+        return body, (deck, ("concrete", merged(parapet)))
     at = rng.uniform(-0.5, 0.5, 2) * np.array([x, 0.6 * y])
-    house = box(HOME, (float(at[0]), float(at[1]), eaves + 1.45), (min(0.3 * x, 3.0), min(0.4 * y, 2.2), 1.45))
-    tank = box(HOME, (float(-0.6 * at[0] - 0.4 * x), 0.5 * y, eaves + 0.75), (0.9, 0.9, 0.75))
-    deck = box(HOME, (0.0, 0.0, eaves + 0.05), (x - 0.05, y - 0.05, 0.09))
-    return body, (("gravel", deck), ("concrete", merged([*parapet, house])), ("painted_metal", tank))
+    house = box(frame, (float(at[0]), float(at[1]), eaves + 1.45), (min(0.3 * x, 3.0), min(0.4 * y, 2.2), 1.45))
+    tank = box(frame, (float(-0.6 * at[0] - 0.4 * x), 0.5 * y, eaves + 0.75), (0.9, 0.9, 0.75))
+    return body, (deck, ("concrete", merged([*parapet, house])), ("painted_metal", tank))
 
 
-def _hipped(half: tuple[float, float], eaves: float, pitch: float) -> Mesh:
+def _hipped(frame: Frame, half: tuple[float, float], eaves: float, pitch: float) -> Mesh:
     """Build a hipped roof with a fascia, its ridge along the longer side."""
     long = half[0] >= half[1]
     x, y = half if long else half[::-1]
@@ -212,73 +321,4 @@ def _hipped(half: tuple[float, float], eaves: float, pitch: float) -> Mesh:
         points = points[:, [1, 0, 2]] * np.array([-1.0, 1.0, 1.0])
     faces = [[3, 2, 1, 0], *([k, (k + 1) % 4, 4 + (k + 1) % 4, 4 + k] for k in range(4))]
     faces += [[4, 5, 9, 8], [6, 7, 8, 9], [5, 6, 9], [7, 4, 8]]
-    return solid(HOME, points, faces)
-
-
-def _openings(half: tuple[float, float], storeys: int, rng: np.random.Generator) -> tuple[F64, F64, NDArray[np.bool_]]:
-    """Place windows on four walls: middles [m], shape (N, 3), turns [rad] and whether they face the front."""
-    pitch = float(rng.uniform(2.5, 3.4))
-    rows, turns, front = [], [], []
-    for face in range(4):
-        reach, width = (half[1], half[0]) if face % 2 == 0 else (half[0], half[1])
-        count = max(int((2 * width - 1.2) / pitch), 1)
-        if face % 2 and width < 4.2:
-            count = 1
-        along = (np.arange(count) - (count - 1) / 2) * pitch
-        turn = face * np.pi / 2
-        for storey in range(storeys):
-            x, y = along, np.full(count, -reach)
-            rows.append(
-                np.column_stack(
-                    [
-                        x * np.cos(turn) - y * np.sin(turn),
-                        x * np.sin(turn) + y * np.cos(turn),
-                        np.full(count, storey * STOREY + 1.62),
-                    ]
-                )
-            )
-            turns.append(np.full(count, turn))
-            front.append(np.full(count, face == 0))
-    return np.concatenate(rows), np.concatenate(turns), np.concatenate(front)
-
-
-def _window(shutters: bool, rng: np.random.Generator) -> tuple[Mesh, tuple[Mesh, Mesh | None]]:
-    """Model a window, x to its right and y into the wall: panes, and their surround and shutters."""
-    wide, tall = float(rng.uniform(0.48, 0.7)), float(rng.uniform(0.62, 0.8))
-    panes = [box(HOME, (s * 0.5 * wide, 0.02, 0.0), (0.5 * wide - 0.02, 0.05, tall), "y") for s in (-1.0, 1.0)]
-    surround = [
-        *(box(HOME, (s * (wide + 0.05), -0.02, 0.0), (0.06, 0.08, tall + 0.02), "yxX") for s in (-1.0, 1.0)),
-        box(HOME, (0.0, -0.02, tall + 0.06), (wide + 0.11, 0.08, 0.06), "yzZxX"),
-        box(HOME, (0.0, -0.05, -tall - 0.05), (wide + 0.18, 0.13, 0.05), "yzZxX"),
-    ]  # faces inside the wall are not visible
-    leaves = [
-        box(HOME, (s * (1.5 * wide + 0.12), -0.03, 0.0), (0.48 * wide, 0.035, tall), "yzZxX") for s in (-1.0, 1.0)
-    ]
-    return merged(panes), (merged(surround), merged(leaves) if shutters else None)
-
-
-def _sheet() -> Mesh:
-    """Make a plain pane of one face in front of the wall."""
-    pane = solid(
-        HOME,
-        np.array([(-0.6, -0.06, -0.75), (0.6, -0.06, -0.75), (0.6, -0.06, 0.75), (-0.6, -0.06, 0.75)]),
-        [[0, 1, 2, 3]],
-    )
-    return replace(pane)
-
-
-def _balcony(half: tuple[float, float], rng: np.random.Generator) -> tuple[Mesh, Mesh]:
-    """Model the balcony of a storey along the front: its slab and its railing."""
-    deep, wide = float(rng.uniform(1.1, 1.6)), half[0] * float(rng.uniform(0.55, 0.98))
-    slab = box(HOME, (0.0, 0.1 - deep / 2, 0.0), (wide, deep / 2 + 0.1, 0.09))
-    rails = [box(HOME, (0.0, 0.06 - deep, h), (wide, 0.03, 0.03)) for h in (0.55, 1.02)]
-    posts = np.linspace(-wide + 0.04, wide - 0.04, max(int(2 * wide / 1.1), 2))
-    rails += [box(HOME, (float(p), 0.06 - deep, 0.55), (0.025, 0.025, 0.5)) for p in posts]
-    return slab, merged(rails)
-
-
-def _base(half: tuple[float, float], wall: str) -> list[Mesh]:
-    """Model a plinth that projects from the wall."""
-    low = -DEEP - 0.5
-    plinth = box(HOME, (0.0, 0.0, (low + 0.3) / 2), (half[0] + 0.06, half[1] + 0.06, (0.3 - low) / 2))
-    return [plinth] if wall != "brick" else [box(HOME, (0.0, 0.0, low / 2), (half[0] + 0.04, half[1] + 0.04, -low / 2))]
+    return solid(frame, points, faces)

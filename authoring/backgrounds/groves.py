@@ -20,6 +20,7 @@ COPSES, LINED = 0.5, 0.5  # shares of the fields with a copse at a corner, and w
 CONIFERS = 0.3  # share of the copses that are stands of conifers [1]
 SOLITARY = 0.06  # share of the fields with one old tree in them [1]
 WAYSIDE = 15.2  # distance of a row of trees from the edge of the crossing way [m]
+VERGE = 4.4  # distance of a row of trees from the edge of a lane; below 4 m it would be cleared with the lane [m]
 GAP = 3.6  # least distance between two trees [m]
 
 
@@ -168,7 +169,7 @@ def _lane_rows(terrain: Terrain, lanes: list[Byway], rng: np.random.Generator) -
     for lane in lanes:
         edges = frontages(lane, float(rng.uniform(*ROW_STEP)))
         half = edges[: len(edges) // 2] if rng.random() < 0.5 else edges[len(edges) // 2 :]
-        places = half[:, :2] + 3.4 * half[:, 3:]
+        places = half[:, :2] + VERGE * half[:, 3:]
         kinds = np.full(len(places), rng.choice((LIME, BIRCH, OAK)))
         groups.append(_grown(np.column_stack(located(terrain, places)), kinds, rng, (0.5, 0.7)))
     return groups

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.backgrounds.dwellings import DEEP, Design, Parts, repeated
+from authoring.backgrounds.dwellings import Design, Parts, repeated
+from authoring.backgrounds.plots import DEEP
 from authoring.backgrounds.solids import Frame, box, gabled_walls, roof_slab
 from authoring.shapes.component import Mesh
 from authoring.site.ways import merged

@@ -37,27 +37,31 @@ CLOSE = 50.0  # distance from the site within which buildings stand in detail [m
 STREETS = (112.0, 168.0)  # distances of the streets on the lower land from the axis [m]
 PITCH = 33.0  # from a lane to the next one above [m]
 TERRACE = 6.6  # half the depth of a terrace [m]
-WARM = Style((7.5, 11.5), (7.0, 10.0), (2, 3), ("hip", "gable"), ("plaster", "plaster_rose", "plaster_white"), 0.4, 0.0)
+_PLASTERS = ("plaster", "plaster_white", "plaster_ochre", "plaster_rose", "plaster_white")
+WARM = Style((8.5, 12.5), (7.0, 10.0), (2, 3), ("hip", "gable", "gable"), _PLASTERS, 0.4, 0.5, wings=0.75)
 HOUSE = Style(
-    (7.5, 11.5),
+    (8.5, 12.5),
     (7.0, 10.0),
     (2, 3),
     ("hip", "gable", "gable", "flat"),
-    ("plaster_white", "plaster", "painted_metal", "concrete"),
+    ("plaster_white", "plaster", "plaster_white", "brick_buff"),
     0.5,
-    0.0,
+    0.3,
     "roof_grey",
+    wings=0.75,
 )
 BLOCK = Style(
     (16.0, 30.0),
     (11.0, 15.0),
-    (5, 10),
-    ("flat",),
-    ("plaster_white", "plaster_rose", "brick", "plaster", "concrete"),
+    (4, 9),
+    ("flat", "flat", "hip"),
+    ("plaster_white", "plaster", "plaster_ochre", "brick_buff", "concrete"),
     0.75,
-    0.0,
+    0.2,
+    wings=0.5,
+    towers=0.6,
 )
-SHEDS, BLOCKS, HOUSES, WARMER = 5, 9, 15, 5  # designs of each; of the houses, those in warm colours
+SHEDS, BLOCKS, HOUSES, WARMER = 5, 10, 22, 13  # designs of each; of the houses, those in warm colours
 YARD = Cover("yard", "Yard", "ground", "asphalt")
 TOWN = Cover("town", "Town", "ground", "gravel")
 
@@ -128,7 +132,7 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
     woods = Woods(
         draw_stands(rng), (BUILT - 60.0, BUILT + 140.0), (OAK, LIME, SPRUCE), 480.0, 0.0, 165.0, settings.trees
     )
-    parcels, crops = valley_fields(terrain, sea, plots, (*lanes, *terraces, *streets), rng)
+    parcels, crops = valley_fields(terrain, sea, town.taken(), (*lanes, *terraces, *streets), rng)
     covers = (
         *mountain_covers(terrain, sea, plots, woods, rng),
         *_town_covers(terrain, sea, draw_relief(((34.0, 1.0), (13.0, 0.6)), rng)),
@@ -148,7 +152,7 @@ def build_hillside(settings: HillsideSettings, site: Site, rng: np.random.Genera
     first_id = FIRST_BACKGROUND_ID + len(components)
     runs = _repeats(place, town, woods, settings, rng, first_id)
     first_id += sum(len(run.instance_ids) for run in runs)
-    hedges = plant_hedges(terrain, parcels, np.concatenate([plots.taken(), town.drives]), HEDGES, rng, first_id)
+    hedges = plant_hedges(terrain, parcels, town.taken(), HEDGES, rng, first_id)
     return (*components, *runs, *(replace(run, name=f"{PREFIX}_FieldHedges") for run in hedges))
 
 

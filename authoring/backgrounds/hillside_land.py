@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.backgrounds.erosion import draw_gullies, eroded
-from authoring.backgrounds.lakeside_land import draw_crests
+from authoring.backgrounds.lakeside_land import draw_crests, draw_spurs
 from authoring.backgrounds.terrain import Cell, distance_beyond
 from authoring.backgrounds.waters import Basin, water_level, with_shore
 from authoring.site.land import FIRST_STEP
@@ -59,7 +59,7 @@ def hillside_hills(land: Land, inner: Cell, sea: Basin, shape: tuple[float, floa
         Large-scale height of the land at any position [m].
     """
     broad, crest = draw_relief(((520.0, 1.0), (240.0, 0.4)), rng), draw_crests(rng)
-    gullies = draw_gullies(rng)
+    gullies, spurs = draw_gullies(rng), draw_spurs(rng)
     grade, height = shape
     middle = (inner[0] + inner[1]) / 2
 
@@ -77,7 +77,8 @@ def hillside_hills(land: Land, inner: Cell, sea: Basin, shape: tuple[float, floa
         away = distance_beyond(inner, station, left)
         rise = worn(station, left)
         aside = land.crossing.distance(station, left) - land.crossing.half_width
-        valley = smoothstep(0.0, 1.0, (aside - 22.0) / (148.0 + 0.1 * away))
+        reach = 1.0 + (spurs(station, left) - 1.0) * smoothstep(BUILT - 60.0, BUILT + 300.0, away)
+        valley = smoothstep(0.0, 1.0, reach * (aside - 22.0) / (148.0 + 0.1 * away))
         return smoothstep(FIRST_STEP + 4.0, 70.0, away) * valley * rise
 
     def slope(station: F64, left: F64) -> F64:

@@ -32,8 +32,8 @@ STREET = 112.0  # distance of a street behind the town from the axis [m]
 WIDEST = 66.0  # largest spacing of the terrain's grid lines [m]
 HEDGES = 140  # most bushes between fields [1]
 CLOSE = 50.0  # distance from the site within which buildings stand in detail [m]
-_PLASTERS = ("plaster", "plaster_white", "plaster_rose", "plaster_white")
-VILLA = Style((10.0, 16.5), (8.5, 12.0), (2, 3), ("hip", "hip", "gable"), _PLASTERS, 0.45, 0.8)
+_PLASTERS = ("plaster", "plaster_white", "plaster_rose", "plaster_ochre", "plaster_white")
+VILLA = Style((10.0, 16.5), (8.5, 12.0), (2, 3), ("hip", "hip", "gable"), _PLASTERS, 0.45, 0.8, wings=0.6)
 TOWN = Style((15.0, 25.0), (12.0, 15.0), (3, 5), ("hip", "hip", "flat"), _PLASTERS, 0.7, 0.7)
 
 
@@ -86,7 +86,7 @@ def build_lakeside(settings: LakesideSettings, site: Site, rng: np.random.Genera
     place, town = Waterside(terrain, lake, reaches, PREFIX), Town(designs, plots, (*lanes, *streets))
     town = replace(town, drives=drive_circles(terrain, drives))
     woods = Woods(draw_stands(rng), (220.0, 1000.0), (OAK, LIME, OAK, CYPRESS, PALM), 480.0, 0.4, 4.0, settings.trees)
-    parcels, crops = valley_fields(terrain, lake, plots, town.lanes, rng)
+    parcels, crops = valley_fields(terrain, lake, town.taken(), town.lanes, rng)
     covers = (*mountain_covers(terrain, lake, plots, woods, rng), *crops)
     pieces = shore_pieces(terrain, lake, covers) + quays
     pieces += lane_pieces(terrain, lanes, gates=drive_gates(terrain, drives)) + lane_pieces(
@@ -109,7 +109,7 @@ def build_lakeside(settings: LakesideSettings, site: Site, rng: np.random.Genera
     runs += street_cars(place, town.lanes, rng, ahead())
     promenade = quay_places(terrain, lake, reaches, 7.0, 9.0)
     runs += green_runs(place, town, woods, promenade, rng, ahead())
-    hedges = plant_hedges(terrain, parcels, np.concatenate([plots.taken(), town.drives]), HEDGES, rng, ahead())
+    hedges = plant_hedges(terrain, parcels, town.taken(), HEDGES, rng, ahead())
     runs += [replace(run, name=f"{PREFIX}_FieldHedges") for run in hedges]
     runs += [replace(run, name=f"{PREFIX}_Poles") for run in plant_poles(terrain, ahead(), rng, town.drives)]
     return (*components, *runs)

@@ -63,7 +63,7 @@ def lakeside_hills(land: Land, inner: Cell, lake: Basin, height: float, rng: np.
     """
     broad, ridge = draw_relief(((900.0, 1.0), (380.0, 0.4)), rng), draw_crests(rng)
     rough = draw_relief(((170.0, 7.0), (62.0, 2.0)), rng)
-    gullies = draw_gullies(rng)
+    gullies, spurs = draw_gullies(rng), draw_spurs(rng)
     grade = float(rng.uniform(0.17, 0.24))
     middle = (inner[0] + inner[1]) / 2
 
@@ -88,7 +88,8 @@ def lakeside_hills(land: Land, inner: Cell, lake: Basin, height: float, rng: np.
         rise = worn(station, left)
         rise = rise + rough(station, left) * smoothstep(4.0, 60.0, rise)
         aside = land.crossing.distance(station, left) - land.crossing.half_width
-        valley = smoothstep(0.0, 1.0, (aside - 22.0) / (218.0 + 0.1 * away))
+        reach = 1.0 + (spurs(station, left) - 1.0) * smoothstep(120.0, 500.0, away)
+        valley = smoothstep(0.0, 1.0, reach * (aside - 22.0) / (218.0 + 0.1 * away))
         return smoothstep(FIRST_STEP + 4.0, 90.0, away) * valley * rise
 
     def slope(station: F64, left: F64) -> F64:
@@ -99,15 +100,39 @@ def lakeside_hills(land: Land, inner: Cell, lake: Basin, height: float, rng: np.
 
 
 def draw_crests(rng: np.random.Generator) -> Hills:
-    """Draw mountain crests between 0 and 1: the zero lines of two reliefs.
+    """Draw mountain crests between 0 and 1: the zero lines of reliefs, the smaller ones weighted by the larger.
+
+    Source: F. K. Musgrave, Procedural fractal terrains, in Texturing and Modeling, 1994 (ridged multifractal).
 
     Args:
         rng: Random stream.
     """
     one, two = draw_relief(((1300.0, 1.0),), rng), draw_relief(((520.0, 1.0), (230.0, 0.45)), rng)
+    more = rng.spawn(1)[0]  # a separate stream: the settlement stays where it was
+    three = draw_relief(((260.0, 1.0),), more)
+    bends = [draw_relief(((560.0, 150.0),), more) for _ in range(2)]
 
     def crest(station: F64, left: F64) -> F64:
-        first, second = 1.0 - np.abs(one(station, left)), 1.0 - np.abs(two(station, left))
-        return 0.65 * first * np.sqrt(np.maximum(first, 0.0)) + 0.35 * second
+        x, y = station + bends[0](station, left), left + bends[1](station, left)  # no crest is straight
+        first, second, third = (1.0 - np.abs(relief(x, y)) for relief in (one, two, three))
+        high = first * np.sqrt(np.maximum(first, 0.0))
+        return 0.62 * high + 0.28 * second * (0.45 + 0.55 * high) + 0.1 * third * high
 
     return crest
+
+
+def draw_spurs(rng: np.random.Generator) -> Hills:
+    """Draw how far the spurs of the mountains reach into the valley of the crossing.
+
+    Args:
+        rng: Random stream, whose state stays as it is.
+
+    Returns:
+        Factor of the distance from the crossing, about 1; above it a spur, below it the mouth of a side valley [1].
+    """
+    reaches = draw_relief(((560.0, 0.38), (230.0, 0.16)), rng.spawn(1)[0])
+
+    def spurs(station: F64, left: F64) -> F64:
+        return 1.0 + reaches(station, left)
+
+    return spurs

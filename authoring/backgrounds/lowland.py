@@ -5,7 +5,6 @@ from numpy.typing import NDArray
 
 from authoring.backgrounds.lanes import Lane, lane_room
 from authoring.backgrounds.parcels import Parcel, crop_fields, draw_parcels, uncropped
-from authoring.backgrounds.plots import Plots
 from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.waters import Basin
 from authoring.site.covers import Cover
@@ -18,21 +17,22 @@ SHORE = 26.0  # distance of fields from the shore [m]
 
 
 def valley_fields(
-    terrain: Terrain, basin: Basin, plots: Plots, lanes: tuple[Lane, ...], rng: np.random.Generator
+    terrain: Terrain, basin: Basin, taken: F64, lanes: tuple[Lane, ...], rng: np.random.Generator
 ) -> tuple[tuple[Parcel, ...], tuple[tuple[Cover, F64], ...]]:
     """Place fields where the land is flat and dry, and nothing is built.
 
     Args:
         terrain: The terrain.
         basin: The open water.
-        plots: The buildings.
+        taken: Station, left and radius of circles that cover buildings and drives [m], shape (K, 3), float64; a field
+            that one touches has no crop, because the mesh is coarser than a drive is wide.
         lanes: Lanes and streets.
         rng: Random stream.
 
     Returns:
         The fields; each cover with its signed field at the terrain's nodes [m], shape (S, L).
     """
-    parcels = uncropped(draw_parcels(terrain, rng, REACH), plots.taken())
+    parcels = uncropped(draw_parcels(terrain, rng, REACH), taken)
     station, left = terrain.nodes()
     field = terrain.field
     slope = np.hypot(

@@ -57,6 +57,10 @@ class Town:
     terraces: tuple[Lane, ...] = ()
     drives: F64 = field(default_factory=lambda: np.zeros((0, 3)))
 
+    def taken(self) -> F64:
+        """List station, left and radius of circles over buildings and drives [m], shape (K, 3), float64."""
+        return np.concatenate([self.plots.taken(), self.drives])
+
 
 def beside_roads(terrain: Terrain, span: tuple[float, float], rng: np.random.Generator) -> F64:
     """List places beside the approach roads.

@@ -22,7 +22,8 @@ from authoring.site.relief import Relief, draw_relief, smoothstep
 F64 = NDArray[np.float64]
 CRAG = Cover("crag", "Crag", "rock", "cliff")
 CLEARING = 17.0  # from a building's middle to the wood [m]
-CRAGGY = 1.25  # slope above which rock is visible [1]
+CRAGGY, SCREE = 1.25, 0.62  # slopes above which rock is visible below the tree line, and 220 m above it [1]
+TREE_LINE = (330.0, 85.0)  # height of the tree line above the water, and how far it swings [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +72,10 @@ def mountain_covers(
     slope = np.hypot(along, across)
     away = terrain.beyond(station, left)
     ragged = draw_relief(((210.0, 0.28), (90.0, 0.30)), rng)(station, left)
-    crag = np.minimum(25.0 * (slope + ragged - CRAGGY), 0.02 * (away - 500.0))
-    wood = 25.0 * _wooded(terrain, lake, woods, station, left)
+    over = heights - lake.level - TREE_LINE[0] - TREE_LINE[1] * 2.0 * ragged
+    rocky = CRAGGY - (CRAGGY - SCREE) * smoothstep(-40.0, 220.0, over)
+    crag = np.minimum(25.0 * (slope + ragged - rocky), 0.02 * (away - 500.0))
+    wood = np.minimum(25.0 * _wooded(terrain, lake, woods, station, left), -0.03 * over)
     if len(plots.places):
         nearest, _ = KDTree(plots.places[:, :2]).query(np.stack([station, left], axis=-1), distance_upper_bound=60.0)
         wood = np.minimum(wood, np.minimum(nearest, 60.0) - CLEARING)

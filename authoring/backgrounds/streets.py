@@ -190,10 +190,24 @@ def open_ground(terrain: Terrain, station: F64, left: F64) -> F64:
     Returns:
         Distances, negative where building is not allowed [m], shape (N,), float64.
     """
+    strip = np.minimum(terrain.beyond(station, left) - STRIP, terrain.clear(station, left) - 4.0)
+    return np.minimum(strip, beside_ways(terrain, station, left))
+
+
+def beside_ways(terrain: Terrain, station: F64, left: F64) -> F64:
+    """Measure the distance to roads with their fills, railways and rivers, minus the strip that each keeps clear.
+
+    Args:
+        terrain: The terrain.
+        station: Distance along the axis [m], shape (N,), float64.
+        left: Distance to the left of the axis [m], shape (N,), float64.
+
+    Returns:
+        Distances, negative on a way and beside it [m], shape (N,), float64.
+    """
     land = terrain.land
-    free = np.minimum(terrain.beyond(station, left) - STRIP, terrain.clear(station, left) - 4.0)
     gap = {"river": QUAY, "rail": RAIL_GAP}.get(land.crossing.kind, KERB_GAP)
-    free = np.minimum(free, land.crossing.distance(station, left) - land.crossing.half_width - gap)
+    free = land.crossing.distance(station, left) - land.crossing.half_width - gap
     for approach in land.approaches:
         natural = 0.0 if land.valley is None else land.valley(station, np.zeros_like(station))
         fill = np.abs(approach.level(land.layout, no_hills, station) - natural - 0.5)

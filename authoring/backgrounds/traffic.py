@@ -7,60 +7,54 @@ from numpy.typing import NDArray
 
 from authoring.axis.alignment import Alignment
 from authoring.backgrounds.kerbs import Spots, joined, kerbside, scatter
-from authoring.backgrounds.pavements import KERB
-from authoring.backgrounds.streets import Block, TownPlan
+from authoring.backgrounds.site_lots import GROUP as LOTS
+from authoring.backgrounds.streets import TownPlan
 from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.vehicles import CARS, LENGTHS, vehicle_models
 from authoring.shapes.component import Scatter
 from authoring.site.covers import to_world
 
 F64 = NDArray[np.float64]
+FULL = (0.6, 0.45)  # shares of the bays with a car, in the town and on the site [1]
 
 
-def traffic(plan: TownPlan, terrain: Terrain, lots: list[Block], count: int, rng: np.random.Generator) -> list[Scatter]:
-    """Place parked vehicles along kerbs and on lots, and driving ones on streets and through roads.
+def traffic(
+    plan: TownPlan, terrain: Terrain, bays: tuple[Spots, Spots], count: int, rng: np.random.Generator
+) -> list[Scatter]:
+    """Place parked vehicles along kerbs and in bays, and driving ones on streets and through roads.
 
     Args:
         plan: The town.
         terrain: The terrain.
-        lots: Parking lots in grid coordinates.
+        bays: Bays of car parks in the town, and of those on the site.
         count: Largest number of vehicles.
         rng: Random stream.
 
     Returns:
-        A run of parked and one of driving vehicles, each vehicle with a separate id.
+        Runs of parked and of driving vehicles, each vehicle with a separate id; those on the site are a group.
     """
     models = vehicle_models()
     kerbs = kerbside(plan, -1.15, 6.3, 12.0, 380.0)
     kerbs = kerbs.only(rng.uniform(size=len(kerbs.yaw)) < 0.55)
-    parked = joined([Spots(kerbs.places, kerbs.yaw - np.pi / 2), *(_rows(plan, lot, rng) for lot in lots)])
+    inner, outer = (
+        spots.only(rng.uniform(size=len(spots.yaw)) < share) for spots, share in zip(bays, FULL, strict=True)
+    )
+    parked = joined([Spots(kerbs.places, kerbs.yaw - np.pi / 2), inner])
     driving = joined([_on_streets(plan, rng), *_on_ways(terrain, rng)])
     runs = []
-    for name, spots, share, kinds in (
-        ("Parked", parked, 0.62, ("saloon", "estate", "van")),
-        ("Driving", driving, 0.38, tuple(kind for kind, _ in CARS)),
+    for name, group, spots, share, kinds in (
+        ("Parked", "Vehicles", parked, 0.47, ("saloon", "estate", "van")),
+        ("Driving", "Vehicles", driving, 0.33, tuple(kind for kind, _ in CARS)),
+        ("Visiting", LOTS, outer, 0.2, ("saloon", "estate")),
     ):
         away = plan.land.look(plan.land.away, spots.places[:, :2], 1e4)
-        order = np.argsort(away * rng.uniform(0.7, 1.3, len(away)), kind="stable")[: int(share * count)]
+        order = np.argsort((away + 1.0) * rng.uniform(0.7, 1.3, len(away)), kind="stable")[: int(share * count)]
         fitting = [number for number, (kind, _) in enumerate(models) if kind in kinds]
         weight = np.array([1.0 if LENGTHS[models[number][0]] < 5.0 else 0.35 for number in fitting])
         which = rng.choice(fitting, len(order), p=weight / weight.sum()).astype(np.float64)
         chosen = Spots(spots.places[order], spots.yaw[order] + rng.normal(0.0, 0.012, len(order)))
-        runs += scatter(name, "vehicle", "Vehicles", tuple(model for _, model in models), which, chosen, single=False)
+        runs += scatter(name, "vehicle", group, tuple(model for _, model in models), which, chosen, single=False)
     return runs
-
-
-def _rows(plan: TownPlan, lot: Block, rng: np.random.Generator) -> Spots:
-    """Fill about two thirds of a parking lot's spaces."""
-    along = np.arange(lot.low[0] + 2.0, lot.high[0] - 2.0, 2.7)
-    rows, turns = [np.zeros((0, 2))], [np.zeros(0)]
-    for number, across in enumerate(np.arange(lot.low[1] + 3.2, lot.high[1] - 3.0, 8.4)):
-        rows.append(np.column_stack([along, np.full(len(along), across)]))
-        turns.append(np.full(len(along), np.pi / 2 * (-1) ** number))
-    world = plan.to_world(np.concatenate(rows))
-    keep = (rng.uniform(size=len(world)) < 0.65) & (plan.land.room(world) > 3.5)
-    level = plan.land.ground(world) + KERB + 0.03
-    return Spots(np.column_stack([world, level]), np.concatenate(turns) + plan.heading).only(keep)
 
 
 def _on_streets(plan: TownPlan, rng: np.random.Generator) -> Spots:

@@ -77,8 +77,8 @@ class Plots:
     def _split(self, station: F64, left: F64) -> F64:
         return np.where(left > 0.0, self.splits[1], self.splits[0]) + self.shift(station, left)
 
-    def room(self, station: F64, left: F64) -> F64:
-        """Compute the distance of positions to a plot's outer borders, without roads and fills, positive inside.
+    def within(self, station: F64, left: F64) -> F64:
+        """Compute the distance of positions to the outer border of the plots, positive inside.
 
         Args:
             station: Distance along the axis [m], shape (...), float64.
@@ -88,8 +88,19 @@ class Plots:
             Distances, negative outside [m], the same shape (...), float64.
         """
         low, high, wide = self.bounds
-        inside = np.minimum(np.minimum(station - low, high - station), wide - np.abs(left)) - BORDER
-        return np.minimum(inside, np.abs(np.abs(left) - self._split(station, left)) - BALK)
+        return np.minimum(np.minimum(station - low, high - station), wide - np.abs(left)) - BORDER
+
+    def split_room(self, station: F64, left: F64) -> F64:
+        """Compute the distance of positions to the balk between a near plot and a far one, negative on it.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+            left: Distance to the left of the axis [m], the same shape (...), float64.
+
+        Returns:
+            Distances [m], the same shape (...), float64.
+        """
+        return np.abs(np.abs(left) - self._split(station, left)) - BALK
 
     def number(self, behind: NDArray[np.bool_], station: F64, left: F64) -> NDArray[np.int64]:
         """Number the plots.

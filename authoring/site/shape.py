@@ -295,12 +295,26 @@ class Land:
             height = self._approach(approach, station, left, height, hills, covers)
         return height, covers
 
-    def _used(self, plots: Plots, station: F64, left: F64, height: F64, hills: Hills) -> dict[str, F64]:
-        """Place plots between roads and rivers, beside the toes of embankments, where the ground is not steep."""
+    def plot_room(self, station: F64, left: F64, hills: Hills) -> F64:
+        """Measure the distance to what bounds plots: ways, fills, the deck, steep ground and the site's border.
+
+        Args:
+            station: Distance along the axis [m], shape (...), float64.
+            left: Distance to the left of the axis [m], the same shape (...), float64.
+            hills: Large-scale height of the land [m], the same shape, 0 on the site.
+
+        Returns:
+            Distances, negative where there is no plot [m], the same shape (...), float64.
+        """
+        assert self.plots is not None
+        height, _ = self._ground(station, left, hills)
+        return self._room(self.plots, station, left, height, hills)
+
+    def _room(self, plots: Plots, station: F64, left: F64, height: F64, hills: Hills) -> F64:
         behind = station > self.crossing.center(left)
         room = self.crossing.distance(station, left) - self.crossing.half_width
         room = room - plots.aside - plots.bend(left, np.where(behind, ASIDE, -ASIDE))
-        room = np.minimum(room, plots.room(station, left))
+        room = np.minimum(room, plots.within(station, left))
         room = np.minimum(room, np.abs(left) - self.layout.width / 2 - CLEAR - plots.shift(station, left))
         room = np.minimum(room, (STEEP - self.steepness(station, left, hills)) * _ROOM)
         for approach in self.approaches:
@@ -310,7 +324,12 @@ class Land:
             aside = np.hypot(np.maximum(across - self.layout.width / 2, 0.0), np.maximum(-along, 0.0))
             room = np.minimum(room, aside - FILL_SLOPE * np.abs(crown - height) - TOE)
             room = np.minimum(room, np.where(along > -10.0, across - approach.half_width - VERGE, 9.0))
-        return plots.fields(behind, station, left, room)
+        return room
+
+    def _used(self, plots: Plots, station: F64, left: F64, height: F64, hills: Hills) -> dict[str, F64]:
+        """Place plots between roads and rivers, beside the toes of embankments, where the ground is not steep."""
+        room = np.minimum(self._room(plots, station, left, height, hills), plots.split_room(station, left))
+        return plots.fields(station > self.crossing.center(left), station, left, room)
 
     def _under_deck(self, station: F64, left: F64) -> F64:
         first, last = self.layout.supports[0], self.layout.supports[-1]

@@ -25,6 +25,7 @@ _BAR = np.dtype([("axis", "3f4"), ("first", "3f4"), ("second", "3f4"), ("shape",
 _NOT_A_BAR = -1.0
 _EMBEDDED = 0.25
 WIDEST = 2.5  # [px] from this thickness on only the surface is drawn; as in bar.glsl
+SAMPLED_WIDEST = 0.4  # [px] the same where edges have further samples
 _EDGED = 8.0 / WIDEST  # the same of bars with edges over that of others; as in bar.glsl
 _FLAT = 1e-2  # bars thinner than this share of their width have no two sides that are seen; as in bar.glsl
 _SHORTEST = 8.0  # [px]; shorter ones, such as distant grass, do not look like lines, and are many
@@ -114,7 +115,9 @@ class Ribbons:
         """
         return replace(self, **self.parts.placed(draws, commands))
 
-    def thin(self, rows: I64, lower: F64, upper: F64, eye: F64, focal: float) -> NDArray[np.bool_]:
+    def thin(
+        self, rows: I64, lower: F64, upper: F64, eye: F64, focal: float, *, sampled: bool = False
+    ) -> NDArray[np.bool_]:
         """Tell which draws have bars that may be thinner than a pixel in a view, shape (N,).
 
         Args:
@@ -123,13 +126,15 @@ class Ribbons:
             upper: Upper corner of each draw's box [m], shape (D, 3), float64.
             eye: Camera centre [m], shape (3,), float64.
             focal: Focal length [px].
+            sampled: Whether edges have further samples, so that only the thinnest bars need ribbons.
         """
+        widest = SAMPLED_WIDEST if sampled else WIDEST
         one, other = np.abs(lower[rows] - eye), np.abs(upper[rows] - eye)
         farthest = np.linalg.norm(np.maximum(one, other), axis=1)
         inside = (lower[rows] <= eye) & (upper[rows] >= eye)
         nearest = np.linalg.norm(np.where(inside, 0.0, np.minimum(one, other)), axis=1)
         is_long = self.length[rows] * focal > _SHORTEST * nearest
-        return is_long & (self.thickness[rows] * focal < WIDEST * farthest)
+        return is_long & (self.thickness[rows] * focal < widest * farthest)
 
     def upwards(self, rows: I64) -> I64:
         """Order draws so that what is embedded in a surface comes before what stands on it, shape (N,).

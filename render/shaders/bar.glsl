@@ -2,6 +2,7 @@
 
 #ifdef BAR
 uniform vec2 half_size;         // of the image [px]
+uniform mat2 pixels;            // of the photograph from clip space [px]
 in vec3 in_axis;                // from here to the other end of a segment
 in vec3 in_first;               // half axes of the cross-section
 in vec3 in_second;
@@ -11,8 +12,12 @@ in vec3 in_shape;               // side of a ribbon; 1 for round, 0 for rectangu
 // [px] Widths between the first two of which a surface gives way to its ribbon, as in ribbons.py; from which down its
 // ribbon grows; down to which its surface stays whole. A bar with edges gives way sooner, because a side of it is a
 // fraction as wide, and its ribbon is whole before its surface fades: else what lies behind would show through its middle.
+#ifdef SAMPLED  // further samples show edges down to a fraction of a pixel
+const vec4 FADING = vec4(0.24, 0.4, 0.28, 0.36), EDGED_FADING = FADING;
+#else
 const vec4 FADING = vec4(1.5, 2.5, 1.75, 2.25);
 const vec4 EDGED_FADING = vec4(6.0, 8.0, 7.0, 7.0);
+#endif
 const float NEAREST = 0.3;                  // [m] in front of the camera
 
 bool is_embedded() {
@@ -22,7 +27,7 @@ bool is_embedded() {
 // Where a place goes on the image if it is shifted [px].
 vec2 shifted(vec4 clip, vec3 way) {
     vec4 change = clip_from_relative * vec4(way, 0.0);
-    return (change.xy - clip.xy / clip.w * change.w) / clip.w * half_size;
+    return pixels * ((change.xy - clip.xy / clip.w * change.w) / clip.w);
 }
 
 // Direction across a bar on the image [1].

@@ -38,9 +38,18 @@ flat in uint sides;     // of the draw, as in rows.glsl
 // Without anisotropy the default mip level blurs every slanted surface; what comes out too sharp, the lens blurs.
 const float SHARPER = -1.0;
 
+#ifdef SAMPLES  // rows of samples lie closer than pixels do: the size of a pixel chooses the level
+vec4 look_up(sampler2DArray images, vec3 place) {
+    vec2 across = dFdx(place.xy), down = float(SAMPLES) * dFdy(place.xy) + float(SHEAR) * across;
+    return textureGrad(images, place, across * exp2(SHARPER), down * exp2(SHARPER));
+}
+#else
+#define look_up(images, place) texture(images, place, SHARPER)
+#endif
+
 #ifdef HAS_ALBEDO
 vec4 look_up_albedo() {
-    vec4 texel = texture(albedo_array, vec3(albedo_place, albedo_map[0].w), SHARPER);
+    vec4 texel = look_up(albedo_array, vec3(albedo_place, albedo_map[0].w));
     return vec4(texel.rgb * texel.rgb, texel.a);
 }
 #endif
@@ -57,7 +66,7 @@ float detail_factor(out vec2 shift) {
     shift = vec2(0.0);
 #ifdef HAS_DETAIL
     for (int octave = 0; octave < 3; octave++) {
-        float grey = texture(detail_array, vec3(st * frequencies[octave], frequencies.w), SHARPER).r;
+        float grey = look_up(detail_array, vec3(st * frequencies[octave], frequencies.w)).r;
         float part = amplitudes[octave] * (2.0 * grey - 1.0);
         factor *= 1.0 + part;
         shift += part * SHIFTS[octave];

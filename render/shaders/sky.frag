@@ -21,7 +21,12 @@ const float PI = 3.14159265;
 void main() {
     vec3 d = normalize(dome_from_world * direction);
     vec2 place = vec2(0.5 - atan(d.x, d.z) / (2.0 * PI), acos(clamp(d.y, -1.0, 1.0)) / PI);
-    out_color = vec4(sqrt(clamp(textureLod(panorama, place, 0.0).rgb * code_scale, 0.0, 1.0)), 1.0);
+    vec3 light = clamp(textureLod(panorama, place, 0.0).rgb * code_scale, 0.0, 1.0);
+#ifdef SAMPLES
+    out_color = vec4(light, 1.0);
+#else
+    out_color = vec4(sqrt(light), 1.0);
+#endif
     out_draw = 0u;
     out_depth = uintBitsToFloat(0x7f800000u);
 #ifdef NORMALS

@@ -105,7 +105,7 @@ vec3 sky_irradiance(vec3 scene, vec3 n) {
 
 vec3 bumped(vec3 n) {
 #ifdef HAS_NORMAL
-    vec3 bump = texture(normal_array, vec3(normal_place, normal_map[0].w), SHARPER).xyz * 2.0 - 1.0;
+    vec3 bump = look_up(normal_array, vec3(normal_place, normal_map[0].w)).xyz * 2.0 - 1.0;
     vec3 dx = dFdx(relative), dy = dFdy(relative);
     vec2 sx = dFdx(normal_place), sy = dFdy(normal_place);
     float turn = sx.x * sy.y - sy.x * sx.y;
@@ -204,7 +204,7 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
 #endif
     float metallic = emissive.a;
 #ifdef HAS_METALLIC
-    metallic = texture(metallic_array, vec3(metallic_place, metallic_map[0].w), SHARPER).r;
+    metallic = look_up(metallic_array, vec3(metallic_place, metallic_map[0].w)).r;
 #endif
 #ifdef GREY_CARD
     metallic = 0.0;
@@ -218,7 +218,7 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
 #endif
 #ifdef SHINES
 #ifdef HAS_ROUGHNESS
-    roughness = texture(roughness_array, vec3(roughness_place, roughness_map[0].w), SHARPER).r;
+    roughness = look_up(roughness_array, vec3(roughness_place, roughness_map[0].w)).r;
 #endif
     roughness = clamp(roughness, 0.05, 1.0);
     vec3 f0 = mix(vec3(0.04), albedo, metallic), f90 = vec3(1.0);
@@ -283,7 +283,7 @@ vec3 shade(vec3 albedo, vec3 face, float roughness) {
 #endif
 #ifndef GREY_CARD
 #ifdef HAS_EMISSION
-    vec3 glow = texture(emission_array, vec3(emission_place, emission_map[0].w), SHARPER).rgb;
+    vec3 glow = look_up(emission_array, vec3(emission_place, emission_map[0].w)).rgb;
     light += glow * glow * emissive.rgb;
 #else
     light += emissive.rgb;
@@ -368,7 +368,12 @@ void main() {
     out_color.rgb *= held;
 #endif
 #else
-    out_color = vec4(sqrt(clamp(shade(albedo, face, roughness) * code_scale, 0.0, 1.0)), 1.0);
+    vec3 light = clamp(shade(albedo, face, roughness) * code_scale, 0.0, 1.0);
+#ifdef SAMPLES
+    out_color = vec4(light, 1.0);
+#else
+    out_color = vec4(sqrt(light), 1.0);
+#endif
 #endif
 #ifdef FADES
     float shown = smoothstep(fades.x, fades.w, 2.0 * width_times_depth * gl_FragCoord.w);

@@ -33,6 +33,8 @@ class Sight:
         near: Near plane [m].
         clip: Projection of positions relative to the camera, in OpenGL's layout.
         waterline: Height above the camera below which shaders of reflections draw nothing [m].
+        projection: Clip from camera axes [1], shape (4, 4), float64; None for the camera's own.
+        pixels: Pixels of the photograph from clip space, by columns [px]; None for the camera's own.
     """
 
     camera: Pinhole
@@ -40,6 +42,8 @@ class Sight:
     near: float
     clip: bytes
     waterline: float = 0.0
+    projection: F64 | None = None
+    pixels: tuple[float, float, float, float] | None = None
 
     @property
     def eye(self) -> F64:
@@ -149,11 +153,25 @@ class DrawCalls:
             sight: The view.
             extra: `NORMALS` or `TRIANGLES` if one more image is drawn.
         """
+        self._silhouettes("ids.frag", rows, sight, extra)
+
+    def cut_depth(self, rows: I64, sight: Sight, extra: tuple[str, ...]) -> None:
+        """Draw depth alone, of cut-outs too.
+
+        Args:
+            rows: Draws, shape (N,), int64.
+            sight: The view.
+            extra: Features of the shaders of cut-outs.
+        """
+        self._silhouettes("shadow.frag", rows, sight, extra)
+
+    def _silhouettes(self, shader: str, rows: I64, sight: Sight, extra: tuple[str, ...]) -> None:
+        """Draw rows with a shader that needs no material but for the opacity of cut-outs."""
         groups = depth_groups(self._gpu, rows)
         self._write_commands([members for *_, members in groups], "")
         first = waiting = 0
         for features, material, members in groups:
-            program = self._programs.get("surface.vert", "ids.frag", extra + features)
+            program = self._programs.get("surface.vert", shader, extra + features)
             if features:
                 self._gpu.bind_material(material)
                 variant = self._gpu.variants[self._gpu.variant_rows[members[0]]]
@@ -194,10 +212,8 @@ class DrawCalls:
         if program not in self._arrays:
             self._lamps.shine_on(program)
             self._arrays[program] = self._gl.context.vertex_array(program, [])
-        clip = clip_from_camera(sight.camera, 1.0)[:2, :3]
-        from_clip = np.array(
-            [[1 / clip[0, 0], 0, -clip[0, 2] / clip[0, 0]], [0, 1 / clip[1, 1], -clip[1, 2] / clip[1, 1]], [0, 0, 1]]
-        )
+        clip = clip_from_camera(sight.camera, 1.0) if sight.projection is None else sight.projection
+        from_clip = np.linalg.inv(clip[[0, 1, 3], :3])
         set_uniform(program, "world_from_clip", (sight.pose[:3, :3] @ from_clip).T.astype(np.float32).tobytes())
         self._gl.context.depth_func = ">="
         self._arrays[program].render(moderngl.TRIANGLES, 3)
@@ -221,6 +237,7 @@ class DrawCalls:
                     set_uniform(program, f"{name}_array", unit)
                 set_uniform(program, "clip_from_relative", sight.clip)
                 set_uniform(program, "half_size", self._half_size)
+                set_uniform(program, "pixels", sight.pixels or (self._half_size[0], 0.0, 0.0, self._half_size[1]))
                 set_uniform(program, "ribbons_away", AWAY_UNIT)
                 set_uniform(program, "waterline", sight.waterline)
                 for name, value in self.more.items():

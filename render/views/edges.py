@@ -5,6 +5,7 @@ At the border of two surfaces, a pixel is blended as if a straight edge passed t
 Source: Reshetov, Morphological antialiasing, HPG 2009; edges come from ids and depth instead of colours.
 """
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +20,7 @@ _SINGLE = np.float32(
 )  # for steps of one pixel in both directions: an edge at 45 degrees covers a sixth of a pixel on average
 _JUMP_BITS = 2**17  # difference of the bits of two floats: 1.6 to 3.1 %
 _FAINT = 2  # times weaker than an edge that it touches: the two are not the same border
+_AROUND = 5  # [px] side of the square that gets samples for one pixel at an edge
 _JUMP = 0.02  # relative step of 1 / depth beyond its slope on both sides: one part of a surface in front of another
 
 
@@ -44,6 +46,31 @@ def smooth_edges(code: U16, draw: U32, depth: F32) -> None:
         others += [near[up] + step, near[~up]]
         shares += [share[up], -share[~up]]
     _blend(code.reshape(-1, 3), np.concatenate(pixels), np.concatenate(others), np.concatenate(shares))
+
+
+def pixels_at_edges(draw: U32, depth: F32, leaves: Bools) -> NDArray[np.uint8]:
+    """Choose the pixels of a photograph that may show several surfaces: those along edges, and two pixels around them.
+
+    What is thinner than a pixel is not in every sample: hence those around. Leaves have edges everywhere; only the
+    outlines of what they belong to count.
+
+    Args:
+        draw: Draw that each pixel shows, shape (H, W), uint32.
+        depth: Planar depth [m], +inf for sky, shape (H, W), float32.
+        leaves: Pixels that show a cut-out, shape (H, W), bool.
+
+    Returns:
+        1 for the pixels chosen, else 0, shape (H, W), uint8.
+    """
+    hard, soft = np.zeros(draw.shape, np.uint8), np.zeros(draw.shape, np.uint8)
+    for axis, (one, other) in enumerate(((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:]))):
+        edges = _edges(draw, depth, axis)
+        edges &= ~(leaves[one] & leaves[other]) | (draw[one] != draw[other])
+        solid = edges & ~(leaves[one] | leaves[other])
+        for side in (one, other):
+            hard[side] |= solid
+            soft[side] |= edges
+    return np.maximum(cv2.dilate(hard, np.ones((_AROUND, _AROUND), np.uint8)), soft).astype(np.uint8)
 
 
 def _edges(draw: U32, depth: F32, axis: int) -> Bools:

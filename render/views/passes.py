@@ -15,7 +15,8 @@ from render.light.illumination import Lamps
 from render.views.blending import Blending
 from render.views.coverage_layer import CoverageLayer
 from render.views.draw_calls import DrawCalls, Sight
-from render.views.edges import smooth_edges
+from render.views.edge_samples import EdgeSamples
+from render.views.edges import pixels_at_edges, smooth_edges
 from render.views.mirror import Image, Mirror, look_up_uniforms
 from render.views.targets import Targets, View
 from usd_schemas.pinhole import Pinhole
@@ -24,6 +25,8 @@ _DRAW = np.uint32(2**27 - 1)  # bits of a draw's number; those above say how its
 MIRROR_UNIT = 14  # after those of light, materials, draws and ribbons
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+U8 = NDArray[np.uint8]
+U16 = NDArray[np.uint16]
 
 
 @dataclass(frozen=True)
@@ -44,12 +47,14 @@ class ViewOptions:
         extra: `NORMALS` or `TRIANGLES` for one more exact image, or empty.
         finer: Resolution of the exact images as a multiple of the photograph's, along rows and columns.
         cards: Everything is drawn as a grey card.
+        edge_samples: Samples of the photograph in each pixel in which surfaces meet [1]; 0: edges are smoothed.
     """
 
     quality: str
     extra: str = ""
     finer: int = 1
     cards: bool = False
+    edge_samples: int = 0
 
 
 class Painter:
@@ -80,11 +85,14 @@ class Painter:
         behind = targets.exact if quality == "fine" and finer == 1 else targets.shaded
         self._coverage_layer = CoverageLayer(gl, behind) if quality != "fast" else None
         self._calls = DrawCalls(gl, programs, gpu, lamps, (behind.width / 2, behind.height / 2))
+        sampled = options.edge_samples > 0 and finer == 1 and "TRIANGLES" not in options.extra
+        self._edge_samples = EdgeSamples(gl, programs, camera, options.edge_samples) if sampled else None
         self._blending: Blending | None = None
         self._mirror = Mirror(gl, camera) if gpu.waters.any() and not cards else None
         self._image: Image | None = None
-        self._creases = ("CREASES",) if quality != "fast" and not targets.apart else ()
-        self._soft = (("SOFT",) if quality != "fast" else ()) + (("GREY_CARD",) if cards else ())
+        self._creases = ("CREASES",) if quality != "fast" and finer == 1 and (sampled or not targets.apart) else ()
+        flags = {"SOFT": quality != "fast", "GREY_CARD": cards, "SAMPLED": sampled}
+        self._soft = tuple(name for name, is_set in flags.items() if is_set)
         self._aim_at(gpu, lamps)
 
     def _aim_at(self, gpu: GpuScene, lamps: Lamps) -> None:
@@ -125,7 +133,7 @@ class Painter:
         self._clear(0, self._camera.height)
         for pose, (first, end) in zip(poses, bands, strict=True):
             self._draw_band(pose, first, end, near)
-        return self._read(0, self._camera.height)
+        return self._read(poses, bands, near)
 
     def draw_window(self, pose: F64, window: tuple[int, int], near: float) -> View:
         """Draw some rows of a view, and return only these.
@@ -139,7 +147,7 @@ class Painter:
         self._draw_mirrored(pose, near)
         self._clear(first, end)
         self._draw_band(pose, first, end, near)
-        return self._read(first, end)
+        return self._read(pose[None], [window], near)
 
     def _clear(self, first: int, end: int) -> None:
         if self._coverage_layer is not None:
@@ -156,11 +164,7 @@ class Painter:
         rows = visible_boxes(gpu.lower, gpu.upper, band, pose)
         sight = Sight(camera, pose, near, clip_from_relative(camera, pose, near).T.tobytes())
         seen = self._sorted(rows, sight)
-        if self._mirror is not None:
-            self._mirror.texture.use(MIRROR_UNIT)
-            self._calls.more = look_up_uniforms(self._image, sight.eye, gpu.anchor, MIRROR_UNIT)
-        gpu.place(sight.eye)
-        gpu.bind()
+        self._place(sight)
         self._draw_photograph(seen, sight, (targets.samples * first, targets.samples * end))
         exact = (targets.finer * first, targets.finer * end)
         if targets.apart or (len(seen.thin) and len(seen.through)):  # otherwise the pass of the photograph drew them
@@ -174,6 +178,14 @@ class Painter:
         if "TRIANGLES" not in targets.extra:
             self._draw_facets((first, end), rows, sight)
 
+    def _place(self, sight: Sight) -> None:
+        """Prepare for drawing from a camera's place."""
+        if self._mirror is not None:
+            self._mirror.texture.use(MIRROR_UNIT)
+            self._calls.more = look_up_uniforms(self._image, sight.eye, self._gpu.anchor, MIRROR_UNIT)
+        self._gpu.place(sight.eye)
+        self._gpu.bind()
+
     def _sorted(self, rows: I64, sight: Sight) -> _Seen:
         """Group draws by how the photograph shows them."""
         gpu = self._gpu
@@ -182,7 +194,7 @@ class Painter:
         if self._coverage_layer is None:
             return _Seen(opaque, rows[:0], through)
         focal = max(sight.camera.fx, sight.camera.fy)
-        thin = gpu.ribbons.thin(opaque, gpu.lower, gpu.upper, sight.eye, focal)
+        thin = gpu.ribbons.thin(opaque, gpu.lower, gpu.upper, sight.eye, focal, sampled=self._edge_samples is not None)
         return _Seen(opaque[~thin], opaque[thin], through)
 
     def _draw_photograph(self, seen: _Seen, sight: Sight, span: tuple[int, int]) -> None:
@@ -199,14 +211,18 @@ class Painter:
         calls.surfaces(seen.opaque, sight, self._features + extra)
         calls.sky(sight, () if targets.apart else targets.extra)
         if len(seen.thin):  # last: where they are thinner than a pixel, the surface behind them shows through
-            self._gl.context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
-            self._gl.functions.blend_only(0)  # ids and depth are not blended
             panes = ("PANES",) if len(seen.through) else ()
-            calls.surfaces(seen.thin, sight, self._features + extra + panes, "FADES")
+            self._fade_in(seen.thin, sight, extra + panes)
         if len(seen.through) and self._blending is not None:
             self._blending.begin(span)
             calls.panes(seen.through, sight, self._features)
             self._blending.end(span)
+
+    def _fade_in(self, thin: I64, sight: Sight, extra: tuple[str, ...]) -> None:
+        """Draw surfaces that fade where they are thin."""
+        self._gl.context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        self._gl.functions.blend_only(0)  # ids and depth are not blended
+        self._calls.surfaces(thin, sight, self._features + extra, "FADES")
 
     def _draw_ribbons(self, coverage_layer: CoverageLayer, seen: _Seen, sight: Sight, rows: tuple[int, int]) -> None:
         """Draw members thinner than a pixel, and transparent surfaces in front of them."""
@@ -225,10 +241,49 @@ class Painter:
             self._targets.bind(self._targets.depth, *span)
             self._calls.facets(corners, sight)
 
-    def _read(self, first: int, end: int) -> View:
+    def _read(self, poses: F64, bands: Sequence[tuple[int, int]], near: float) -> View:
+        """Read the rows of consecutive bands, with edges and ribbons."""
+        first, end = bands[0][0], bands[-1][1]
         view = self._targets.read(first, end)
+        if self._edge_samples is not None:
+            self._take_samples(self._edge_samples, view, poses, bands, near)
         if self._coverage_layer is not None:
-            if not self._targets.apart:
+            if self._edge_samples is None and not self._targets.apart:
                 smooth_edges(view.code, view.draw, view.depth)
             self._coverage_layer.composite(view.code, first, end, self._camera.height)
         return replace(view, draw=view.draw & _DRAW) if self._creases else view
+
+    def _take_samples(
+        self, samples: EdgeSamples, view: View, poses: F64, bands: Sequence[tuple[int, int]], near: float
+    ) -> None:
+        """Replace the light of pixels that may show several surfaces by the mean of more samples, in place."""
+        opaque = np.concatenate([[False], self._gpu.cut_out & ~self._gpu.blended])
+        wanted, top = pixels_at_edges(view.draw, view.depth, opaque[view.draw & _DRAW]), bands[0][0]
+        for pose, (first, end) in zip(poses, bands, strict=True):
+            for start in range(first, end, samples.rows):
+                rows = slice(start - top, min(start + samples.rows, end) - top)
+                self._draw_samples(samples, view.code[rows], wanted[rows], start, pose, near)
+
+    def _draw_samples(self, samples: EdgeSamples, code: U16, wanted: U8, first: int, pose: F64, near: float) -> None:
+        if not wanted.any():
+            return
+        gpu, camera, calls, rows = self._gpu, self._camera, self._calls, len(wanted)
+        seen = visible_boxes(gpu.lower, gpu.upper, replace(camera, height=rows, cy=camera.cy - first), pose)
+        turn, projection = np.eye(4), samples.projection(first, near)
+        turn[:3, :3] = pose[:3, :3].T
+        clip = (projection @ turn).astype(np.float32).T.tobytes()
+        sight = Sight(camera, pose, near, clip, projection=projection, pixels=samples.pixels)
+        drawn, features = self._sorted(seen, sight), samples.lattice.features
+        self._place(sight)
+        samples.begin(wanted)
+        calls.cut_depth(drawn.opaque, sight, features)
+        samples.bind(samples.shaded, rows, keep_depth=True)  # what is hidden or blocked is not shaded, leaves included
+        calls.surfaces(drawn.opaque, sight, self._features + features)
+        samples.bind(samples.shaded, rows)
+        calls.sky(sight, features)
+        if len(drawn.thin):
+            self._fade_in(drawn.thin, sight, features + (("PANES",) if len(drawn.through) else ()))
+        if len(drawn.through):
+            samples.open_panes(rows)
+            calls.panes(drawn.through, sight, self._features + features)
+        samples.end(code, wanted)

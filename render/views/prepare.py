@@ -96,7 +96,7 @@ class Prepared:
         quality, extra = self.settings.quality, "NORMALS" if self.settings.normals else ""
         if not sharp:
             quality, extra = "standard" if quality == "fine" else quality, ""
-        options = ViewOptions(quality, extra, cards=cards)
+        options = ViewOptions(quality, extra, cards=cards, edge_samples=self.settings.samples_on_edges if sharp else 0)
         return Painter(self.gl, self.programs, self.gpu, self.lamps, camera, options)
 
     def shadow_squares(self, poses: NDArray[np.float64], camera: Pinhole) -> ShadowSquares:

@@ -15,6 +15,7 @@ from authoring.backgrounds.facades import MIDDLE, NEAR, openings, sides_of, towe
 from authoring.backgrounds.pavements import KERB
 from authoring.backgrounds.quads import boxes, placed, prism, quad_mesh, ring
 from authoring.backgrounds.registry import BackgroundSettings, build_background
+from authoring.backgrounds.site_lots import GROUP as LOTS
 from authoring.backgrounds.towers import Tower
 from authoring.backgrounds.vehicles import vehicle_models
 from authoring.looks.recipes import RECIPES
@@ -135,10 +136,12 @@ ROLES = {
 
 
 def test_keep_out_is_empty(kind: CrossingKind) -> None:
-    """No vertex of the city lies in the strip: the ways under the bridge and on it stay free."""
+    """No vertex of the city lies in the strip but those of car parks: the ways under the bridge and on it stay free."""
     site = site_of(kind)
     axis = site.land.layout.alignment
     for piece in city_of(kind):
+        if piece.group == LOTS:  # tests/authoring/test_car_parks.py
+            continue
         points = piece.mesh.points if isinstance(piece, Component) else vertices(piece)
         if axis.square:
             assert not site.keep_out[0].contains(points, margin=1e-6).any(), piece.name

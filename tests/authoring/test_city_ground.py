@@ -11,6 +11,7 @@ from authoring.axis.alignment import Alignment, Layout
 from authoring.backgrounds.city_ground import change_site, city_surfaces
 from authoring.backgrounds.registry import BACKGROUNDS
 from authoring.backgrounds.site_changes import NO_CHANGES
+from authoring.backgrounds.site_lots import find_lots
 from authoring.edits.edits_left_out import edits_left_out
 from authoring.edits.matching import match_stages
 from authoring.exchange.flatten import flatten_scene
@@ -18,7 +19,7 @@ from authoring.layers.on_site import ON_SITE
 from authoring.looks.recipes import RECIPES
 from authoring.scenes.add_survey import ALONE
 from authoring.scenes.validate import validate_scene
-from authoring.shapes.component import Component, Scatter, triangles
+from authoring.shapes.component import Component, Scatter
 from authoring.site.covers import COVERS, cover_name
 from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
@@ -187,31 +188,25 @@ def site_of(seed: int, crossing: str, land: str | None = None) -> Site:
     return draw_site(SiteSettings.model_validate({"crossing": crossing, "land": land}), LAYOUT, stream(seed, "site"))
 
 
-def test_wild_shrubs_and_those_on_paving_are_hidden_and_no_others() -> None:
-    """By points in triangles: a visible shrub is a lime on no paved plot; a hidden lime is on one, or at its edge."""
+def test_wild_shrubs_and_plants_on_car_parks_are_hidden_and_no_others() -> None:
+    """By distances to rectangles: a visible shrub is a lime; a lime or hedge is hidden on a lot or its drive's side."""
     hidden = 0
     for seed in range(2):
-        site = site_of(seed, "road", "common")
+        site = site_of(seed, "road", "fields")
         changes = change_site(site, stream(seed, "background/site"))
-        (shrubs,) = [piece for piece in site.pieces if isinstance(piece, Scatter) and piece.name == "Site_Shrubs"]
-        rows = np.isin(np.arange(len(shrubs.positions)), changes.hidden.get("Site_Shrubs", ()))
-        planted = shrubs.prototype % 3 == 2  # lime, in detail and plain
-        assert rows[~planted].all()
-        assert not rows.all()
-        paved = [
-            piece.mesh.points[triangles(piece.mesh)][..., :2]
-            for piece in site.pieces
-            if isinstance(piece, Component)
-            and cover_name(piece.name) == "hay"
-            and changes.surfaces.get(piece.name) in ("pavement", "asphalt")
+        ends = [
+            lot.world(np.array([[0, 0], [lot.size[0], 0], [lot.size[0], 99.0], [0, 99.0]])) for lot in find_lots(site)
         ]
-        if not paved:
-            assert not rows[planted].any()
-            continue
-        away = distances(shrubs.positions[:, :2], np.concatenate(paved))
-        assert away[~rows].min() > 0.0
-        assert away[rows & planted].max(initial=0.0) < 0.5  # 0.25 m, by a field that is about a distance
-        hidden += int((rows & planted).sum())
+        lots = np.array([corners[rows] for corners in ends for rows in ([0, 1, 2], [0, 2, 3])])
+        for name in ("Site_Shrubs", "Site_Hedges"):
+            (run,) = [piece for piece in site.pieces if isinstance(piece, Scatter) and piece.name == name]
+            rows = np.isin(np.arange(len(run.positions)), changes.hidden.get(name, ()))
+            planted = np.full(len(rows), True) if name == "Site_Hedges" else run.prototype % 3 == 2  # lime
+            assert rows[~planted].all()
+            away = distances(run.positions[:, :2], lots)
+            assert away[~rows].min() > 0.99  # 1 m, by the exact distance to a side
+            assert away[rows & planted].max(initial=0.0) < 1.5  # at a corner, 1 m to both sides
+            hidden += int((rows & planted).sum())
     assert hidden > 5
 
 

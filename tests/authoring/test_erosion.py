@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.backgrounds.erosion import BRANCHES, draw_gullies, eroded
+from authoring.backgrounds.lakeside_land import draw_crests, draw_spurs
 from authoring.site.relief import LATTICE, draw_relief
 
 F64 = NDArray[np.float64]
@@ -73,3 +74,17 @@ def test_lattice_noise_is_its_slow_twin() -> None:
         c, d = (float(nodes[(i + k) % LATTICE, (j + 1) % LATTICE]) for k in (0, 1))
         below, above = a + s * (b - a), c + s * (d - c)
         assert found == 2.5 * (below + t * (above - below))
+
+
+def test_crests_and_spurs_stay_in_their_range() -> None:
+    """Crests lie between -0.2 and 1, spurs within 0.54 of 1; drawing spurs leaves the stream as it was."""
+    rng = np.random.default_rng(6)
+    crest = draw_crests(rng)
+    before = rng.bit_generator.state["state"]
+    spurs = draw_spurs(rng)
+    assert rng.bit_generator.state["state"] == before
+    places = np.random.default_rng(1).uniform(-5000.0, 5000.0, (2, 20000))
+    values = crest(*places)
+    assert values.min() >= -0.2  # where both large reliefs are far from their zero lines
+    assert 0.8 < values.max() <= 1.0
+    assert np.abs(spurs(*places) - 1.0).max() <= 0.54

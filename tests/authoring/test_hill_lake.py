@@ -12,6 +12,7 @@ from authoring.backgrounds.harbour import crane
 from authoring.backgrounds.hillside import HillsideSettings
 from authoring.backgrounds.lakeside import LakesideSettings
 from authoring.backgrounds.registry import BackgroundSettings, build_background
+from authoring.backgrounds.slope_plants import TREE_LINE
 from authoring.shapes.component import FIRST_BACKGROUND_ID, LAST_ID, Component, Mesh, Scatter, triangles
 from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
@@ -175,6 +176,22 @@ def test_open_water_is_level_and_below_its_shore(world: World) -> None:
     assert len(beside) > 60
     inland = beside[~at_shore[at_shore.sum(axis=1) == 2]]
     assert np.quantile(inland[:, 2], 0.02) >= level - 1e-6  # all but the bed of a river that flows in
+
+
+def test_woods_end_at_the_tree_line(world: World) -> None:
+    """No wood grows above the tree line where it is highest; peaks are higher, of rock and of grass."""
+    _, _, pieces = world
+    (water,) = (part for part in solids(pieces) if part.name.endswith("OpenWater"))
+    level, line = water.mesh.points[0, 2], TREE_LINE[0] + 2.0 * 0.58 * TREE_LINE[1]  # its noise is within 0.58
+    high = dict.fromkeys(("woodland", "cliff", "grass"), 0.0)  # area above the line
+    for part in solids(pieces):
+        if part.group == "Ground" and part.role in high:
+            corner = part.mesh.points[triangles(part.mesh)]
+            if part.role == "woodland":
+                assert corner[..., 2].max() - level < line + 2.0, part.name  # a border is moved by up to 1.4 m
+            area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+            high[part.role] += 0.5 * float(area[corner[..., 2].min(axis=1) - level > line].sum())
+    assert min(high["cliff"], high["grass"]) > 1e7
 
 
 def test_water_ends_where_the_ground_comes_up_to_it(world: World) -> None:

@@ -22,19 +22,25 @@ from authoring.backgrounds.byways import (
     road_distance,
 )
 from authoring.backgrounds.countryside import VERGE
+from authoring.backgrounds.facade_parts import HOME
 from authoring.backgrounds.far_ways import far_ways
 from authoring.backgrounds.farm_lanes import draw_farm_lanes
-from authoring.backgrounds.hamlet import draw_hamlet
+from authoring.backgrounds.groves import draw_groves
+from authoring.backgrounds.hamlet import draw_hamlet, occupied
 from authoring.backgrounds.hillside import HillsideSettings
 from authoring.backgrounds.homesteads import DRIVE, PANEL, Homestead, Plan, draw_cottage, draw_farm
 from authoring.backgrounds.lakeside import LakesideSettings
 from authoring.backgrounds.lanes import Lane, lane_pieces
+from authoring.backgrounds.lowland import valley_fields
 from authoring.backgrounds.registry import BackgroundSettings, build_background
+from authoring.backgrounds.solids import box
 from authoring.backgrounds.terrain import Terrain, grow_terrain, rolling_hills
+from authoring.backgrounds.waters import Basin
 from authoring.backgrounds.yards import boundary
 from authoring.shapes.component import Component, Mesh, Scatter, triangles
+from authoring.site.covers import to_world
 from authoring.site.site import Site, SiteSettings, draw_site
-from authoring.site.ways import Line
+from authoring.site.ways import Line, ribbon
 from authoring.streams import stream
 
 F64 = NDArray[np.float64]
@@ -147,15 +153,15 @@ def test_nothing_in_a_garden_overlaps(draw: Callable[[np.random.Generator], Plan
             boxes.append((x - hx, x + hx, y - hy, y + hy))
         boxes += [(x - 1.9, x + 1.9, y - 3.1, y + 3.1) for x, y in plan.sheds]
         drive = (plan.drive[0] - DRIVE, plan.drive[0] + DRIVE, 0.0, plan.drive[1] - 0.01)
-        for number, box in enumerate(boxes):
-            assert not any(_meet(box, other) for other in (*boxes[:number], drive))
-            assert -plan.size[0] / 2 < box[0]
-            assert box[1] < plan.size[0] / 2
-            assert box[2] > 0.0
-            assert box[3] < plan.size[1]
+        for number, one in enumerate(boxes):
+            assert not any(_meet(one, other) for other in (*boxes[:number], drive))
+            assert -plan.size[0] / 2 < one[0]
+            assert one[1] < plan.size[0] / 2
+            assert one[2] > 0.0
+            assert one[3] < plan.size[1]
         paved = [*boxes, drive, *(area for area, _ in plan.yards)]
         for x, y in plan.trees:
-            assert not any(_meet((x, x, y, y), box) for box in paved)
+            assert not any(_meet((x, x, y, y), area) for area in paved)
 
 
 def test_a_lane_lies_on_the_ground_and_rises_to_its_road(hamlet: Hamlet) -> None:
@@ -210,6 +216,60 @@ def test_nothing_stands_on_a_drive(world: str) -> None:
     for run in (run for run in standing if run.kind in kinds):
         on = [bool(_within(tops, place).any()) for place in run.positions[:, :2]]
         assert not any(on), f"{run.name} {run.positions[int(np.argmax(on))]}"
+
+
+def test_a_field_that_a_drive_touches_has_no_crop(hamlet: Hamlet) -> None:
+    """A circle of a drive inside a field of a valley takes the crop from all of it, and from no other field."""
+    terrain = hamlet.terrain
+    sea = Basin(1.0, -9.0, 9000.0, lambda x, y: -9000.0 + 0.0 * x, lambda x: 9000.0 + 0.0 * x)
+    parcels, crops = valley_fields(terrain, sea, np.zeros((0, 3)), (), stream(4, "fields"))
+    field = next(parcel for parcel in parcels if parcel.crop == "crop" and parcel.half[0] > 60.0)
+    drive = np.array([[*field.center, 1.5]])
+    after, fewer = valley_fields(terrain, sea, drive, (), stream(4, "fields"))
+    assert [one.crop for one in after] == ["" if one is field else one.crop for one in parcels]
+    inside = field.inside(*terrain.nodes()) > 0.0
+    assert any((values[inside] > 0.0).any() for _, values in crops)
+    assert not any((values[inside] > 0.0).any() for _, values in fewer)
+
+
+@pytest.mark.parametrize("shares", [(1.0, -1.0), (1.0, 0.0, -1.0), (1.0, 0.6, 0.2, -0.2, -0.6, -1.0)])
+@pytest.mark.parametrize("flanks", [True, False])
+def test_road_edges_are_found_in_any_cross_section(hamlet: Hamlet, shares: tuple[float, ...], flanks: bool) -> None:
+    """A road of 2 to 8 lines, with or without buried flanks, has the edges that it was built with, line by line."""
+    at, half = np.linspace(0.0, 120.0, 41), 3.4
+    profile = [(half * share, 2.0 + 0.08 * (1.0 - abs(share))) for share in shares]
+    if flanks:
+        profile = [(half, 1.5), *profile, (-half, 1.5)]
+    rows = [np.column_stack([at, np.full((41, 2), (left + 160.0, height))]) for left, height in profile]
+    axis = hamlet.terrain.land.layout.alignment
+    outer = (
+        [half + 0.5, *(half * share for share in shares), -half - 0.5] if flanks else [half * share for share in shares]
+    )
+    mesh = ribbon(axis, rows, at, tuple(outer))
+    pond = box(HOME, (10.0, 160.0, 0.0), (30.0, 20.0, 1.0))
+    pieces = [
+        ("Road", "road", "asphalt", mesh),
+        ("Pad", "road", "asphalt", pond),
+        ("Marks", "road", "road_marking", mesh),
+    ]
+    (road,) = road_byways(hamlet.terrain, pieces, 1.0)
+    np.testing.assert_allclose(road.left, to_world(axis, rows[1 if flanks else 0]), atol=1e-9)
+    np.testing.assert_allclose(road.right, to_world(axis, rows[-2 if flanks else -1]), atol=1e-9)
+
+
+def test_trees_stand_in_rows_along_lanes(hamlet: Hamlet) -> None:
+    """Each lane has a row on one side, 4.4 m from its edge, but where a homestead or its drive is."""
+    terrain, lanes, homes = hamlet.terrain, hamlet.lanes, hamlet.homes
+    taken = occupied(terrain, homes, lanes)
+    groves = draw_groves(
+        terrain, (), lanes, taken, 10_000, stream(4, "trees"), outside=lambda x, y: np.full(x.shape, -1.0)
+    )
+    places = terrain.land.layout.alignment.point(groves[:, 0], groves[:, 1], np.zeros(len(groves)))[:, :2]
+    for lane in lanes:
+        edges = np.concatenate([lane.left[:, :2], lane.right[:, :2]])
+        apart = np.linalg.norm(places[:, None] - edges, axis=2).min(axis=1)  # edges have points every 1.5 m
+        assert ((apart > 4.3) & (apart < 4.6)).sum() >= 3
+    assert road_distance(lanes, places).min() > 4.0
 
 
 def test_conifers_stand_in_stands() -> None:

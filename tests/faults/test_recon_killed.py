@@ -20,7 +20,7 @@ from tests.faults.conftest import FEW, PATIENCE, SMALL, Start, contents, finish
 
 WORK = ".next/files"  # where an output is made
 LOOK = 0.004  # [s]
-SOON = 5.0  # [s] until the kernel has cleared away the child of a child
+SOON = 60.0  # [s] until the kernel has cleared away the child of a child
 
 
 def kill_when(process: subprocess.Popen[str], seen: "Seen", work: Path) -> None:

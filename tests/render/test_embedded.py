@@ -89,6 +89,7 @@ def test_truth_knows_nothing_of_embedded_bars(
     painter = prepare(gl, track(), settings, SILENT).painter(CAMERA, sharp=True)
     drawn = painter.draw(POSE, 0.1)
     monkeypatch.setattr(painter, "_coverage_layer", None)
+    monkeypatch.setattr(painter, "_edge_samples", None)
     plainly = painter.draw(POSE, 0.1)
     assert set(np.unique(drawn.draw)) == {0, 1, 2, 3}
     np.testing.assert_array_equal(drawn.draw, plainly.draw)

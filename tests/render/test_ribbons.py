@@ -131,6 +131,7 @@ def test_ids_and_depth_know_nothing_of_ribbons(
     painter = prepare(gl, scene, settings, SILENT).painter(CAMERA, sharp=True)
     drawn = painter.draw(POSE, 0.1)
     monkeypatch.setattr(painter, "_coverage_layer", None)
+    monkeypatch.setattr(painter, "_edge_samples", None)
     plainly = painter.draw(POSE, 0.1)
     assert {0, 1, 2} >= set(np.unique(drawn.draw)) > {2}
     np.testing.assert_array_equal(drawn.draw, plainly.draw)
@@ -272,12 +273,12 @@ def test_panes_before_and_behind_a_thin_member(
     assert 0.1 < covered.max() < 0.3 if radius < 0.1 else covered.max() > 0.99
     rows, before, behind = slice(26, 70), slice(6, 39), slice(58, 85)  # well inside the panes
     dimmed = opacity * 0.2 + (1 - opacity) * bare
-    if quality == "standard" and opacity >= 0.5 and radius > 0.1:  # ids show no edge behind what is solid in the truth
+    if opacity >= 0.5 and radius > 0.1:  # ids show no edge behind what is solid in the truth
         sampled = np.isclose(bare, 0.4, atol=2e-4) | np.isclose(bare, 0.05, atol=2e-4)
         shown[:, before], dimmed[:, before] = (image[:, before] * sampled[:, before] for image in (shown, dimmed))
-    np.testing.assert_allclose(shown[rows, before], dimmed[rows, before], atol=2e-4)
+    np.testing.assert_allclose(shown[rows, before], dimmed[rows, before], atol=4e-4)  # half floats
     beside = 0.05 * covered + (1 - covered) * (opacity * 0.2 + (1 - opacity) * 0.4)
-    np.testing.assert_allclose(shown[rows, behind], beside[rows, behind], atol=2e-4)
+    np.testing.assert_allclose(shown[rows, behind], beside[rows, behind], atol=4e-4)
     plainly, ids = (np.append(0, scene.draws.instance)[view.draw] for scene, view in zip(scenes, views, strict=True))
     assert (plainly[rows] == 1).any()
     solid = opacity >= 0.5
