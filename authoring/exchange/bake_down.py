@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from authoring.exchange.atlas_raster import AtlasRaster
 from authoring.exchange.bake_lookup import TextureLookup
+from authoring.exchange.bake_stains import detail_factors
 from authoring.exchange.bake_tiles import DETAIL, bake_tile, remove_detail
 from authoring.exchange.baking import Baking
 from authoring.exchange.flatten import flatten_scene
@@ -166,13 +168,16 @@ def _shade(image: F32, raster: AtlasRaster, number: int, material: Material, tex
 
 
 def _detail(detail: Detail, st: F32, st1: F32, meters: float, textures: TextureLookup) -> F32:
-    factor = np.ones((len(st), 3), np.float32)
-    for period, amplitude in zip(detail.periods, detail.amplitudes, strict=True) if detail.file else ():
-        gray = textures.levels(detail.file, st / np.float32(period), meters / period)
-        factor *= 1 + np.float32(amplitude) * (2 * gray - 1)
-    if detail.macro_file:
-        factor *= 2 * textures.colors(detail.macro_file, st1, 0.0, False)
-    return factor
+    octaves = [
+        np.float32(amplitude) * (2 * textures.levels(detail.file, st / np.float32(period), meters / period) - 1)
+        for period, amplitude in (zip(detail.periods, detail.amplitudes, strict=True) if detail.file else ())
+    ]
+    macro = partial(_macro, detail.macro_file, st1, textures) if detail.macro_file else None
+    return detail_factors(octaves, macro)
+
+
+def _macro(file: str, st1: F32, textures: TextureLookup, shift: F32) -> F32:
+    return textures.colors(file, st1 + shift, 0.0, False)
 
 
 def _copy_material(stage: Usd.Stage, path: Sdf.Path, file: str, mean: list[float]) -> UsdShade.Material:

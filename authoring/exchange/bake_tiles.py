@@ -1,10 +1,13 @@
 """Baking fine detail into tiled textures: a tile is enlarged until it contains nearly whole periods of the detail."""
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdShade
 
 from authoring.exchange.bake_lookup import TextureLookup
+from authoring.exchange.bake_stains import detail_factors
 from authoring.exchange.baking import Baking
 from authoring.looks.encode import encode_srgb, png
 from groundwork.files import write_bytes
@@ -94,22 +97,26 @@ def _tile(detail: Detail, texture: Texture, repeats: int, texels: int, patched: 
     across, up = np.meshgrid(steps, 1 - steps)
     unit = np.stack([across, up], axis=-1).reshape(-1, 2)
     color = textures.colors(texture.file, unit * np.float32(repeats), repeats / texels, texture.srgb)
-    color *= _detail(detail, unit, texture.scale, repeats, texels, textures)
-    if patched and detail.macro_file:
-        color *= 2 * textures.colors(detail.macro_file, unit, 1 / texels, False)
+    octaves = _octaves(detail, unit, texture.scale, repeats, texels, textures)
+    macro = partial(_macro, detail.macro_file, unit, texels, textures) if patched and detail.macro_file else None
+    color *= detail_factors(octaves, macro)
     return np.minimum(color, _BRIGHTEST).reshape(texels, texels, 3)
 
 
-def _detail(
+def _macro(file: str, unit: F32, texels: int, textures: TextureLookup, shift: F32) -> F32:
+    return textures.colors(file, unit + shift, 1 / texels, False)
+
+
+def _octaves(
     detail: Detail, unit: F32, scale: tuple[float, float], repeats: int, texels: int, textures: TextureLookup
-) -> F32:
-    factor = np.ones((len(unit), 1), np.float32)
+) -> list[F32]:
+    """Compute the deviation from 1 of each octave's factor over one tile [1], shape (N, 1) each, float32."""
+    found = []
     counts = [whole_periods(detail.periods, repeats / one) for one in scale]
-    octaves = zip(*counts, detail.amplitudes, strict=True) if detail.file else ()
-    for across, up, amplitude in octaves:
+    for across, up, amplitude in zip(*counts, detail.amplitudes, strict=True) if detail.file else ():
         gray = textures.levels(detail.file, unit * np.array([across, up], np.float32), max(across, up) / texels)
-        factor *= 1 + np.float32(amplitude) * (2 * gray - 1)
-    return factor
+        found.append(np.float32(amplitude) * (2 * gray - 1))
+    return found
 
 
 def _source(shader: UsdShade.Shader, name: str) -> UsdShade.Shader | None:

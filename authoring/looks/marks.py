@@ -42,11 +42,11 @@ def on_concrete(spots: Spots, members: Members, wet: Floats, rusty: Floats, age:
     factors = np.repeat((tone * _lifts(rise, owner, members, age))[None], 3, axis=0)
     share = 1.25 - 0.75 * old  # with age, more of a wall has runs
     run = wall * ramp(depth, np.maximum(1.5 + 1.2 * old + 1.2 * clouds, 0.4), 0.0)
-    _toward(factors, 0.85 * old * run * ramp(streaks, share, share + 1.3), _SOOT)
-    _toward(factors, 0.7 * old * run * ramp(-streaks, share + 0.5, share + 1.5), _LIME)
+    _toward(factors, 0.85 * old * run * ramp(streaks, share + 0.25, share + 0.85), _SOOT)
+    _toward(factors, 0.7 * old * run * ramp(-streaks, share + 0.65, share + 1.25), _LIME)
     splash = wall * members.foot[owner] * ramp(rise + 0.25 * patches + 0.2 * streaks, 1.0, 0.25)
     _toward(factors, 0.7 * old * splash, _MUD)
-    drawn = 0.35 + 0.65 * ramp(streaks, -0.6, 1.3)
+    drawn = 0.35 + 0.65 * ramp(streaks, -0.1, 0.7)
     _toward(factors, old * wet * drawn * np.maximum(wall, 0.4 * under), _WET)
     _toward(factors, 0.8 * old * rusty * drawn, _RUST)
     _toward(factors, 0.30 * old * under * ramp(clouds, -1.4, 1.6), _SOOT)
@@ -64,10 +64,10 @@ def on_concrete(spots: Spots, members: Members, wet: Floats, rusty: Floats, age:
 def _grown(factors: Floats, spots: Spots, members: Members, lie: tuple[Floats, Floats, Floats], old: float) -> None:
     """Add moss where water stands and at the foot of north faces, and lichen on copings; in place."""
     (wall, above, rise), owner, patches = lie, spots.owner, spots.patches
-    moist = ramp(patches + 0.9 * ramp(spots.edge, 0.4, 0.05), 0.9, 2.2)
+    moist = ramp(patches + 0.9 * ramp(spots.edge, 0.4, 0.05), 1.1, 2.0)
     _toward(factors, old * above * (0.10 + 0.55 * moist), _MOSS)
     north = wall * ramp(spots.normal[:, 1], 0.2, 0.8) * members.cast[owner] * ramp(rise, 2.6, 0.2)
-    _toward(factors, 0.55 * old * north * ramp(patches + 0.6 * spots.streaks, 0.0, 1.6), _MOSS)
+    _toward(factors, 0.55 * old * north * ramp(patches + 0.6 * spots.streaks, 0.4, 1.2), _MOSS)
     coping = above * members.deck[owner] * ramp(-patches, 0.9, 1.5)
     _toward(factors, 0.5 * old * coping, _LICHEN)
 
@@ -92,11 +92,11 @@ def on_steel(spots: Spots, members: Members, wet: Floats, rusty: Floats, age: fl
     tone = 1 + members.tone[owner] + old * (0.02 * spots.clouds + 0.02 * patches + 0.035 * spots.stains)
     tone += 0.035 * old * wall * streaks
     factors = np.repeat(tone[None], 3, axis=0)
-    drawn = 0.35 + 0.65 * ramp(streaks, -0.6, 1.3)
+    drawn = 0.35 + 0.65 * ramp(streaks, -0.1, 0.7)
     _toward(factors, 0.7 * old * wet * drawn, _WET)
     _toward(factors, 0.8 * old * rusty * drawn, _RUST)
     share = 1.9 - 0.6 * old
-    run = wall * ramp(depth, 1.4, 0.0) * ramp(streaks, share, share + 1.2)
+    run = wall * ramp(depth, 1.4, 0.0) * ramp(streaks, share + 0.25, share + 0.85)
     _toward(factors, 0.5 * old * run, _RUST)
     broken = ramp(patches + 0.4 * spots.clouds, 0.9 - 0.7 * old, 2.2 - 0.7 * old)
     flange = members.girder[owner] * ramp(rise + 0.04 * streaks, 0.30, 0.06)

@@ -12,6 +12,7 @@ from authoring.shapes.component import Component
 
 _FIELD_METERS = 32.0
 _FIELD_PIXELS = 1024
+_SWERVE = 0.35  # shift of a run over the deviation of the patches below it [texels of the fields]
 _STANDING = ("column", "wall_pier", "abutment_wall", "wing_wall", "pier_footing", "abutment_footing", "pylon", "tower")
 
 
@@ -181,10 +182,16 @@ def _look_up(fields: Fields, members: Members, owner: I32, normal: Floats, place
     texels = np.float32(_FIELD_PIXELS / _FIELD_METERS)
     u = np.where(upright, aside, axis[:, 0] * place[:, 1] - axis[:, 1] * place[:, 0]) * texels
     v = np.where(upright, place[:, 2], axis[:, 0] * place[:, 0] + axis[:, 1] * place[:, 1]) * texels
-    cell_u = (np.floor(u).astype(np.int32) + members.shift[owner, 0]) & (_FIELD_PIXELS - 1)
-    cell = ((np.floor(v).astype(np.int32) + members.shift[owner, 1]) & (_FIELD_PIXELS - 1)) * _FIELD_PIXELS + cell_u
-    drawn = (fields.clouds, fields.patches, fields.streaks, fields.stains)
-    return tuple(np.take(field.ravel(), cell) for field in drawn)
+    row = ((np.floor(v).astype(np.int32) + members.shift[owner, 1]) & (_FIELD_PIXELS - 1)) * _FIELD_PIXELS
+    first = members.shift[owner, 0]
+    cell = row + ((np.floor(u).astype(np.int32) + first) & (_FIELD_PIXELS - 1))
+    clouds, patches, stains = (np.take(one.ravel(), cell) for one in (fields.clouds, fields.patches, fields.stains))
+    # Water swerves; between two cells, upright steps of 3 cm would be as long as a run.
+    u = u + np.float32(_SWERVE) * np.clip(patches, -2.5, 2.5)
+    left = np.floor(u).astype(np.int32)
+    part, left = (u - left).astype(np.float32), left + first
+    one, two = (np.take(fields.streaks.ravel(), row + ((left + k) & (_FIELD_PIXELS - 1))) for k in (0, 1))
+    return clouds, patches, one + part * (two - one), stains
 
 
 def _width(component: Component) -> float:

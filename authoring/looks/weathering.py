@@ -16,6 +16,7 @@ Marking = Callable[[Spots, Members, Floats, Floats, float], Floats]
 
 _FLECKS = 20.0, 2.4  # longest and shortest wave [texels]
 _COARSE = 512  # side of an atlas below which it has no other details for distant features
+_FINE = 2048  # texels of which one is as wide as edges of stains are shifted by the renderer
 _ROWS = 128  # rows of the atlas processed at once, so that they stay in the cache
 
 
@@ -59,7 +60,8 @@ def weather(pieces: Iterable[Component | Scatter], pixels: int, age: float, rng:
         rows = slice(top, top + _ROWS)
         factors[rows] *= (scale[of_triangle[charts.triangle[rows]]] * flecks[rows])[..., None]
     factors = spread(factors, charts.triangle >= 0)
-    factors[:: pixels - 1, :: pixels - 1] = 1  # parts without a chart read the corner (0, 0)
+    corner = np.r_[: 1 + pixels // _FINE, pixels - 1 - pixels // _FINE : pixels]
+    factors[np.ix_(corner, corner)] = 1  # parts without a chart read the corner (0, 0), and what lies close to it
     return factors
 
 

@@ -25,7 +25,9 @@ _EXPOSED_GRAY, _LATITUDE = 0.17, 1.7
 _LIT = 0.1  # share of the brightest gray card's luminance from which on a card counts as lit [1]
 _METER_STEP = 8  # [px]
 _BALANCES = (0.4, 2.5)  # least and most gain of a channel over that of green [1]
-_GRAY_WITHIN = 0.4  # [EV] of red and blue beside green, up to which a surface passes for gray in a tinted light
+# [EV] of red and blue beside green, up to which a surface passes for gray in a tinted light: concrete in the shade of a
+# deck is within 0.21, pale sandstone beyond 0.28 but in such a shade.
+_GRAY_WITHIN = 0.25
 _FEWEST_GRAY = 0.02  # share of the metered pixels, below which nothing is known of the light [1]
 _MOST_CORRECTED = 1.15  # largest gain of auto white balance, and 1 over the smallest [1]
 _MOST_FOLLOWED = 2.0  # [EV] largest increase of the exposure, as under a deck

@@ -54,20 +54,34 @@ vec4 look_up_albedo() {
 }
 #endif
 
-float detail_factor() {
+// The macro texture has texels of centimeters. What is smaller about its stains, the detail says: dirt collects in its dark
+// pores, and their edges follow its grain. Over some texels the mean is that of the texture. As in bake_stains.py.
+const float WHOLE = 0.5;        // deviation of a stain that covers everything [1]
+const float RAGGED = 6.0;       // change of a faint stain over the deviation of the detail [1]
+const float BENT = 1.0 / 1300.0;    // shift of its edges over that of an octave, in widths of the texture [1]
+const vec2 SHIFTS[3] = vec2[](vec2(0.0), vec2(BENT, BENT), vec2(BENT, -BENT));
+
+float detail_factor(out vec2 shift) {
     float factor = 1.0;
+    shift = vec2(0.0);
 #ifdef HAS_DETAIL
     for (int octave = 0; octave < 3; octave++) {
         float grey = look_up(detail_array, vec3(st * frequencies[octave], frequencies.w)).r;
-        factor *= 1.0 + amplitudes[octave] * (2.0 * grey - 1.0);
+        float part = amplitudes[octave] * (2.0 * grey - 1.0);
+        factor *= 1.0 + part;
+        shift += part * SHIFTS[octave];
     }
 #endif
     return factor;
 }
 
-vec3 macro_factor() {
+vec3 macro_factor(float detail, vec2 shift) {
 #ifdef HAS_MACRO
-    return 2.0 * texture(macro_array, vec3(st1, amplitudes.w)).rgb;
+    vec3 stain = 2.0 * texture(macro_array, vec3(st1 + shift, amplitudes.w)).rgb - 1.0;
+    vec3 size = abs(stain);
+    float share = clamp(max(size.r, max(size.g, size.b)) / WHOLE, 1e-3, 1.0);
+    float ragged = dot(stain, vec3(1.0)) < 0.0 ? RAGGED * (1.0 - share) : 0.0;
+    return 1.0 + stain * clamp(1.0 + ragged * (1.0 - detail), 0.0, 1.0 / share);
 #else
     return vec3(1.0);
 #endif

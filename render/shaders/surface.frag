@@ -331,9 +331,11 @@ void main() {
 #endif
     if (options.y > 0.5) albedo = vertex_color;
 #ifdef WATER
-    albedo *= macro_factor();  // the bed of shallow water
+    albedo *= macro_factor(1.0, vec2(0.0));  // the bed of shallow water
 #else
-    albedo = min(albedo * detail_factor() * macro_factor(), vec3(0.95));
+    vec2 shift;
+    float detail = detail_factor(shift);
+    albedo = min(albedo * detail * macro_factor(detail, shift), vec3(0.95));
 #endif
 #ifdef GREY_CARD
     albedo = vec3(0.18);

@@ -143,9 +143,29 @@ def test_auto_white_balance_takes_its_share_of_a_cast_on_gray_surfaces(share: fl
     settings = STEADY.model_copy(update={"auto_white_balance": share})
     told = Sensor(settings, Metering(1.0), BRIGHTEST, SHAPE, 5).expose(0, frame)
     assert [told.red, told.blue] == pytest.approx([red, blue])
-    strong, red_paint = (np.tile(np.array([level, 1000, 1000], np.uint16), (9, 1)) for level in (880, 1300))
+    strong, red_paint = (np.tile(np.array([level, 1000, 1000], np.uint16), (9, 1)) for level in (925, 1300))
     assert gray_balance(strong, (1.0, 1.0), 1.0) == (1.15, 1.0)
     assert gray_balance(red_paint, (1.0, 1.0), 1.0) == (1.0, 1.0)
+
+
+@pytest.mark.parametrize("light", [(1.0, 1.0, 1.0), (0.92, 1.0, 1.09)])
+def test_colored_stone_and_grass_do_not_pass_for_gray(light: tuple[float, float, float]) -> None:
+    """In sun and in light shade, sandstone, brick and grass leave the white alone; concrete alone is heeded."""
+    colors = {
+        "concrete": (0.345, 0.335, 0.310),
+        "sandstone": (0.345, 0.225, 0.155),
+        "pale sandstone": (0.310, 0.245, 0.185),
+        "brick": (0.205, 0.105, 0.072),
+        "grass": (0.060, 0.090, 0.030),
+        "dry grass": (0.300, 0.250, 0.150),
+    }
+    lit = {name: np.tile(0.3 * np.array(color) * light, (200, 1)) for name, color in colors.items()}
+    code = {name: np.rint(np.sqrt(one / BRIGHTEST) * 65535).astype(np.uint16) for name, one in lit.items()}
+    concrete = gray_balance(code["concrete"], (1.0, 1.0), 0.5)
+    assert concrete != (1.0, 1.0)
+    without = np.concatenate([one for name, one in code.items() if name != "concrete"])
+    assert gray_balance(without, (1.0, 1.0), 0.5) == (1.0, 1.0)
+    assert gray_balance(np.concatenate([*code.values()]), (1.0, 1.0), 0.5) == pytest.approx(concrete, rel=1e-3)
 
 
 @pytest.mark.parametrize(("level", "share"), [(0.1, 1.0), (0.1, 0.5), (0.4, 0.5), (0.2, 1.0), (0.001, 1.0), (0.1, 0.0)])
