@@ -200,8 +200,8 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 
 STAGES: dict[str, Stage] = {
-    "stage": Stage(17, author),
-    "capture": Stage(17, capture, resumes=True),
+    "stage": Stage(18, author),
+    "capture": Stage(18, capture, resumes=True),
     "model": Stage(4, model, resumes=True),
     "cloud": Stage(15, cloud, resumes=True),
     "sample": Stage(1, sample),
