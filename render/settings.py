@@ -96,7 +96,7 @@ class ShadingSettings(Settings):
     edge_samples: Literal[0, 5, 10, 17, 26, 37] | None = Field(
         default=None,
         description="Samples of the photograph in each pixel in which surfaces meet; left out: 17 in `fine`, else 0. "
-        "Each further one costs a twentieth of a `standard` photograph or more; none through a lens that distorts [1].",
+        "5 take three times the processor time of drawing a `standard` photograph, 17 six times [1].",
     )
     device: str = Field(default="auto", description="auto, gpu, software, osmesa, or the number of an EGL device.")
     normals: bool = Field(default=False, description="Write surface normals to truth/normal.")

@@ -50,6 +50,8 @@ flat in float one_side;
 in vec3 one_normal;
 in vec3 other_normal;
 
+const float TRACE = 1e-3;       // share that is too small to be seen [1]: it marks pixels that need samples
+const float SURELY_SEEN = 1.2;  // [px] a bar so wide lies on the middle of a pixel somewhere along every row or column
 layout(location = 0) out vec4 out_coverage;     // linear light over the brightest one, times what is covered; that
 layout(location = 1) out float out_away;    // [m]
 #else
@@ -108,6 +110,10 @@ vec3 bumped(vec3 n) {
     vec3 bump = look_up(normal_array, vec3(normal_place, normal_map[0].w)).xyz * 2.0 - 1.0;
     vec3 dx = dFdx(relative), dy = dFdy(relative);
     vec2 sx = dFdx(normal_place), sy = dFdy(normal_place);
+#ifdef SAMPLES
+    dy *= float(SAMPLES);
+    sy *= float(SAMPLES);
+#endif
     float turn = sx.x * sy.y - sy.x * sx.y;
     vec3 along = (dx * sy.y - dy * sx.y) * sign(turn);
     along -= n * dot(n, along);
@@ -345,7 +351,11 @@ void main() {
     float away = across_times_depth * gl_FragCoord.w, wide = width_times_depth * gl_FragCoord.w;
     float low = beside(away + wide), high = beside(away - wide), covered = low - high;
     float cover = covered * (1.0 - smoothstep(fades.z, fades.y, 2.0 * wide));
-    if (cover < 1e-3) discard;
+#ifdef SAMPLED
+    if (covered < 1e-3 || 2.0 * wide > SURELY_SEEN) discard;
+    cover = max(cover, TRACE);
+#endif
+    if (cover < TRACE) discard;
     float share = one_share;
     if (one_side != 0.0) {
         float upper = beside(away - one_side * wide * (1.0 - 2.0 * one_share));

@@ -46,6 +46,7 @@ class CoverageLayer:
         context, scale = self._gl.context, self._image.height // rows
         self._target.scissor = None  # pyright: ignore[reportAttributeAccessIssue]
         if not self._touched:
+            self._reader.use()  # else the scissor of the framebuffer in use limits what is cleared
             self._reader.clear()
         self._touched = True
         self._target.scissor = (0, scale * first, self._target.width, scale * (end - first))
@@ -81,6 +82,23 @@ class CoverageLayer:
         assert self._away is not None
         self._away.use(AWAY_UNIT)
 
+    def covered(self, first: int, end: int, rows: int) -> NDArray[np.bool_]:
+        """Find the pixels of the photograph that ribbons cover, be it by a trace; shape (end - first, W), bool.
+
+        Args:
+            first: First row.
+            end: Row after the last.
+            rows: Rows of the whole photograph.
+        """
+        scale = self._image.height // rows
+        found = np.zeros((end - first, self._image.width // scale), bool)
+        for top in range(first, end, _ROWS) if self._touched else ():
+            share = self._read(scale * top, scale * (min(top + _ROWS, end) - top))[..., 3] > 0
+            for row in range(scale):
+                for column in range(scale):
+                    found[top - first : top - first + _ROWS] |= share[row::scale, column::scale]
+        return found
+
     def composite(self, code: U16, first: int, end: int, rows: int) -> None:
         """Composite the ribbons over some rows of a photograph, in place.
 
@@ -98,8 +116,7 @@ class CoverageLayer:
 
     def _composite_band(self, code: U16, first: int, scale: int) -> None:
         """Composite some rows, `scale` times as many in the layer, over those of a photograph, in place."""
-        box = (0, scale * first, self._image.width, scale * len(code))
-        data = np.frombuffer(self._reader.read(box, 4, dtype="f2"), np.float16).reshape(box[3], box[2], 4)
+        data = self._read(scale * first, scale * len(code))
         if scale > 1:
             small = (code.shape[1], code.shape[0])
             data = cv2.resize(data.astype(np.float32), small, interpolation=cv2.INTER_AREA)
@@ -108,3 +125,8 @@ class CoverageLayer:
         pixels = code.reshape(-1, 3)
         light = (pixels[place].astype(np.float32) / 65535) ** 2 * (1 - ribbon_light[:, 3:]) + ribbon_light[:, :3]
         pixels[place] = np.rint(np.sqrt(np.minimum(light, 1)) * 65535).astype(np.uint16)
+
+    def _read(self, first: int, count: int) -> NDArray[np.float16]:
+        """Read some rows of the layer, shape (count, W, 4)."""
+        box = (0, first, self._image.width, count)
+        return np.frombuffer(self._reader.read(box, 4, dtype="f2"), np.float16).reshape(count, box[2], 4)

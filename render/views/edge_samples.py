@@ -36,6 +36,15 @@ class Lattice:
     count: int
     shear: int
 
+    def size(self, width: int, rows: int) -> tuple[int, int]:
+        """Compute the width and height of the image of the samples in some rows of pixels [px].
+
+        Args:
+            width: Pixels in a row [px].
+            rows: Rows of pixels [px].
+        """
+        return width + self.shear * rows, self.count * rows
+
     @property
     def features(self) -> tuple[str, ...]:
         """Features of shaders that draw or read the image of samples."""
@@ -63,9 +72,9 @@ class EdgeSamples:
         """
         self._gl, self._programs, self._camera = gl, programs, camera
         self.lattice = lattice = Lattice(count, round((count - 1) ** 0.5))
-        self.rows = max(1, min(camera.height, _TEXELS // (count * camera.width)))
-        self._size = size = (camera.width + lattice.shear * self.rows, count * self.rows)
         context = gl.context
+        self.rows = _rows(lattice, camera, int(context.info["GL_MAX_TEXTURE_SIZE"]))
+        self._size = size = lattice.size(camera.width, self.rows)
         self._samples = context.texture(size, 4, dtype="f2")  # linear light
         depth = context.depth_texture(size)
         gl.functions.make_depth_float(depth.glo, *size)
@@ -105,6 +114,8 @@ class EdgeSamples:
         """
         self._wanted.write(np.ascontiguousarray(wanted), (0, 0, self._camera.width, len(wanted)))
         context = self._gl.context
+        self.bind(self.shaded, len(wanted))
+        self._gl.functions.clear_color(0, (0.0, 0.0, 0.0, 0.0))
         self.bind(self.nearest, len(wanted))
         context.depth_func = "1"
         self._fill("edge_mask.frag")
@@ -139,7 +150,7 @@ class EdgeSamples:
 
         Args:
             code: Square root of linear radiance over a maximum [65535], shape (R, W, 3), uint16.
-            wanted: As for `begin`.
+            wanted: As for `begin`, shape (R, W), uint8.
         """
         self._mean.scissor = (0, 0, self._mean.width, len(wanted))
         self._mean.use()
@@ -158,3 +169,14 @@ class EdgeSamples:
         set_uniform(program, "wanted", FIRST_FREE_UNIT)
         set_uniform(program, "samples", FIRST_FREE_UNIT + 1)
         self._arrays[program].render(moderngl.TRIANGLES, 3)
+
+
+def _rows(lattice: Lattice, camera: Pinhole, largest: int) -> int:
+    """Choose how many rows of pixels an image holds, within `_TEXELS` and the driver's largest side of a texture."""
+    rows = camera.height
+    while rows > 1:
+        width, height = lattice.size(camera.width, rows)
+        if width * height <= _TEXELS and max(width, height) <= largest:
+            break
+        rows = rows * 15 // 16
+    return rows

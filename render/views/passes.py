@@ -85,7 +85,7 @@ class Painter:
         behind = targets.exact if quality == "fine" and finer == 1 else targets.shaded
         self._coverage_layer = CoverageLayer(gl, behind) if quality != "fast" else None
         self._calls = DrawCalls(gl, programs, gpu, lamps, (behind.width / 2, behind.height / 2))
-        sampled = options.edge_samples > 0 and finer == 1 and "TRIANGLES" not in options.extra
+        sampled = options.edge_samples > 0
         self._edge_samples = EdgeSamples(gl, programs, camera, options.edge_samples) if sampled else None
         self._blending: Blending | None = None
         self._mirror = Mirror(gl, camera) if gpu.waters.any() and not cards else None
@@ -133,7 +133,7 @@ class Painter:
         self._clear(0, self._camera.height)
         for pose, (first, end) in zip(poses, bands, strict=True):
             self._draw_band(pose, first, end, near)
-        return self._read(poses, bands, near)
+        return self._read((0, self._camera.height), poses, bands, near)
 
     def draw_window(self, pose: F64, window: tuple[int, int], near: float) -> View:
         """Draw some rows of a view, and return only these.
@@ -147,7 +147,7 @@ class Painter:
         self._draw_mirrored(pose, near)
         self._clear(first, end)
         self._draw_band(pose, first, end, near)
-        return self._read(pose[None], [window], near)
+        return self._read(window, pose[None], [window], near)
 
     def _clear(self, first: int, end: int) -> None:
         if self._coverage_layer is not None:
@@ -241,24 +241,44 @@ class Painter:
             self._targets.bind(self._targets.depth, *span)
             self._calls.facets(corners, sight)
 
-    def _read(self, poses: F64, bands: Sequence[tuple[int, int]], near: float) -> View:
-        """Read the rows of consecutive bands, with edges and ribbons."""
-        first, end = bands[0][0], bands[-1][1]
-        view = self._targets.read(first, end)
+    def _read(self, rows: tuple[int, int], poses: F64, bands: Sequence[tuple[int, int]], near: float) -> View:
+        """Read some rows, with edges and ribbons."""
+        view = self._targets.read(*rows)
         if self._edge_samples is not None:
-            self._take_samples(self._edge_samples, view, poses, bands, near)
+            self._take_samples(self._edge_samples, view, rows[0], poses, bands, near)
         if self._coverage_layer is not None:
-            if self._edge_samples is None and not self._targets.apart:
-                smooth_edges(view.code, view.draw, view.depth)
-            self._coverage_layer.composite(view.code, first, end, self._camera.height)
+            if self._edge_samples is None:
+                self._smooth(view)
+            self._coverage_layer.composite(view.code, *rows, self._camera.height)
         return replace(view, draw=view.draw & _DRAW) if self._creases else view
 
+    def _smooth(self, view: View) -> None:
+        """Smooth the edges of a photograph with one sample, in place."""
+        if not self._targets.apart:
+            smooth_edges(view.code, view.draw, view.depth)
+        elif view.middle is not None:
+            from render.views.finer_edges import smooth_finer_edges
+
+            smooth_finer_edges(view.code, view.middle, view.draw)
+
+    def _wanted(self, view: View, top: int) -> U8:
+        """Choose the pixels of a view, whose first row is `top`, that get samples."""
+        leaves = np.concatenate([[False], self._gpu.cut_out & ~self._gpu.blended])
+        if self._targets.finer > 1:
+            from render.views.finer_edges import mixed_pixels
+
+            wanted = mixed_pixels(view.draw, self._targets.finer, leaves)
+        else:
+            wanted = pixels_at_edges(view.draw, view.depth, leaves[view.draw & _DRAW])
+        if self._coverage_layer is not None:
+            wanted |= self._coverage_layer.covered(top, top + len(wanted), self._camera.height)
+        return wanted
+
     def _take_samples(
-        self, samples: EdgeSamples, view: View, poses: F64, bands: Sequence[tuple[int, int]], near: float
+        self, samples: EdgeSamples, view: View, top: int, poses: F64, bands: Sequence[tuple[int, int]], near: float
     ) -> None:
         """Replace the light of pixels that may show several surfaces by the mean of more samples, in place."""
-        opaque = np.concatenate([[False], self._gpu.cut_out & ~self._gpu.blended])
-        wanted, top = pixels_at_edges(view.draw, view.depth, opaque[view.draw & _DRAW]), bands[0][0]
+        wanted = self._wanted(view, top)
         for pose, (first, end) in zip(poses, bands, strict=True):
             for start in range(first, end, samples.rows):
                 rows = slice(start - top, min(start + samples.rows, end) - top)

@@ -134,7 +134,8 @@ class Prepared:
         from render.views.lens import Lens
 
         lens = Lens(camera, distortion, self.ray_geometry(scene), normals=self.settings.normals)
-        options = ViewOptions(self.settings.quality, "TRIANGLES", lens.finer)
+        samples = self.settings.samples_on_edges
+        options = ViewOptions(self.settings.quality, "TRIANGLES", lens.finer, edge_samples=samples)
         return lens, Painter(self.gl, self.programs, self.gpu, self.lamps, lens.wide, options)
 
     def ray_geometry(self, scene: FlatScene) -> "Geometry":

@@ -30,6 +30,7 @@ class View:
         depth: Planar depth [m], +inf for sky, shape (H, W), float32.
         normal: Unit normals in world axes [1], zero for sky, shape (H, W, 3), float32, or None.
         triangle: Triangle within the draw's part, shape (H, W), uint32, or None.
+        middle: What the samples of `code` show, as `draw`, shape (H, W), uint32, where `draw` is finer; or None.
     """
 
     code: U16
@@ -37,6 +38,7 @@ class View:
     depth: F32
     normal: F32 | None
     triangle: U32 | None = None
+    middle: U32 | None = None
 
 
 class Targets:
@@ -80,12 +82,14 @@ class Targets:
         if fine:
             self.color = context.texture((2 * camera.width, 2 * camera.height), 4, dtype="nu2")
             self._resolved = context.framebuffer([self._means])
+        self._middle = context.texture((camera.width, camera.height), 1, dtype="u4") if finer > 1 and not fine else None
         if self.apart:
-            self.shaded = self._framebuffer([self.color])
+            self.shaded = self._framebuffer([self.color] + ([] if self._middle is None else [self._middle]))
         self.truth = context.framebuffer(self._truth, self.exact.depth_attachment)
         self.depth = context.framebuffer([self._truth[1]], self.exact.depth_attachment)
         self.nearest = context.framebuffer(depth_attachment=self.shaded.depth_attachment)
-        self._readers = {image: context.framebuffer([image]) for image in (self._means, *self._truth)}
+        images = (self._means, *self._truth, *(() if self._middle is None else (self._middle,)))
+        self._readers = {image: context.framebuffer([image]) for image in images}
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
 
     def bind(self, framebuffer: moderngl.Framebuffer, first: int, end: int) -> None:
@@ -125,13 +129,15 @@ class Targets:
         code = self._read_code(first, end)
         self.exact.scissor = None  # pyright: ignore[reportAttributeAccessIssue]  # else later draws are limited
         self.exact.use()
+        middle = None if self._middle is None else self._rows(self._middle, first, end, np.uint32, 1)[..., 0]
         first, end = self.finer * first, self.finer * end
         draw = self._rows(self._truth[0], first, end, np.uint32, 1)[..., 0]
         depth = self._rows(self._truth[1], first, end, np.float32, 1)[..., 0]
         if not self.extra:
             return View(code, draw, depth, None)
         if "TRIANGLES" in self.extra:
-            return View(code, draw, depth, None, self._rows(self._truth[2], first, end, np.uint32, 1)[..., 0])
+            triangle = self._rows(self._truth[2], first, end, np.uint32, 1)[..., 0]
+            return View(code, draw, depth, None, triangle, middle)
         normal = self._rows(self._truth[2], first, end, np.float16, 4)[..., :3]
         return View(code, draw, depth, normal.astype(np.float32))
 
@@ -149,6 +155,7 @@ class Targets:
             functions.clear_color(attachment, (0.0, 0.0, 0.0, 0.0))
         if len(framebuffer.color_attachments) > colors:
             functions.clear_ids(colors)
+        if len(framebuffer.color_attachments) > colors + 1:
             functions.clear_color(colors + 1, (np.inf, 0.0, 0.0, 0.0))
         if len(framebuffer.color_attachments) > colors + 2:
             if "TRIANGLES" in self.extra:

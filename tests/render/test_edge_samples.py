@@ -14,6 +14,7 @@ from render.views.passes import Painter
 from render.views.prepare import prepare
 from tests.render.scenes import CAMERA, SceneBuilder, placed, random_scene
 from usd_schemas.flat_scene import Dome, FlatScene, Material
+from usd_schemas.pinhole import Pinhole
 
 F64 = NDArray[np.float64]
 GLOW = 0.2  # of the pane [1]
@@ -87,6 +88,33 @@ def test_bands_and_windows_have_the_samples_of_the_whole(quality: str, gl: Gl, s
     np.testing.assert_array_equal(window.draw, whole.draw[cut : cut + 20])
     inner = slice(3, 17)  # the choice of pixels looks at two rows around
     np.testing.assert_allclose(window.code[inner].astype(int), whole.code[cut : cut + 20][inner], atol=3)
+
+
+def test_an_image_in_strips_has_the_samples_of_the_whole(
+    gl: Gl, small: RenderSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Strips of five rows, the last one shorter: but for samples on an edge to the last bit, the same."""
+    scene = scene_with_a_pane(0.3)
+    whole = painter_of(gl, scene, small, "standard", 17).draw(np.eye(4), 0.1)
+    monkeypatch.setattr("render.views.edge_samples._TEXELS", 17 * 5 * (CAMERA.width + 4 * 5) + 10)
+    painter = painter_of(gl, scene, small, "standard", 17)
+    assert painter._edge_samples is not None
+    assert painter._edge_samples.rows in (4, 5)
+    for _ in range(2):  # nothing is left of the former view
+        strips = painter.draw(np.eye(4), 0.1)
+        near = np.abs(strips.code.astype(int) - whole.code).max(axis=2) <= 3
+        assert near.mean() > 0.999
+        np.testing.assert_array_equal(strips.draw, whole.draw)
+
+
+@pytest.mark.parametrize("size", [(24, 1024), (1500, 8)])
+def test_long_and_narrow_images_fit_into_a_texture(size: tuple[int, int], gl: Gl, small: RenderSettings) -> None:
+    """Many rows of samples for few columns would be higher than a driver allows, or take much memory."""
+    width, height = size
+    camera = Pinhole(width, height, 100.0, 100.0, width / 2, height / 2)
+    scene = scene_of_boxes()
+    ready = prepare(gl, scene, small.model_copy(update={"edge_samples": 37, "normals": False}), SILENT)
+    assert ready.painter(camera, sharp=True).draw(scene.cameras[0].poses[0], 0.1).code.shape == (height, width, 3)
 
 
 def test_transparent_surfaces_have_samples_too(gl: Gl, small: RenderSettings) -> None:

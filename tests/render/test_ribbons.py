@@ -98,6 +98,32 @@ def test_a_thin_hanger_is_even_and_as_strong_as_its_samples(
     )
 
 
+@pytest.mark.parametrize("quality", ["standard", "fine"])
+@pytest.mark.parametrize("width", [0.45, 0.7])
+def test_a_nearly_level_bar_has_no_gaps_where_edges_have_samples(
+    width: float, quality: str, gl: Gl, plain: RenderSettings
+) -> None:
+    """Between two rows of middles no id shows it for some 30 pixels: its ribbon says where samples are needed."""
+    settings = plain.model_copy(update={"quality": quality, "edge_samples": 17})
+    scene = hanging(0.012, 0.02, width * AWAY / CAMERA.fx / 2)
+    image = linear(prepare(gl, scene, settings, SILENT).painter(CAMERA, sharp=True)).T
+    shown = (np.median(image, axis=1, keepdims=True) - image)[20:76].sum(axis=1)
+    assert shown.std() < 0.15 * shown.mean()
+
+
+def test_no_ribbon_of_a_former_view_stays(gl: Gl, plain: RenderSettings) -> None:
+    """Rows read out one after the other, after a view of another place: as from a painter that drew nothing before."""
+    ready = prepare(gl, hanging(0.4, 0.02), plain, SILENT)
+    aside = POSE.copy()
+    aside[1, 3] = 2.0
+    bands = [(row, row + 4) for row in range(0, CAMERA.height, 4)]
+    used, fresh = (ready.painter(CAMERA, sharp=True) for _ in range(2))
+    used.draw(aside, 0.1)
+    poses = np.repeat(POSE[None], len(bands), axis=0)
+    views = [painter.draw_bands(poses, bands, 0.1) for painter in (used, fresh)]
+    np.testing.assert_array_equal(views[0].code, views[1].code)
+
+
 @pytest.mark.parametrize("width", [2.2, 3.1, 5.3, 8.0])
 def test_both_sides_of_a_square_bar_are_even(
     width: float, gl: Gl, plain: RenderSettings, monkeypatch: pytest.MonkeyPatch
