@@ -81,6 +81,7 @@ class EdgeSamples:
         self.shaded = context.framebuffer([self._samples], depth)
         self.nearest = context.framebuffer(depth_attachment=depth)
         self._wanted = context.texture((camera.width, self.rows), 1, dtype="u1", alignment=1)
+        self._wanted.filter = moderngl.NEAREST, moderngl.NEAREST
         self._means = context.texture((camera.width, self.rows), 4, dtype="nu2")
         self._mean = context.framebuffer([self._means])
         self._arrays: dict[moderngl.Program, moderngl.VertexArray] = {}
