@@ -81,9 +81,8 @@ def _entry(plan: TownPlan, lot: Lot) -> F64 | None:
     tops = [(points[0, k], points[1, k], points[1, k + 1], points[0, k + 1]) for k in range(2)]
     down = np.array([0.0, 0.0, KERB + 0.3])
     sides = [
-        (points[s, k + s] - down, points[s, k + 1 - s] - down, points[s, k + 1 - s], points[s, k + s])
+        (points[side, end] - down, points[side, start] - down, points[side, start], points[side, end])
         for k in range(2)
-        for s in (1,)
+        for side, start, end in ((0, k, k + 1), (1, k + 1, k))  # both face outwards
     ]
-    sides += [(points[0, k + 1] - down, points[0, k] - down, points[0, k], points[0, k + 1]) for k in range(2)]
     return np.array([*tops, *sides])

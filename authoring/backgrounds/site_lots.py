@@ -56,7 +56,7 @@ class SiteLots:
 
     Attributes:
         pieces: Name, component kind, material recipe, group and mesh of each part.
-        spots: The places of cars, of all bays.
+        spots: The places of cars, in the bays that lie far enough from the deck.
         drives: Places along the middles of drives in plan [m], shape (N, 2), float64.
     """
 

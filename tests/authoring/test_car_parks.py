@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from authoring.axis.alignment import Alignment, Layout
 from authoring.axis.plan_curve import Element
+from authoring.backgrounds.block_lots import block_lots
 from authoring.backgrounds.car_parks import AISLE, BAY, DEEP, KERB_HIGH, Lot, bay_lines, bays, rows_of
 from authoring.backgrounds.city import CitySettings, Town, draw_town
 from authoring.backgrounds.kerbs import joined
 from authoring.backgrounds.site_lots import GROUP, PAVED, build_lots, find_lots
-from authoring.backgrounds.streets import beside_ways
+from authoring.backgrounds.streets import Block, beside_ways
 from authoring.backgrounds.traffic import traffic
 from authoring.shapes.component import Component, Scatter, triangles
 from authoring.site.crossing import CrossingKind
@@ -213,3 +214,18 @@ def test_nothing_stands_on_a_drive() -> None:
     apart = np.linalg.norm(places[:, None] - lots.drives[None], axis=2).min(axis=1)
     np.testing.assert_array_equal(left.prototype, np.flatnonzero(apart > 3.7))
     assert 0 < len(left.instance_ids) == len(left.positions) < count
+
+
+def test_an_entry_over_the_pavement_faces_outwards() -> None:
+    """The sides of the ramp from the street face away from its middle, its top faces up."""
+    plan = town_of("road").plan
+    blocks = [Block((u, v), (u + 40.0, v + 34.0)) for u in (60.0, 120.0) for v in (60.0, 120.0)]
+    entries = [mesh for name, *_, mesh in block_lots(plan, blocks) if name.startswith("ParkingEntry")]
+    assert entries
+    for mesh in entries:
+        corner = mesh.points[triangles(mesh)]
+        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+        up = normal[:, 2] > 0.5 * np.linalg.norm(normal, axis=1)
+        assert up.sum() == 4
+        outwards = np.einsum("fk,fk->f", normal, corner.mean(axis=1) - mesh.points.mean(axis=0))
+        assert (outwards[~up] > 0).all()
