@@ -51,7 +51,7 @@ proof-all: lint
 	$(PYTEST) $(PARALLEL) --proof -o faulthandler_timeout=3600
 
 test-dcc: .venv/.stamp-dev .venv/.stamp-learn .venv/.stamp-view .venv-dcc/.stamp
-	FALSEWORK_BPY_PYTHON=$(CURDIR)/.venv-dcc/bin/python $(PYTEST) -m dcc
+	FALSEWORK_BPY_PYTHON=$(CURDIR)/.venv-dcc/bin/python $(PYTEST) -m dcc $(PARALLEL)
 
 test-faults: .venv/.stamp-dev .venv/.stamp-learn .venv/.stamp-view
 	$(PYTEST) -m faults $(PARALLEL) --proof -o faulthandler_timeout=3600

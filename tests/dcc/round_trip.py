@@ -40,7 +40,14 @@ CHAIN: dict[str, object] = {  # small, and yet enough images with enough texture
         "beam": {"spans": [12.0]},
         "parapet": {"shape": "wall"},
     },
-    "survey": [{"kind": "global", "images": 24, "width": 480, "height": 360}],
+    "survey": [{"kind": "global", "images": 14, "width": 400, "height": 300}],
+}
+
+Y_UP_CENTIMETERS = {
+    "convert_orientation": True,
+    "export_global_forward_selection": "NEGATIVE_Z",
+    "export_global_up_selection": "Y",
+    "convert_scene_units": "CENTIMETERS",
 }
 
 Edit = tuple[object, ...]

@@ -14,7 +14,7 @@ from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from tests.conftest import RecordProof
 from tests.dcc.blender import run_in_blender
-from tests.dcc.round_trip import SMALL, copy_scene, harvest, small_scene, trip
+from tests.dcc.round_trip import copy_scene, harvest, trip
 from usd_schemas.flat_scene import FlatScene, world_triangles
 from usd_schemas.guard.guard import check_stage
 from usd_schemas.reading.stage_reader import read_stage
@@ -33,12 +33,6 @@ EXPORTS: dict[str, dict[str, Any]] = {
     "centimetres": CENTIMETERS_Y_UP,
     "centimetres_without_a_root": {**CENTIMETERS_Y_UP, "root_prim_path": ""},
 }
-
-
-@pytest.fixture(scope="module")
-def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Author one small scene to copy from."""
-    return small_scene(tmp_path_factory.mktemp("original") / "scene", SMALL, 7)
 
 
 def export_world(folder: Path, name: str, options: dict[str, Any]) -> Path:

@@ -87,7 +87,8 @@ def made(small: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def labeled(made: Path) -> Labeled:
     """What the shipped model says of the test scan, as a prediction finds it."""
     found = label_scan(read_labeled_scan(made / "clouds" / "test" / "mesh"), read_trained_model(made / "shipped"))
-    assert (np.bincount(found.found["kim2023"]) > 0.05 * len(found.place)).sum() >= 3  # so that comparisons bite
+    # So that comparisons bite; no share, as 16 steps end a little differently on other processors.
+    assert (np.bincount(found.found["kim2023"]) >= 20).sum() >= 3
     return found
 
 
