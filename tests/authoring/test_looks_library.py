@@ -80,7 +80,7 @@ def test_sheets_are_baked_once_and_copied(tmp_path: Path) -> None:
 def test_who_comes_second_waits_and_takes_what_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Scenes that are authored at once bake a sheet once, and none loses it while it reads it."""
     name, drawn = SheetName("board_concrete", 0, 64), []
-    both = Barrier(2)
+    both = Barrier(2, timeout=120)
 
     def slow(sheet: SheetName, bank: Bank | None) -> tuple[dict[str, bytes], dict[str, object]]:
         drawn.append(sheet)

@@ -209,7 +209,7 @@ def test_who_looks_on_loses_no_row(tmp_path: Path, monkeypatch: pytest.MonkeyPat
             count = reader.execute(f"SELECT COUNT(*) FROM {table}").fetchone()[0]
             if count and not ended.is_set():
                 held.append(table)
-                ended.wait()
+                assert ended.wait(120)  # a child that waits for this reader would wait for ever
             return count
         return 0
 
