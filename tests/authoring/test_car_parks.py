@@ -68,6 +68,7 @@ def inside(piece: Component, step: float) -> F64:
     return (shares @ corner[normal[:, 2] > 0.5 * np.linalg.norm(normal, axis=1)]).reshape(-1, 3)
 
 
+@cache
 def lots_of(kind: CrossingKind) -> dict[int, Lot]:
     """The lots that were built, with their numbers."""
     return {
