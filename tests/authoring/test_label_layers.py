@@ -31,7 +31,10 @@ SMALL: dict[str, object] = {
     },
     "look": {"texels": 256},
     "light": {"sky_height": 64},
-    "site": {"half_width": 40, "run_out": 40, "scatter": {"tufts": 20, "stones": 10, "shrubs": 5, "reeds": 5}},
+    "site": {
+        **{"half_width": 40, "run_out": 40, "fine_spacing": 2.0, "coarse_spacing": 8.0},
+        "scatter": {"tufts": 20, "stones": 10, "shrubs": 5, "reeds": 5},
+    },
     "background": {"countryside": {"reach": 400, "buildings": 2, "trees": 10, "hedge_bushes": 5}},
     "survey": [{"kind": "global", "images": 8, "spacing": 30.0, "width": 160, "height": 120}],
 }
