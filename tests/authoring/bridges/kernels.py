@@ -282,6 +282,14 @@ def _clip(subject: F64, triangle: F64, normal: F64) -> F64:
 
 
 @njit(cache=True, error_model="numpy")
+def _boxes_meet(low: F64, high: F64, a: Row, b: Row, reach: float) -> bool:
+    meet = True
+    for k in range(3):
+        meet &= low[a, k] <= high[b, k] + reach and low[b, k] <= high[a, k] + reach
+    return meet
+
+
+@njit(cache=True, error_model="numpy")
 def common_faces(
     corners: F64, normals: F64, low: F64, high: F64, first: I64, boxes: F64, pairs: I64, apart: float, least: float
 ) -> tuple[I64, F64]:
@@ -313,8 +321,8 @@ def common_faces(
         theirs = _in_box(low, high, first[j], first[j + 1], box_low, box_high)
         for a in mine:
             for b in theirs:
-                if _dot(normals[a], normals[b]) < 0.9995:
-                    continue
+                if _dot(normals[a], normals[b]) < 0.9995 or not _boxes_meet(low, high, a, b, 2.0 * apart):
+                    continue  # what they share is within `apart` of both
                 if abs(_dot(_from(corners[b, 0], corners[a, 0]), normals[b])) > 0.1:
                     continue
                 polygon = _clip(corners[a], corners[b], normals[b])
