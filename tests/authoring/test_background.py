@@ -5,7 +5,9 @@ import pytest
 from numpy.typing import NDArray
 
 from authoring.axis.alignment import Alignment, Layout
+from authoring.backgrounds.countryside import FORESTS
 from authoring.backgrounds.far_ways import RAILS, SLEEPERS, far_ways
+from authoring.backgrounds.forests import draw_forests
 from authoring.backgrounds.registry import BACKGROUNDS, BackgroundSettings, build_background
 from authoring.backgrounds.terrain import grow_terrain, rolling_hills
 from authoring.layers.geometry import BACKGROUND, SITE, geometry_layer
@@ -21,10 +23,10 @@ from authoring.shapes.component import (
 from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 from groundwork.errors import InputError
+from tests.authoring.world_parts import Pieces, along_border, runs, solids, standing_on, yards
 from usd_schemas.components import class_of
 
 F64 = NDArray[np.float64]
-Pieces = tuple[Component | Scatter, ...]
 World = tuple[Site, Pieces]
 LAYOUTS = {
     "river": Layout(Alignment(7.0), (0.0, 18.0, 40.0), 11.5, 1.9),
@@ -40,16 +42,6 @@ def world(request: pytest.FixtureRequest) -> World:
     return site, build_background("countryside", BackgroundSettings(), site, stream(7, "background"))
 
 
-def solids(pieces: Pieces) -> list[Component]:
-    """The components among some pieces."""
-    return [piece for piece in pieces if isinstance(piece, Component)]
-
-
-def runs(pieces: Pieces) -> list[Scatter]:
-    """The scatters among some pieces."""
-    return [piece for piece in pieces if isinstance(piece, Scatter)]
-
-
 def placed(run: Scatter) -> F64:
     """World positions of all vertices of a scatter, shape (N, 3)."""
     points = []
@@ -58,16 +50,6 @@ def placed(run: Scatter) -> F64:
         c, s = np.cos(run.yaw[row]), np.sin(run.yaw[row])
         points.append(local @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) + run.positions[row])
     return np.concatenate(points)
-
-
-def along_border(site: Site, parts: list[Component]) -> set[bytes]:
-    """The vertices of some parts that lie on the strip's border, as bytes."""
-    points = np.concatenate([part.mesh.points for part in parts])
-    station, left = site.land.layout.alignment.locate(points)
-    (first, last), (low, high) = site.field.stations[[0, -1]], site.field.lefts[[0, -1]]
-    inside = (station > first - 1e-6) & (station < last + 1e-6) & (left > low - 1e-6) & (left < high + 1e-6)
-    deep = (station > first + 1e-6) & (station < last - 1e-6) & (left > low + 1e-6) & (left < high - 1e-6)
-    return {row.tobytes() for row in points[inside & ~deep]}
 
 
 @pytest.mark.parametrize("group", ["Ground", "Ways"])
@@ -225,6 +207,33 @@ def test_pieces_carry_known_names_and_ids(world: World) -> None:
     trees = [run for run in runs(pieces) if run.kind == "tree"]
     assert 100 <= sum(len(run.positions) for run in trees) <= 700  # 520, and those of gardens and orchards
     assert len(np.unique(np.concatenate([run.prototype for run in trees]))) >= 3
+
+
+def test_no_tree_stands_on_a_canopy(world: World) -> None:
+    """Trees of the countryside keep off its forests, whose crowns the land itself carries."""
+    site, pieces = world
+    inner = tuple(float(line[end]) for line in (site.field.stations, site.field.lefts) for end in (0, -1))
+    forests = draw_forests(site.land, (inner[0], inner[1], inner[2], inner[3]), FORESTS, stream(7, "background"))
+    at = np.concatenate([run.positions[:, :2] for run in runs(pieces) if run.kind == "tree"])
+    assert len(at) > 200
+    assert (forests.field(*site.land.layout.alignment.locate(at)) < 0.0).all()
+
+
+def test_conifers_stand_in_stands(world: World) -> None:
+    """At least nine of ten spruces of the countryside have two more within 10 m."""
+    trees = [run for run in runs(world[1]) if run.kind == "tree"]
+    places = np.concatenate([run.positions[run.prototype % 5 == 3, :2] for run in trees])
+    apart = np.linalg.norm(places[:, None] - places[None], axis=2)
+    assert len(places) > 5
+    assert ((apart < 10.0).sum(axis=1) >= 3).mean() >= 0.9
+
+
+def test_nothing_stands_on_a_drive(world: World) -> None:
+    """No tree, bush, pole or fence post stands on a yard or drive, which all are outside the keep-out volume."""
+    site, pieces = world
+    corners = yards(pieces)
+    assert not any(box.contains(corners.reshape(-1, 3)).any() for box in site.keep_out)
+    assert standing_on(corners, pieces) == []
 
 
 @pytest.mark.parametrize("world", ["river"], indirect=True)

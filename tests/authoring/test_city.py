@@ -31,10 +31,10 @@ from authoring.shapes.component import (
 from authoring.site.crossing import CrossingKind
 from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
+from tests.authoring.world_parts import Pieces, along_border, runs, solids
 from usd_schemas.components import class_of
 
 F64 = NDArray[np.float64]
-Pieces = tuple[Component | Scatter, ...]
 SMALL = CitySettings(town=230.0, trees=150, vehicles=120)
 LAYOUTS = {
     "river": Layout(Alignment(7.0), (0.0, 18.0, 40.0), 11.5, 1.9),
@@ -68,16 +68,6 @@ def kind(request: pytest.FixtureRequest) -> CrossingKind:
     return request.param
 
 
-def solids(pieces: Pieces) -> list[Component]:
-    """The components among some pieces."""
-    return [piece for piece in pieces if isinstance(piece, Component)]
-
-
-def runs(pieces: Pieces) -> list[Scatter]:
-    """The scatters among some pieces."""
-    return [piece for piece in pieces if isinstance(piece, Scatter)]
-
-
 def vertices(run: Scatter) -> F64:
     """World positions of all vertices of a scatter, shape (N, 3)."""
     found = [np.zeros((0, 3))]
@@ -89,16 +79,6 @@ def vertices(run: Scatter) -> F64:
         spots = np.stack([x * c - y * s, x * s + y * c, z], axis=-1) + run.positions[rows][:, None]
         found.append(spots.reshape(-1, 3))
     return np.concatenate(found)
-
-
-def border(site: Site, parts: list[Component]) -> set[bytes]:
-    """The vertices of some parts on the strip's border, as bytes."""
-    points = np.concatenate([part.mesh.points for part in parts])
-    station, left = site.land.layout.alignment.locate(points)
-    (first, last), (low, high) = site.field.stations[[0, -1]], site.field.lefts[[0, -1]]
-    inside = (station > first - 1e-6) & (station < last + 1e-6) & (left > low - 1e-6) & (left < high + 1e-6)
-    deep = (station > first + 1e-6) & (station < last - 1e-6) & (left > low + 1e-6) & (left < high - 1e-6)
-    return {row.tobytes() for row in points[inside & ~deep]}
 
 
 def footprint(tower: Tower, grow: float = 0.0) -> F64:
@@ -123,7 +103,7 @@ def test_joint_shares_every_vertex(kind: CrossingKind, group: str) -> None:
     """Ground, roads, rails and water of site and city have the very same vertices along the border."""
     site = site_of(kind)
     ours, theirs = (
-        border(site, [part for part in solids(side) if part.group == group and part.role in ROLES[group]])
+        along_border(site, [part for part in solids(side) if part.group == group and part.role in ROLES[group]])
         for side in (site.pieces, city_of(kind))
     )
     assert len(ours) > (400 if group == "Ground" else 8)

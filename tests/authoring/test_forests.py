@@ -9,9 +9,7 @@ from authoring.backgrounds.countryside import FORESTS
 from authoring.backgrounds.forests import CANOPY, Forests, draw_forests
 from authoring.backgrounds.hillside import HillsideSettings
 from authoring.backgrounds.lakeside import LakesideSettings
-from authoring.backgrounds.lowland import STEEPEST
-from authoring.backgrounds.registry import BackgroundSettings, build_background
-from authoring.shapes.component import Component, Scatter, triangles
+from authoring.backgrounds.registry import BackgroundSettings
 from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 
@@ -57,30 +55,3 @@ def test_forests_stand_far_off_beside_river_and_roads(site: Site) -> None:
     rise = forests.over(lambda x, y: 0.01 * x)(station, left) - 0.01 * station
     assert np.array_equal(rise > 1e-9, inside > 1e-3) or (np.abs(inside[(rise > 1e-9) != (inside > 1e-3)]) < 0.02).all()
     assert np.isclose(rise.max(), CANOPY)
-
-
-def test_no_tree_stands_on_a_canopy(site: Site) -> None:
-    """Trees of the countryside keep off its forests, whose crowns the land itself carries."""
-    pieces = build_background("countryside", BackgroundSettings(), site, stream(7, "background"))
-    inner = tuple(float(line[end]) for line in (site.field.stations, site.field.lefts) for end in (0, -1))
-    forests = draw_forests(site.land, (inner[0], inner[1], inner[2], inner[3]), FORESTS, stream(7, "background"))
-    trees = [piece for piece in pieces if isinstance(piece, Scatter) and piece.kind == "tree"]
-    at = np.concatenate([run.positions[:, :2] for run in trees])
-    assert len(at) > 200
-    assert (forests.field(*site.land.layout.alignment.locate(at)) < 0.0).all()
-
-
-@pytest.mark.parametrize("world", ["hillside", "lakeside"])
-def test_valleys_have_fields_on_even_dry_land(world: str, site: Site) -> None:
-    """Crops cover hectares of a valley's floor; they lie above the open water, on slopes that can be ploughed."""
-    pieces = build_background(world, FEW, site, stream(7, "background"))
-    solid = [piece for piece in pieces if isinstance(piece, Component)]
-    water = np.concatenate([part.mesh.points[:, 2] for part in solid if "OpenWater" in part.name]).max()
-    crops = ("Ploughed", "Crop", "RipeCrop", "Hay")
-    fields = [part for part in solid if part.name.split("_")[1] in crops]
-    corner = np.concatenate([part.mesh.points[triangles(part.mesh)] for part in fields])
-    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    area, slope = 0.5 * np.linalg.norm(normal, axis=1), np.hypot(normal[:, 0], normal[:, 1]) / normal[:, 2]
-    assert area.sum() > 40_000.0
-    assert corner[..., 2].min() > water
-    assert float((area * (slope > 1.5 * STEEPEST)).sum() / area.sum()) < 0.03

@@ -11,15 +11,16 @@ from authoring.axis.alignment import Alignment, Layout
 from authoring.backgrounds.harbour import crane
 from authoring.backgrounds.hillside import HillsideSettings
 from authoring.backgrounds.lakeside import LakesideSettings
+from authoring.backgrounds.lowland import STEEPEST
 from authoring.backgrounds.registry import BackgroundSettings, build_background
 from authoring.backgrounds.slope_plants import TREE_LINE
 from authoring.shapes.component import FIRST_BACKGROUND_ID, LAST_ID, Component, Mesh, Scatter, triangles
 from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
+from tests.authoring.world_parts import Pieces, along_border, runs, solids, standing_on, yards
 from usd_schemas.components import class_of
 
 F64 = NDArray[np.float64]
-Pieces = tuple[Component | Scatter, ...]
 World = tuple[str, Site, Pieces]
 LAYOUTS = {
     "river": Layout(Alignment(7.0), (0.0, 18.0, 40.0), 11.5, 1.9),
@@ -77,16 +78,6 @@ def world(request: pytest.FixtureRequest) -> World:
     return make(*request.param)
 
 
-def solids(pieces: Pieces) -> list[Component]:
-    """The components among some pieces."""
-    return [piece for piece in pieces if isinstance(piece, Component)]
-
-
-def runs(pieces: Pieces, ending: str = "") -> list[Scatter]:
-    """The scatters among some pieces whose name ends so."""
-    return [piece for piece in pieces if isinstance(piece, Scatter) and piece.name.endswith(ending)]
-
-
 def placed(run: Scatter, row: int) -> F64:
     """World positions of the vertices of one repeat, shape (N, 3)."""
     local = np.concatenate([mesh.points for _, mesh in run.prototypes[run.prototype[row]]]) * run.scales[row]
@@ -114,16 +105,6 @@ def heights_below(soup: F64, places: F64) -> F64:
         if under.any():
             found[row] = (a[:, 2] + first * one[2] + second * two[2])[under][-1]
     return found
-
-
-def along_border(site: Site, parts: list[Component]) -> set[bytes]:
-    """The vertices of some parts that lie on the strip's border, as bytes."""
-    points = np.concatenate([part.mesh.points for part in parts])
-    station, left = site.land.layout.alignment.locate(points)
-    (first, last), (low, high) = site.field.stations[[0, -1]], site.field.lefts[[0, -1]]
-    inside = (station > first - 1e-6) & (station < last + 1e-6) & (left > low - 1e-6) & (left < high + 1e-6)
-    deep = (station > first + 1e-6) & (station < last - 1e-6) & (left > low + 1e-6) & (left < high - 1e-6)
-    return {row.tobytes() for row in points[inside & ~deep]}
 
 
 @pytest.mark.parametrize("group", ["Ground", "Ways"])
@@ -326,6 +307,28 @@ def test_shapes_are_sound_and_few(world: World) -> None:
             np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-4)
             total += weight * len(corner)
     assert total <= 1_500_000  # as for whole scenes: see test_worlds.py
+
+
+def test_nothing_stands_on_a_drive(world: World) -> None:
+    """No tree, bush, pole or fence post stands on a yard or drive, which all are outside the keep-out volume."""
+    _, site, pieces = world
+    corners = yards(pieces)
+    assert not any(box.contains(corners.reshape(-1, 3)).any() for box in site.keep_out)
+    assert standing_on(corners, pieces) == []
+
+
+def test_valleys_have_fields_on_even_dry_land(world: World) -> None:
+    """Crops cover hectares of a valley's floor; they lie above the open water, on slopes that can be ploughed."""
+    _, _, pieces = world
+    water = max(part.mesh.points[:, 2].max() for part in solids(pieces) if "OpenWater" in part.name)
+    crops = ("Ploughed", "Crop", "RipeCrop", "Hay")
+    fields = [part for part in solids(pieces) if part.name.split("_")[1] in crops]
+    corner = np.concatenate([part.mesh.points[triangles(part.mesh)] for part in fields])
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    area, slope = 0.5 * np.linalg.norm(normal, axis=1), np.hypot(normal[:, 0], normal[:, 1]) / normal[:, 2]
+    assert area.sum() > 40_000.0
+    assert corner[..., 2].min() > water
+    assert float((area * (slope > 1.5 * STEEPEST)).sum() / area.sum()) < 0.03
 
 
 def test_walls_hold_terraces() -> None:

@@ -27,9 +27,7 @@ from authoring.backgrounds.far_ways import far_ways
 from authoring.backgrounds.farm_lanes import draw_farm_lanes
 from authoring.backgrounds.groves import draw_groves
 from authoring.backgrounds.hamlet import draw_hamlet, occupied
-from authoring.backgrounds.hillside import HillsideSettings
 from authoring.backgrounds.homesteads import DRIVE, PANEL, Homestead, Plan, draw_cottage, draw_farm
-from authoring.backgrounds.lakeside import LakesideSettings
 from authoring.backgrounds.lanes import Lane, lane_pieces
 from authoring.backgrounds.lowland import valley_fields
 from authoring.backgrounds.registry import BackgroundSettings, build_background
@@ -51,10 +49,6 @@ AXES = {
     "straight": Alignment(5.0),
     "bent": Alignment(5.0, plan=(Element(60.0, 1 / 150.0, 1 / 150.0),), skew=0.3),
 }
-FEW = BackgroundSettings(
-    lakeside=LakesideSettings(reach=2500.0, villas=90, town_houses=20, trees=500, boats=0),
-    hillside=HillsideSettings(reach=2500.0, houses=120, blocks=50, sheds=4, cranes=0, trees=400),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +83,7 @@ def test_a_long_bridge_has_a_hamlet_at_its_ends() -> None:
     """Where the middle of the site is farther from its ends than lanes and drives reach, they are sought there."""
     layout = Layout(AXES["straight"], (0.0, 700.0), 11.5, 1.9)
     site = draw_site(SiteSettings(crossing="river", fine_spacing=2.0, coarse_spacing=6.0), layout, stream(4, "site"))
-    pieces = build_background("countryside", FEW, site, stream(4, "background"))
+    pieces = build_background("countryside", BackgroundSettings(), site, stream(4, "background"))
     walls = [piece for piece in pieces if isinstance(piece, Component) and "_House_" in piece.name]
     assert len({piece.name.split("_")[2] for piece in walls}) > 4
 
@@ -196,28 +190,6 @@ def test_a_wall_is_open_where_a_drive_leaves() -> None:
     assert _area(opened[0][4]) == pytest.approx(_area(whole[0][4]))
 
 
-@cache
-def _world(name: str) -> Pieces:
-    return build_background(name, FEW, _site("straight"), stream(4, "background"))
-
-
-@pytest.mark.parametrize("world", ["countryside", "lakeside", "hillside"])
-def test_nothing_stands_on_a_drive(world: str) -> None:
-    """No tree, bush, pole or fence post stands on a yard or drive, which all are outside the keep-out volume."""
-    site, pieces = _site("straight"), _world(world)
-    yards = [piece for piece in pieces if isinstance(piece, Component) and piece.group == "Yards"]
-    assert len(yards) > 12
-    corners = np.concatenate([piece.mesh.points[triangles(piece.mesh)] for piece in yards])
-    assert not any(box.contains(corners.reshape(-1, 3)).any() for box in site.keep_out)
-    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
-    tops = corners[flat > 1e-3][:, :, :2]
-    standing = [piece for piece in pieces if isinstance(piece, Scatter)]
-    kinds = ("tree", "shrub", "pole", "fence", "lamp_post")
-    for run in (run for run in standing if run.kind in kinds):
-        on = [bool(_within(tops, place).any()) for place in run.positions[:, :2]]
-        assert not any(on), f"{run.name} {run.positions[int(np.argmax(on))]}"
-
-
 def test_a_field_that_a_drive_touches_has_no_crop(hamlet: Hamlet) -> None:
     """A circle of a drive inside a field of a valley takes the crop from all of it, and from no other field."""
     terrain = hamlet.terrain
@@ -272,25 +244,9 @@ def test_trees_stand_in_rows_along_lanes(hamlet: Hamlet) -> None:
     assert road_distance(lanes, places).min() > 4.0
 
 
-def test_conifers_stand_in_stands() -> None:
-    """At least nine of ten spruces of the countryside have two more within 10 m."""
-    trees = [piece for piece in _world("countryside") if isinstance(piece, Scatter) and piece.kind == "tree"]
-    places = np.concatenate([run.positions[run.prototype % 5 == 3, :2] for run in trees])
-    apart = np.linalg.norm(places[:, None] - places[None], axis=2)
-    assert len(places) > 5
-    assert ((apart < 10.0).sum(axis=1) >= 3).mean() >= 0.9
-
-
 def _meet(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
     """Whether two boxes (lowest and highest x, lowest and highest y) share more than a border."""
     return one[0] < other[1] and other[0] < one[1] and one[2] < other[3] and other[2] < one[3]
-
-
-def _within(faces: F64, place: F64) -> B:
-    """Which counter-clockwise triangles in plan hold a place, shape (T,)."""
-    ahead = np.roll(faces, -1, axis=1) - faces
-    offset = place - faces
-    return np.all(ahead[..., 0] * offset[..., 1] - ahead[..., 1] * offset[..., 0] > 0.0, axis=1)
 
 
 def _area(mesh: Mesh) -> float:

@@ -15,7 +15,11 @@ from authoring.streams import stream
 def land() -> tuple[Site, tuple[Component | Scatter, ...]]:
     """A site and its countryside on a tight skewed arc."""
     axis = Alignment(7.0, 0.01, 0.5, plan=(Element(60.0, 1 / 90.0, 1 / 90.0),), skew=0.4)
-    site = draw_site(SiteSettings(), Layout(axis, (0.0, 30.0, 60.0), 11.5, 1.9), stream(1, "site"))
+    site = draw_site(
+        SiteSettings(fine_spacing=1.6, coarse_spacing=5.0),
+        Layout(axis, (0.0, 30.0, 60.0), 11.5, 1.9),
+        stream(1, "site"),
+    )
     return site, build_countryside(CountrysideSettings(), site, stream(1, "background"))
 
 
