@@ -1,16 +1,19 @@
 """One tiny chain that every end-to-end test shares, whichever process runs it."""
 
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
+import falsework
 from falsework.pipeline import run_scenario
 from falsework.scenario import Scenario
 from groundwork.progress import SILENT
 from groundwork.settings import parse_settings
 from tests.conftest import Count
 from tests.made_once import made_once
+from tests.recon.conftest import in_this_process
 
 TINY = {
     "seed": 3,
@@ -49,6 +52,7 @@ LOOP = {
     "survey": [{"kind": "global", "images": 24, "spacing": 4.0, "width": 480, "height": 360}],
     "recon": {"mode": "sparse", "sparse": {"neighbours": 6, "max_features": 1000}},
 }
+DENSE = falsework.ReconSettings(mode="dense", quality="medium")
 
 
 @dataclass(frozen=True)
@@ -72,3 +76,30 @@ def chain(tmp_path_factory: pytest.TempPathFactory, worker_id: str, proof_count:
     scenario = parse_settings(Scenario, (TINY, LOOP)[proof_count(0, 1)], "tiny")
     out = made_once(tmp_path_factory, worker_id, "chain", lambda out: str(run_scenario(scenario, out, SILENT).made))
     return Chain(scenario, out, int(out.with_name("made").read_text()))
+
+
+@pytest.fixture(scope="session")
+def dense(chain: Chain, tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """Make a dense cloud of the chain's photographs from Python once, with the settings that the pages show."""
+
+    def make(out: Path) -> None:
+        flown = chain.out / "scenes/0000"
+        with in_this_process():
+            falsework.reconstruct(
+                falsework.read_capture(flown / "capture/global"), out, settings=DENSE, model=flown / "model/global"
+            )
+
+    return made_once(tmp_path_factory, worker_id, "dense", make)
+
+
+@pytest.fixture
+def densely(dense: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let `falsework.reconstruct` give a copy of that cloud to whoever asks for one like it."""
+
+    def reconstruct(capture: falsework.Capture, out: Path | str, *, settings: falsework.ReconSettings) -> falsework.Cloud:
+        assert settings == DENSE
+        assert len(capture.images) > 0
+        shutil.copytree(dense, out)
+        return falsework.read_cloud(out)
+
+    monkeypatch.setattr("falsework.api.reconstruct", reconstruct)

@@ -19,6 +19,7 @@ from groundwork.marks import MARK
 from groundwork.progress import SILENT
 from tests.conftest import Count, RecordProof
 from tests.end_to_end.conftest import Chain
+from tests.render.prepared_here import rendered_here
 
 PATIENCE = 240.0  # [s] on a box that many tests share
 FRAMES = 4  # of the 18 of the flight
@@ -47,7 +48,8 @@ def test_killed_run_goes_on(chain: Chain, tmp_path: Path) -> None:
     assert not list(out.glob("store/capture/*"))
     (left,) = out.glob("work/*/images")
     drawn = {path.name: path.stat().st_mtime_ns for path in left.glob("0*.jpg")}
-    assert run_scenario(chain.scenario, out, SILENT).made == 3  # goes on in another process than began
+    with rendered_here():  # goes on in another process than began
+        assert run_scenario(chain.scenario, out, SILENT).made == 3
     _assert_same(chain, out)
     (images,) = out.glob("store/capture/*/images")
     kept = sum((images / name).stat().st_mtime_ns == changed for name, changed in drawn.items())
