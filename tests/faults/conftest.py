@@ -15,6 +15,7 @@ from groundwork.files import MANIFEST
 from groundwork.marks import MARK
 from groundwork.progress import SILENT
 from recon.settings import ReconSettings, SparseSettings
+from tests.falsework.patience import left
 from tests.made_once import made_once
 from tests.recon.conftest import in_this_process, poses_on_arc, write_capture
 
@@ -24,7 +25,6 @@ FEW = f"[recon.sparse]\nmax_features = {MAX_FEATURES}\n"
 SMALL = ReconSettings(mode="sparse", sparse=SparseSettings(max_features=MAX_FEATURES))
 SETTINGS = f"[recon]\nmode = 'sparse'\n{FEW}"
 
-PATIENCE = 240.0  # [s] on a box that many tests share
 MARKS = (MARK, MANIFEST)
 
 Start = Callable[..., subprocess.Popen[str]]
@@ -85,7 +85,7 @@ def contents(folder: Path) -> dict[str, str]:
 
 def finish(process: subprocess.Popen[str]) -> str:
     """Wait for a run to end well, and return what it said."""
-    _, said = process.communicate(timeout=PATIENCE)
+    _, said = process.communicate(timeout=left())
     assert process.returncode == 0, said
     return said
 
