@@ -23,6 +23,7 @@ WORDS = (
     "--disable-gpu-sandbox",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing",  # which software does twice as slowly as no GPU at all
     "--enable-logging=stderr",
     "--disable-extensions",
     "--disable-background-networking",
