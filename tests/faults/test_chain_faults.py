@@ -86,7 +86,7 @@ def test_a_worker_killed_in_each_stage(
 ) -> None:
     """`kill -9` of a worker while it makes each kind of result, two workers at once: the tree of a single process."""
     rounds, deaths = proof_count(1, 5), 0
-    stages = CHAIN[proof_count(1, 0) :: proof_count(2, 1)]  # one that begins anew, one that goes on, the last one
+    stages = CHAIN[proof_count(2, 0) :: proof_count(3, 1)]  # one that goes on; one that begins anew, the last one
     faults = {f"{stage}:{number % SCENES}": "kill" for number, stage in enumerate(stages)}
     for number in range(rounds):
         out, once = tmp_path / f"out{number}", tmp_path / f"once{number}"

@@ -119,10 +119,12 @@ def test_interrupted_run_goes_on(
     assert contents(out) == calm
 
 
-def test_workers_end_with_an_interrupted_run(scenario: Path, calm: dict[str, str], tmp_path: Path) -> None:
+def test_workers_end_with_an_interrupted_run(
+    scenario: Path, calm: dict[str, str], tmp_path: Path, proof_count: Count
+) -> None:
     """Ctrl-C in the middle of a stage ends the workers, too; the next run finishes the work."""
-    out = tmp_path / "out"
-    process = start("run", scenario, "-o", out, "--workers", "2", TINY_FAULTS='{"capture:1": "hang"}')
+    out, workers = tmp_path / "out", str(proof_count(1, 2))
+    process = start("run", scenario, "-o", out, "--workers", workers, TINY_FAULTS='{"capture:1": "hang"}')
     _wait_for(out, "store/capture/*", process)
     _wait_for(out, "work/*.lock", process)
     process.send_signal(signal.SIGINT)
