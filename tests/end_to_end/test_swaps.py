@@ -147,7 +147,7 @@ def test_baked_scene_renders_alike(
     scene, before = country
     (tmp_path / "baked").mkdir()
     lines: list[str] = []
-    root = bake_down(scene, tmp_path / "baked", proof_count(256, 4096), lines.append)
+    root = bake_down(scene, tmp_path / "baked", proof_count(128, 4096), lines.append)
     assert lines == []
     flat = read_stage(root)
     assert not [one.name for one in flat.materials if one.detail.file or one.detail.macro_file]

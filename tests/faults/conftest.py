@@ -4,7 +4,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -37,12 +37,13 @@ def few_planes(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def start_reconstruct(few_planes: Path, tmp_path_factory: pytest.TempPathFactory) -> Start:
+def start_reconstruct(few_planes: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Start]:
     """Give `start(out, capture=few_planes, settings=SETTINGS, before=())`: begin `falsework reconstruct`.
 
     It runs in a session of its own; `before` are words to put before the command.
     """
     files = tmp_path_factory.mktemp("settings")
+    started: list[subprocess.Popen[str]] = []
 
     def start(
         out: Path, capture: Path = few_planes, settings: str = SETTINGS, before: tuple[str, ...] = ()
@@ -50,7 +51,7 @@ def start_reconstruct(few_planes: Path, tmp_path_factory: pytest.TempPathFactory
         file = files / f"{len(list(files.iterdir()))}.toml"
         file.write_text(settings)
         command = [sys.executable, "-m", "falsework", "reconstruct", str(capture), "-o", str(out)]
-        return subprocess.Popen(
+        process = subprocess.Popen(
             [*before, *command, "--settings", str(file)],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -59,8 +60,13 @@ def start_reconstruct(few_planes: Path, tmp_path_factory: pytest.TempPathFactory
             env={**os.environ, "PYTHONPATH": str(ROOT)},
             preexec_fn=_hear_interrupts,
         )
+        started.append(process)
+        return process
 
-    return start
+    yield start
+    for process in started:
+        if process.poll() is None:  # its test has failed
+            os.killpg(process.pid, signal.SIGKILL)
 
 
 @pytest.fixture(scope="session")
