@@ -135,7 +135,9 @@ def dense(chain: Chain, tmp_path_factory: pytest.TempPathFactory, worker_id: str
 def densely(dense: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let `falsework.reconstruct` give a copy of that cloud to whoever asks for one like it."""
 
-    def reconstruct(capture: falsework.Capture, out: Path | str, *, settings: falsework.ReconSettings) -> falsework.Cloud:
+    def reconstruct(
+        capture: falsework.Capture, out: Path | str, *, settings: falsework.ReconSettings
+    ) -> falsework.Cloud:
         assert settings == DENSE
         assert len(capture.images) > 0
         shutil.copytree(dense, out)

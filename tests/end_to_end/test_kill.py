@@ -46,8 +46,8 @@ def test_killed_run_goes_on(chain: Chain, tmp_path: Path) -> None:
 
     _kill_when(command, drawing)
     assert not list(out.glob("store/capture/*"))
-    (left,) = out.glob("work/*/images")
-    drawn = {path.name: path.stat().st_mtime_ns for path in left.glob("0*.jpg")}
+    (begun,) = out.glob("work/*/images")
+    drawn = {path.name: path.stat().st_mtime_ns for path in begun.glob("0*.jpg")}
     with rendered_here():  # goes on in another process than began
         assert run_scenario(chain.scenario, out, SILENT).made == 3
     _assert_same(chain, out)

@@ -1,4 +1,4 @@
-"""A fresh interpreter with nothing but the command line in it: each command runs in a copy, and tells what it loaded."""
+"""A fresh interpreter with nothing but the command line: each command runs in a copy, and tells what it loaded."""
 
 from __future__ import annotations
 

@@ -111,7 +111,9 @@ def open_tab(address: str, folder: Path) -> Iterator[Tab]:
         while not (port.is_file() and port.read_text()):
             assert time.monotonic() < end, "the browser does not start"
             time.sleep(0.1)
-        with urllib.request.urlopen(f"http://{LOOPBACK}:{port.read_text().split()[0]}/json/list", timeout=left()) as answer:
+        with urllib.request.urlopen(
+            f"http://{LOOPBACK}:{port.read_text().split()[0]}/json/list", timeout=left()
+        ) as answer:
             (page,) = [row for row in json.load(answer) if row["type"] == "page"]
         with connect(page["webSocketDebuggerUrl"], max_size=None, proxy=None) as line:
             yield Tab(line)
