@@ -136,7 +136,8 @@ def test_several_threads_map_alike(
         found = run_sparse(read_capture(plane_capture), tmp_path, ReconSettings(sparse=sparse), SILENT).model
         centers.append(found.poses[np.argsort(found.names), :3, 3])
     assert len(centers[0]) == len(centers[1])
-    laid = Similarity(*fit_similarity(centers[1], centers[0]))  # each model has axes and a scale of its own
+    scale, rotation, shift = fit_similarity(centers[1], centers[0])  # each model has axes and a scale of its own
+    laid = Similarity(float(scale), rotation, shift)
     apart = float(np.abs(laid.move(centers[1]) - centers[0]).max() / np.ptp(centers[0], axis=0).max())
     record_proof("reconstruction: mapped by two threads", len(centers[0]), 0, {"apart_of_path": apart})
     assert apart < 1e-6
