@@ -46,7 +46,8 @@ LAYOUTS = {
 @cache
 def site_of(kind: CrossingKind, seed: int = 7) -> Site:
     """A site over one kind of crossing."""
-    return draw_site(SiteSettings(crossing=kind), LAYOUTS[kind], stream(seed, "site"))
+    drawn = SiteSettings(crossing=kind, fine_spacing=1.2, coarse_spacing=3.0)
+    return draw_site(drawn, LAYOUTS[kind], stream(seed, "site"))
 
 
 @cache

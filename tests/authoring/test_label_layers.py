@@ -14,7 +14,6 @@ from authoring.scenes.labels import write_replicator_layer, write_taxonomy_layer
 from authoring.scenes.manifest import changed_files
 from authoring.scenes.validate import validate_scene
 from authoring.settings import AuthoringSettings, LabelSettings
-from authoring.variants.add import set_choices
 from groundwork.errors import InputError
 from groundwork.progress import SILENT
 from usd_schemas import tokens
@@ -32,7 +31,10 @@ SMALL: dict[str, object] = {
     },
     "look": {"texels": 256},
     "light": {"sky_height": 64},
-    "site": {"half_width": 40, "run_out": 40, "scatter": {"tufts": 20, "stones": 10, "shrubs": 5, "reeds": 5}},
+    "site": {
+        **{"half_width": 40, "run_out": 40, "fine_spacing": 2.0, "coarse_spacing": 8.0},
+        "scatter": {"tufts": 20, "stones": 10, "shrubs": 5, "reeds": 5},
+    },
     "background": {"countryside": {"reach": 400, "buildings": 2, "trees": 10, "hedge_bushes": 5}},
     "survey": [{"kind": "global", "images": 8, "spacing": 30.0, "width": 160, "height": 120}],
 }
@@ -83,9 +85,11 @@ def test_nothing_is_switched_on_by_default(authored: Path) -> None:
     assert get_args(LabelSettings.model_fields["taxonomy"].annotation) == TAXONOMIES
 
 
+USED = ("asprs", "ifc43", "semanticbridge")  # the others with --proof, or where a test switches to them
+
+
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=() if name in (BASE, "kim2023") else pytest.mark.proof_only) for name in TAXONOMIES],
+    "name", [pytest.param(name, marks=() if name in USED else pytest.mark.proof_only) for name in TAXONOMIES]
 )
 def test_a_table_reaches_what_is_drawn(before: FlatScene, scene: Path, name: str) -> None:
     """Every instance has the class that the table gives to its component, and nothing else of the scene changes."""
@@ -195,8 +199,6 @@ def semantics_api(prim: Usd.Prim) -> dict[str, str]:
 @pytest.mark.parametrize("name", [pytest.param(BASE, marks=pytest.mark.proof_only), "kim2023"])
 def test_mirrors_stand_in_for_lost_labels(scene: Path, tmp_path: Path, name: str) -> None:
     """A stage that lost LabelsAPI and our component kinds reads the same from the `userProperties:` mirrors."""
-    if name != BASE:
-        set_choices(scene / "scene.usda", {"background": "none"}, lambda line: None)  # the base table has it all
     write_taxonomy_layer(scene, name)
     flat = Usd.Stage.Open(str(scene / "scene.usda")).Flatten()
     flat.Export(str(tmp_path / "whole.usdc"))

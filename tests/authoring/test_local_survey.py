@@ -1,5 +1,6 @@
 """Local and grid surveys: safe, even, varied flights that look at what is nearest to them."""
 
+from functools import cache, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -33,8 +34,10 @@ from usd_schemas.pinhole import Pinhole
 from usd_schemas.raycast import RayScene
 
 F64 = NDArray[np.float64]
+DEMO = 7  # seed
 
 
+@lru_cache(1)
 def subject_of(seed: int) -> Subject:
     """A bridge on its site."""
     layout, record = draw_layout(parse_settings(BridgeSettings, {"family": "beam"}, "test"), stream(seed, "bridge"))
@@ -45,12 +48,18 @@ def subject_of(seed: int) -> Subject:
 @pytest.fixture(scope="module")
 def subject() -> Subject:
     """The bridge of the demo's seed."""
-    return subject_of(7)
+    return subject_of(DEMO)
 
 
 def fly(subject: Subject, seed: int, **settings: object) -> F64:
     """Fly one local survey."""
     return fly_local(LocalSettings.model_validate({"kind": "local", **settings}), subject, stream(seed, "survey/local"))
+
+
+@cache
+def flown_freely(seed: int) -> F64:
+    """A local survey round the bridge of the demo's seed whose gimbal has no limit, flown once."""
+    return fly(subject_of(DEMO), seed, pitch="free")
 
 
 def exact_distance(points: F64, triangles: F64) -> F64:
@@ -79,7 +88,7 @@ def test_flights_are_safe_even_and_steady(proof_count: Count, record_proof: Reco
     flights, bridges = proof_count(3, 200), proof_count(1, 20)
     clear, chords, turns = [], [], []
     for bridge in range(bridges):
-        one = subject_of(7 + bridge)
+        one = subject_of(DEMO + bridge)
         for seed in range(flights // bridges):
             poses = fly(one, seed)
             places, turned = poses[:, :3, 3], poses[:, :3, :3]
@@ -129,14 +138,17 @@ def test_seeds_take_different_routes(subject: Subject, proof_count: Count) -> No
             "under": (~beside & (local[:, 2] < 0.5 * whole.half[2])).mean(),
         }
         ways[max(shares, key=lambda way: float(shares[way]))] += 1
+        if proof_count(1, 0) and sum(count > 0 for count in ways.values()) >= 3:
+            break
     assert sum(count > 0 for count in ways.values()) >= 3, ways
 
 
-def test_limited_gimbal_never_looks_higher(subject: Subject) -> None:
+def test_limited_gimbal_never_looks_higher(subject: Subject, proof_count: Count) -> None:
     """At every frame, those on great arcs as well; a free gimbal under the same deck does look up."""
     free, limited = [], []
-    for seed in (2, 3):  # both look up by more than 60 degrees where they may; those of 0 and 1 do not
-        free.append(pitch_of(fly(subject, seed, pitch="free")[:, :3, :3]).max())
+    seeds = (2, 3)[: proof_count(1, 2)]  # both look up by more than 60 degrees where they may; those of 0 and 1 do not
+    for seed in seeds:
+        free.append(pitch_of(flown_freely(seed)[:, :3, :3]).max())
         limited.append(pitch_of(fly(subject, seed, pitch="limited", pitch_limit=10.0)[:, :3, :3]).max())
     assert max(limited) <= np.radians(10.0) + 1e-9
     assert min(free) > np.radians(60.0)
@@ -145,7 +157,7 @@ def test_limited_gimbal_never_looks_higher(subject: Subject) -> None:
 def test_cameras_look_at_the_nearest_component(subject: Subject) -> None:
     """At least half of the views have the nearest point of the bridge within their frame."""
     for seed in range(3):
-        poses = fly(subject, seed, pitch="free")
+        poses = flown_freely(seed)
         nearest, _ = subject.surface.nearest(poses[:, :3, 3])
         local = np.einsum("nji,nj->ni", poses[:, :3, :3], nearest - poses[:, :3, 3])
         framed = (local[:, 2] > 0) & (np.abs(local[:, 0]) < 0.75 * local[:, 2])
@@ -220,10 +232,10 @@ def test_turns_and_pitch_in_closed_form() -> None:
 
 def test_same_seed_same_flight_and_sections_do_not_disturb(subject: Subject) -> None:
     """Bytes of two flights; another seed differs; the paper's ways of pitch share one path."""
-    first, other = fly(subject, 5, pitch="free"), fly(subject, 6, pitch="free")
-    assert first.tobytes() == fly(subject, 5, pitch="free").tobytes()
+    first, other = flown_freely(1), flown_freely(2)
+    assert first.tobytes() == fly(subject, 1, pitch="free").tobytes()
     assert first.shape != other.shape or not np.allclose(first, other)
-    np.testing.assert_array_equal(first[:, :3, 3], fly(subject, 5, pitch="limited")[:, :3, 3])
+    np.testing.assert_array_equal(first[:, :3, 3], fly(subject, 1, pitch="limited")[:, :3, 3])
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ U8 = NDArray[np.uint8]
 _DISTANCES = (0.5, 1.0, 2.0, 5.0, 15.0)  # [m]
 _FAR = 1.0  # [m] from here on concrete has the contrast that photographs of concrete have, 6 to 12 %, and little more
 _SLANTS = (0.0, 60.0)  # [deg]
-_FEW = ("smooth_concrete", "painted_steel_aged", "galvanised_steel")
+_FEW = ("smooth_concrete", "painted_steel_aged")
 _POOR = ("painted_steel_clean", "smooth_concrete_clean", "panel_concrete_clean")
 _SIDE, _PIXEL = 30.0, 0.03  # [m]
 
@@ -147,9 +147,19 @@ def _pairs(side: int) -> F32:
     return _overlaps(np.ones((side, side), np.float32))
 
 
+def _blurred(shown: F32, metres: float) -> F32:
+    """A Gaussian blur of so much standard deviation over a picture that is mirrored at its edges.
+
+    The cosines of a picture are those of its blur but for a factor, which takes a tenth of the time of a wide kernel.
+    """
+    count = len(shown)
+    kept = np.exp(-0.5 * (np.pi * metres / _PIXEL / count * np.arange(count, dtype=np.float32)) ** 2)
+    return np.asarray(fft.idctn(fft.dctn(shown) * kept[:, None] * kept), np.float32)
+
+
 def peak(shown: F32) -> float:
     """Highest autocorrelation beyond 1 m, of what is smaller than 8 m: slow changes of tone are no repetition."""
-    level = shown / cv2.GaussianBlur(shown, (0, 0), 4.0 / _PIXEL)
+    level = shown / _blurred(shown, 4.0)
     level = level - level.mean()
     size = (2 * len(level), 2 * len(level))
     power, pairs = _overlaps(level), _pairs(len(level))
@@ -161,7 +171,7 @@ def peak(shown: F32) -> float:
 
 def broad_contrast(shown: F32) -> float:
     """RMS contrast of what is 0.5 to 15 m large [1]."""
-    fine, broad = (cv2.GaussianBlur(shown, (0, 0), metres / 4 / _PIXEL) for metres in (0.5, 15.0))
+    fine, broad = (_blurred(shown, metres / 4) for metres in (0.5, 15.0))
     return float(np.asarray(fine - broad, np.float64).std() / shown.mean())
 
 

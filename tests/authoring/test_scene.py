@@ -31,6 +31,10 @@ SMALL: dict[str, object] = {
 }
 PLAIN: dict[str, object] = {
     "bridge": {"family": "beam", "service": "road", "beam": {"spans": [12.0, 14.0]}},
+    "site": {
+        **{"half_width": 40, "run_out": 40, "fine_spacing": 2.0, "coarse_spacing": 8.0},
+        "scatter": {"tufts": 100, "stones": 40, "shrubs": 20, "reeds": 20},
+    },
     "survey": [{"kind": "global", "images": 8, "spacing": 30.0}],
 }
 EARLY = ("site", "bridge/geometry.usdc", "bridge/semantics.usda", "bridge/bridge.usda", "surveys", "render.usda")

@@ -12,7 +12,7 @@ from pxr import Sdf, Usd, UsdGeom
 from authoring.layers.stand_in import is_heavy, stand_in
 from authoring.scenes.validate import validate_scene
 from authoring.shapes.component import Mesh
-from tests.authoring.small_scene import write_small_scene
+from tests.authoring.small_scene import SMALL, write_small_scene
 from tests.conftest import RecordProof
 from usd_schemas import tokens
 from usd_schemas.flat_scene import FlatScene
@@ -23,7 +23,8 @@ from usd_schemas.reading.stage_reader import read_stage
 def green_scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Author a scene with trees and hedges."""
     world = {"name": "countryside", "countryside": {"reach": 400, "buildings": 1, "trees": 12, "hedge_bushes": 10}}
-    return write_small_scene(tmp_path_factory.mktemp("green"), background=world)
+    site = {**SMALL["site"], "fine_spacing": 2.0, "coarse_spacing": 8.0}  # type: ignore[dict-item]
+    return write_small_scene(tmp_path_factory.mktemp("green"), background=world, site=site)
 
 
 @pytest.fixture(scope="module")

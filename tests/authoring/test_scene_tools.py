@@ -281,7 +281,7 @@ def test_glb_is_byte_reproducible(stored_scene: Path, own_scene: Path, tmp_path:
 def test_baked_package_needs_no_detail(own_scene: Path, tmp_path: Path) -> None:
     """Baked: no bridge material has detail left, all read the atlas, and two runs give the same bytes."""
     for name in ("a", "b"):
-        export_scene(own_scene, tmp_path / f"{name}.usdz", True, 256, print)
+        export_scene(own_scene, tmp_path / f"{name}.usdz", True, 128, print)
     assert _bytes(tmp_path / "a.usdz") == _bytes(tmp_path / "b.usdz")
     stage = Usd.Stage.Open(str(tmp_path / "a.usdz"))
     for prim in surfaces(stage):

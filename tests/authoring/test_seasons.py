@@ -18,12 +18,13 @@ from authoring.site.sprays import ROWS, SPRAYS
 from groundwork.canonical import canonical_json, digest
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
-from tests.authoring.small_scene import file_bytes, write_small_scene
+from tests.authoring.small_scene import SMALL, file_bytes, write_small_scene
 
 COUNTRY: dict[str, object] = {
     "name": "countryside",
     "countryside": {"reach": 400, "buildings": 1, "trees": 8, "hedge_bushes": 5},
 }
+COARSE = {**SMALL["site"], "fine_spacing": 2.0, "coarse_spacing": 8.0}  # type: ignore[dict-item]
 OTHERS: tuple[Season, ...] = tuple(season for season in SEASONS if season != SUMMER)
 NEEDLES = ("spruce", "pine", "twigs")
 
@@ -120,7 +121,7 @@ def test_a_season_changes_materials_alone(tmp_path: Path) -> None:
     scenes = {}
     for season in (SUMMER, "autumn"):
         (tmp_path / season).mkdir()
-        write_small_scene(tmp_path / season, background={**COUNTRY, "season": season})
+        write_small_scene(tmp_path / season, background={**COUNTRY, "season": season}, site=COARSE)
         scenes[season] = file_bytes(tmp_path / season)
     one, two = scenes.values()
     assert one.keys() == two.keys()

@@ -36,20 +36,23 @@ def _said() -> tuple[list[str], Warn]:
     return lines, lines.append
 
 
-def test_choice_made_later_has_the_same_bytes(own_scene: Path, tmp_path: Path) -> None:
+def test_choice_made_later_has_the_same_bytes(tmp_path: Path) -> None:
     """A background and a light added on demand are those that a scenario with variants would have written."""
+    site = {**SMALL["site"], "fine_spacing": 2.0, "coarse_spacing": 8.0}  # type: ignore[dict-item]
+    own, ahead = tmp_path / "own", tmp_path / "ahead"
+    for folder in (own, ahead):
+        folder.mkdir()
+    own_scene = write_small_scene(own, site=site)
     names = set_choices(own_scene, {"background": "countryside", "light": "2024-12-21T10:00"}, print)
     light = {"name": names["light"], "date": "2024-12-21T10:00"}
-    ahead = tmp_path / "ahead"
-    ahead.mkdir()
-    write_small_scene(ahead, variants={"background": ["countryside", "none"], "light": [light]})
-    later, before = file_bytes(own_scene.parent), file_bytes(ahead)
+    write_small_scene(ahead, site=site, variants={"background": ["countryside", "none"], "light": [light]})
+    later, before = file_bytes(own), file_bytes(ahead)
     for part in ("background/", "lights/", "lighting.usda", "bridge/", "site/", "surveys/"):
         kept = {name: data for name, data in before.items() if name.startswith(part)}
         assert kept, part
         assert kept == {name: data for name, data in later.items() if name.startswith(part)}, part
     assert validate_scene(own_scene) == []
-    assert changed_files(own_scene.parent) == []
+    assert changed_files(own) == []
 
 
 def test_selection_wins_and_stays(own_scene: Path) -> None:
