@@ -227,9 +227,9 @@ def test_pieces_carry_known_names_and_ids(world: World) -> None:
     assert len(np.unique(np.concatenate([run.prototype for run in trees]))) >= 3
 
 
-@pytest.mark.parametrize("world", ["river"], indirect=True)
+@pytest.mark.proof_only  # by default test_scene.py does it, in another process
 def test_a_seed_is_a_countryside(world: World) -> None:
-    """A seed fixes the bytes; `none` is empty; unknown names are refused."""
+    """A seed fixes the bytes."""
     site, pieces = world
     again = build_background("countryside", BackgroundSettings(), site, stream(7, "background"))
     for one, other in zip(pieces, again, strict=True):
@@ -239,6 +239,11 @@ def test_a_seed_is_a_countryside(world: World) -> None:
             assert one.mesh.normals.tobytes() == other.mesh.normals.tobytes()
         elif isinstance(one, Scatter) and isinstance(other, Scatter):
             assert one.positions.tobytes() == other.positions.tobytes()
+
+
+def test_none_is_empty_and_unknown_names_are_refused(world: World) -> None:
+    """One line names the worlds that there are."""
+    site, _ = world
     assert build_background("none", BackgroundSettings(), site, stream(7, "background")) == ()
     assert {"city", "countryside", "none"} <= set(BACKGROUNDS)
     with pytest.raises(InputError, match="countryside"):

@@ -334,6 +334,7 @@ def test_vehicles_stand_on_the_ground() -> None:
             assert above.max() < KERB + 0.75, run.name
 
 
+@pytest.mark.proof_only
 def test_a_seed_is_a_city() -> None:
     """A seed fixes every byte; another one differs in streets and buildings."""
     again = build_city(SMALL, site_of("river"), stream(7, "background"))

@@ -102,7 +102,10 @@ def _on_level_ground(settings: LightSettings, folder: Path) -> tuple[float, floa
         (6.0, 0.35),
         (2.0, 0.9),
         (6.0, 1.0),
-        *[pytest.param(*pair, marks=pytest.mark.proof_only) for pair in ((6.0, 0.0), (2.0, 0.35), (6.0, 0.9), (2.0, 1.0))],
+        *[
+            pytest.param(*pair, marks=pytest.mark.proof_only)
+            for pair in ((6.0, 0.0), (2.0, 0.35), (6.0, 0.9), (2.0, 1.0))
+        ],
     ],
 )
 def test_light_adds_up_on_level_ground(tmp_path: Path, cover: float, turbidity: float) -> None:

@@ -13,7 +13,7 @@ from tests.authoring.bridges.built import Bridge, Figures, make_bridge
 from tests.authoring.bridges.ratios import ratios_in_bands
 from tests.conftest import ROOT, Count
 
-QUICK, PROOF = 4, 200
+QUICK, PROOF = 2, 200
 FIXED = 1  # seed of the tests that look at one bridge
 
 Invariant = Callable[[Bridge], list[str]]
