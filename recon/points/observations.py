@@ -148,14 +148,16 @@ def median_per_point(values: F64, observations: Observations) -> F64:
     Returns:
         Medians [any unit], shape (N,), float64.
     """
-    return _medians(values, observations.start)
+    return _medians(values, observations.start, np.empty(observations.counts.max(initial=0)))
 
 
 @njit(cache=True, nogil=True)
-def _medians(values: F64, start: I64) -> F64:
-    """Sort in place by insertion: a point has few values."""
+def _medians(values: F64, start: I64, ordered: F64) -> F64:
+    """Sort by insertion into `ordered`, which has room for the most values of a point: a point has few.
+
+    What NumPy does in one call takes Numba seconds to compile, so there is none here.
+    """
     result = np.empty(len(start) - 1)
-    ordered = np.empty(np.diff(start).max() if len(result) else 0)
     for point in range(len(result)):
         count = start[point + 1] - start[point]
         for at in range(count):

@@ -118,22 +118,28 @@ def annotate(observed: ObservedTruth, depth_error: F64, observations: Observatio
     Returns:
         The labels of each point.
     """
+    depth_error = np.asarray(depth_error, np.float64)
+    room = int(observations.counts.max(initial=0))
     return Annotation(
-        *_verdicts(
-            observations.start, observed.label, observed.instance, observed.margin, np.asarray(depth_error, np.float64)
-        )
+        *_verdicts(observations.start, observed.label, observed.instance, observed.margin, depth_error, room)
     )
 
 
 @njit(cache=True, nogil=True)
-def _verdicts(start: I64, label: U8, instance: U32, margin: F32, depth_error: F64) -> tuple[U8, U32, F32, F32]:
-    count, most = len(start) - 1, np.diff(start).max() if len(start) > 1 else 0
+def _verdicts(
+    start: I64, label: U8, instance: U32, margin: F32, depth_error: F64, room: int
+) -> tuple[U8, U32, F32, F32]:
+    """Loops only: what NumPy does in one call takes Numba seconds to compile. `room`: most observations of a point."""
+    count = len(start) - 1
     winner, part = np.empty(count, np.uint8), np.empty(count, np.uint32)
     share, clear = np.empty(count, np.float32), np.empty(count, np.float32)
-    votes, errors, owner = np.empty(most, np.int64), np.empty(most), np.empty(most, np.int64)
+    votes, errors, owner = np.empty(room, np.int64), np.empty(room), np.empty(room, np.int64)
     for point in range(count):
         first, end = start[point], start[point + 1]
-        near = max(THRESHOLD, depth_error[first:end].min())
+        near, margins = depth_error[first], margin[first]
+        for row in range(first + 1, end):
+            near, margins = min(near, depth_error[row]), max(margins, margin[row])
+        near = max(THRESHOLD, near)
         voting = 0
         for row in range(first, end):
             if depth_error[row] <= near:
@@ -146,8 +152,11 @@ def _verdicts(start: I64, label: U8, instance: U32, margin: F32, depth_error: F6
                 owner[agreeing], errors[agreeing] = owner[vote], errors[vote]
                 agreeing += 1
         winner[point], part[point] = best, _most_frequent(owner[:agreeing], errors[:agreeing])
-        share[point] = np.float32((label[first:end] == best).sum()) / np.float32(end - first)
-        clear[point] = margin[first:end].max()
+        like = 0
+        for row in range(first, end):
+            like += label[row] == best
+        share[point] = np.float32(like) / np.float32(end - first)
+        clear[point] = margins
     return winner, part, share, clear
 
 

@@ -34,7 +34,7 @@ LAYOUTS = {
 }
 
 
-@pytest.fixture(scope="module", params=sorted(LAYOUTS))
+@pytest.fixture(scope="module", params=["river", pytest.param("road", marks=pytest.mark.proof_only)])
 def world(request: pytest.FixtureRequest) -> World:
     """A site with its countryside."""
     drawn = SiteSettings(crossing=request.param, fine_spacing=1.6, coarse_spacing=5.0)
@@ -236,9 +236,9 @@ def test_nothing_stands_on_a_drive(world: World) -> None:
     assert standing_on(corners, pieces) == []
 
 
-@pytest.mark.parametrize("world", ["river"], indirect=True)
+@pytest.mark.proof_only  # by default test_scene.py does it, in another process
 def test_a_seed_is_a_countryside(world: World) -> None:
-    """A seed fixes the bytes; `none` is empty; unknown names are refused."""
+    """A seed fixes the bytes."""
     site, pieces = world
     again = build_background("countryside", BackgroundSettings(), site, stream(7, "background"))
     for one, other in zip(pieces, again, strict=True):
@@ -248,6 +248,11 @@ def test_a_seed_is_a_countryside(world: World) -> None:
             assert one.mesh.normals.tobytes() == other.mesh.normals.tobytes()
         elif isinstance(one, Scatter) and isinstance(other, Scatter):
             assert one.positions.tobytes() == other.positions.tobytes()
+
+
+def test_none_is_empty_and_unknown_names_are_refused(world: World) -> None:
+    """One line names the worlds that there are."""
+    site, _ = world
     assert build_background("none", BackgroundSettings(), site, stream(7, "background")) == ()
     assert {"city", "countryside", "none"} <= set(BACKGROUNDS)
     with pytest.raises(InputError, match="countryside"):

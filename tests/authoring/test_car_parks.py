@@ -82,7 +82,7 @@ def entered_first(kind: CrossingKind, number: int, lot: Lot) -> bool:
     return bool(at[np.abs(at[:, 1] - lot.size[1]).argmin(), 0] < 0.5 * lot.size[0])
 
 
-@pytest.fixture(params=sorted(LAYOUTS))
+@pytest.fixture(params=[pytest.param("river", marks=pytest.mark.proof_only), "road", "rail"])
 def kind(request: pytest.FixtureRequest) -> CrossingKind:
     """What the bridge leads over."""
     return request.param
@@ -149,10 +149,11 @@ def test_cars_stand_in_bays(kind: CrossingKind) -> None:
     """Each car on the site stands within a bay of its own, along it, on the asphalt."""
     cars = on_site(kind)["Visiting"]
     assert isinstance(cars, Scatter)
+    lots = {number: replace(lot, first=entered_first(kind, number, lot)) for number, lot in lots_of(kind).items()}
     used = set()
     for place, yaw in zip(cars.positions, cars.yaw, strict=True):
-        for number, lot in lots_of(kind).items():
-            found = bays(replace(lot, first=entered_first(kind, number, lot)))
+        for number, lot in lots.items():
+            found = bays(lot)
             off = np.abs(lot.local(place[None, :2]) - found[:, :2]).max(axis=1)
             if off.min() < 0.01:
                 used.add((number, int(off.argmin())))

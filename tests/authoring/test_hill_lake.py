@@ -368,6 +368,7 @@ def test_a_crane_is_one_piece(seed: int) -> None:
     assert not loose
 
 
+@pytest.mark.proof_only
 @pytest.mark.parametrize("name", ["lakeside", "hillside"])
 def test_a_seed_is_a_world(name: str) -> None:
     """A seed fixes the bytes; another seed makes another world."""

@@ -23,7 +23,7 @@ from authoring.shapes.component import Component
 from groundwork.canonical import file_digest
 from tests.authoring.boxes import box
 from tests.authoring.seen_surfaces import contrast, flat_material, keypoints, photograph, plates, right_matches
-from tests.conftest import Count, RecordProof
+from tests.conftest import RecordProof
 
 F32 = NDArray[np.float32]
 U8 = NDArray[np.uint8]
@@ -31,32 +31,28 @@ U8 = NDArray[np.uint8]
 _DISTANCES = (0.5, 1.0, 2.0, 5.0, 15.0)  # [m]
 _FAR = 1.0  # [m] from here on concrete has the contrast that photographs of concrete have, 6 to 12 %, and little more
 _SLANTS = (0.0, 60.0)  # [deg]
-_FEW = ("smooth_concrete", "painted_steel_aged")
 _POOR = ("painted_steel_clean", "smooth_concrete_clean", "panel_concrete_clean")
 _SIDE, _PIXEL = 30.0, 0.03  # [m]
 
 
-def _surfaces(every: bool) -> list[str]:
-    if not every:
-        return list(_FEW)
+def _surfaces() -> list[str]:
     rng = np.random.default_rng(0)
     return sorted({surface for look in ("weathered", "aged") for surface in fill_roles(look, rng)[0].values()})
 
 
-def test_old_surfaces_feed_sift(tmp_path: Path, proof_count: Count, record_proof: RecordProof) -> None:
+@pytest.mark.proof_only
+def test_old_surfaces_feed_sift(tmp_path: Path, record_proof: RecordProof) -> None:
     """Every role of `weathered` and `aged`, square and at 60 degrees, from near and far; new ones stay poor."""
-    names = _surfaces(proof_count(0, 1) == 1)
-    distances = _DISTANCES[:: proof_count(4, 1)]
-    poor_names = _POOR[: proof_count(1, 3)]
-    recipes = [bake_surface(SheetName(name, 0, 2048), tmp_path) for name in (*names, *poor_names)]
+    names = _surfaces()
+    recipes = [bake_surface(SheetName(name, 0, 2048), tmp_path) for name in (*names, *_POOR)]
     rows = []
     poor = []
     with plates([flat_material(tmp_path, recipe) for recipe in recipes]) as prepared:
-        for row, name in enumerate((*names, *poor_names)):
+        for row, name in enumerate((*names, *_POOR)):
             for slant in _SLANTS:
-                for distance in distances:
+                for distance in _DISTANCES:
                     one = photograph(prepared, row, distance, slant)
-                    if name in poor_names:
+                    if name in _POOR:
                         poor.append(keypoints(one))
                         continue
                     other = photograph(prepared, row, distance, slant, 0.1 * distance)
@@ -175,16 +171,13 @@ def broad_contrast(shown: F32) -> float:
     return float(np.asarray(fine - broad, np.float64).std() / shown.mean())
 
 
+@pytest.mark.proof_only
 @pytest.mark.parametrize("role", ["Role_DeckConcrete", "Role_PierConcrete", "Role_DeckAsphalt", "Role_GirderSteel"])
-def test_nothing_repeats_over_thirty_metres(
-    tmp_path: Path, role: str, proof_count: Count, record_proof: RecordProof
-) -> None:
+def test_nothing_repeats_over_thirty_metres(tmp_path: Path, role: str, record_proof: RecordProof) -> None:
     """Sheet, grain and weather together: no autocorrelation over 0.25 beyond 1 m, and the contrast of real concrete.
 
     What is 0.5 to 15 m large on a wall of concrete has an RMS contrast of 6 to 12 %, and more where it is older.
     """
-    if role != "Role_DeckConcrete" and proof_count(0, 1) == 0:
-        pytest.skip("runs with --proof only")
     wall = _wall(role)
     peaks, broad = {}, {}
     for look, years in (("weathered", 1.0), ("aged", 1.6)):

@@ -41,7 +41,9 @@ FEW = BackgroundSettings(
 )
 
 
-@pytest.mark.parametrize("name", WORLDS)
+@pytest.mark.parametrize(
+    "name", ["city", "countryside", *(pytest.param(name, marks=pytest.mark.proof_only) for name in WORLDS[2:])]
+)
 def test_worlds_keep_their_promises(name: str, proof_count: Count, record_proof: RecordProof) -> None:
     """Random bridges of random families: nothing in the keep-out volume, nothing on the ways, labels, size."""
     count = proof_count(1, 8)

@@ -1,16 +1,24 @@
 """One tiny chain that every end-to-end test shares, whichever process runs it."""
 
-from dataclasses import dataclass
+import shutil
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import falsework
 from falsework.pipeline import run_scenario
 from falsework.scenario import Scenario
-from groundwork.progress import SILENT
+from falsework.stages import STAGES
+from groundwork.errors import RejectedSceneError
+from groundwork.progress import SILENT, Progress
 from groundwork.settings import parse_settings
+from tests.authoring.small_scene import SEED, SMALL
 from tests.conftest import Count
 from tests.made_once import made_once
+from tests.recon.conftest import in_this_process
+from tests.render.prepared_here import rendered_here
 
 TINY = {
     "seed": 3,
@@ -49,6 +57,8 @@ LOOP = {
     "survey": [{"kind": "global", "images": 24, "spacing": 4.0, "width": 480, "height": 360}],
     "recon": {"mode": "sparse", "sparse": {"neighbours": 6, "max_features": 1000}},
 }
+VARIANTS = {"look": ["weathered", "clean"], "background": ["none", "countryside"]}
+DENSE = falsework.ReconSettings(mode="dense", quality="medium")
 
 
 @dataclass(frozen=True)
@@ -66,9 +76,71 @@ class Chain:
     made: int
 
 
+@dataclass(frozen=True)
+class Varied:
+    """A finished run of a scenario with variants.
+
+    Attributes:
+        scenario: What was asked for.
+        out: Its output folder.
+    """
+
+    scenario: Scenario
+    out: Path
+
+
 @pytest.fixture(scope="session")
 def chain(tmp_path_factory: pytest.TempPathFactory, worker_id: str, proof_count: Count) -> Chain:
     """Run the whole chain once, on real parts, as small as it goes; the first process that needs it runs it."""
     scenario = parse_settings(Scenario, (TINY, LOOP)[proof_count(0, 1)], "tiny")
     out = made_once(tmp_path_factory, worker_id, "chain", lambda out: str(run_scenario(scenario, out, SILENT).made))
     return Chain(scenario, out, int(out.with_name("made").read_text()))
+
+
+@pytest.fixture(scope="session")
+def varied(tmp_path_factory: pytest.TempPathFactory, worker_id: str, proof_count: Count) -> Varied:
+    """Run a scenario with two looks and two backgrounds once, as small as it goes: four captures of one bridge."""
+    flight = {"kind": "global", "images": proof_count(8, 40), "spacing": 30.0, "width": 160, "height": 120}
+    said = {**SMALL, "seed": SEED, "survey": [flight], "variants": VARIANTS, "render": {"quality": "fast"}}
+    scenario = parse_settings(Scenario, said, "variants")
+    with pytest.MonkeyPatch.context() as patch, rendered_here():
+        if proof_count(0, 1) == 0:  # eight small photographs make no model: that is not found out four times
+            patch.setitem(STAGES, "model", replace(STAGES["model"], run=_no_model))
+        out = made_once(
+            tmp_path_factory, worker_id, "varied", lambda out: str(run_scenario(scenario, out, SILENT).made)
+        )
+    return Varied(scenario, out)
+
+
+def _no_model(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
+    assert (inputs["capture"] / "cameras.json").is_file()
+    raise RejectedSceneError("no_model", "too little to see")
+
+
+@pytest.fixture(scope="session")
+def dense(chain: Chain, tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """Make a dense cloud of the chain's photographs from Python once, with the settings that the pages show."""
+
+    def make(out: Path) -> None:
+        flown = chain.out / "scenes/0000"
+        with in_this_process():
+            falsework.reconstruct(
+                falsework.read_capture(flown / "capture/global"), out, settings=DENSE, model=flown / "model/global"
+            )
+
+    return made_once(tmp_path_factory, worker_id, "dense", make)
+
+
+@pytest.fixture
+def densely(dense: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let `falsework.reconstruct` give a copy of that cloud to whoever asks for one like it."""
+
+    def reconstruct(
+        capture: falsework.Capture, out: Path | str, *, settings: falsework.ReconSettings
+    ) -> falsework.Cloud:
+        assert settings == DENSE
+        assert len(capture.images) > 0
+        shutil.copytree(dense, out)
+        return falsework.read_cloud(out)
+
+    monkeypatch.setattr("falsework.api.reconstruct", reconstruct)

@@ -19,8 +19,9 @@ from groundwork.marks import MARK
 from groundwork.progress import SILENT
 from tests.conftest import Count, RecordProof
 from tests.end_to_end.conftest import Chain
+from tests.falsework.patience import left
+from tests.render.prepared_here import rendered_here
 
-PATIENCE = 240.0  # [s] on a box that many tests share
 FRAMES = 4  # of the 18 of the flight
 
 
@@ -35,7 +36,7 @@ def test_killed_run_goes_on(chain: Chain, tmp_path: Path) -> None:
         shutil.copytree(chain.out / "store" / stage, out / "store" / stage)
     shutil.copy(chain.out / MARK, out / MARK)
     command = _command(chain, tmp_path, out)
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + left()
 
     def drawing(process: subprocess.Popen[bytes]) -> None:
         while len(list(out.glob("work/*/images/0*.jpg"))) < FRAMES:
@@ -45,9 +46,10 @@ def test_killed_run_goes_on(chain: Chain, tmp_path: Path) -> None:
 
     _kill_when(command, drawing)
     assert not list(out.glob("store/capture/*"))
-    (left,) = out.glob("work/*/images")
-    drawn = {path.name: path.stat().st_mtime_ns for path in left.glob("0*.jpg")}
-    assert run_scenario(chain.scenario, out, SILENT).made == 3  # goes on in another process than began
+    (begun,) = out.glob("work/*/images")
+    drawn = {path.name: path.stat().st_mtime_ns for path in begun.glob("0*.jpg")}
+    with rendered_here():  # goes on in another process than began
+        assert run_scenario(chain.scenario, out, SILENT).made == 3
     _assert_same(chain, out)
     (images,) = out.glob("store/capture/*/images")
     kept = sum((images / name).stat().st_mtime_ns == changed for name, changed in drawn.items())

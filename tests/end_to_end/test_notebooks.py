@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ import pytest
 
 import falsework
 from docs.notebook_files import FOLDER, SCRIPTS, cells, notebook
-from falsework.api import reconstruct
 from tests.end_to_end.conftest import TINY, Chain
 from tests.end_to_end.test_pages import falsework as command
 from tests.end_to_end.test_pages import small_demo
@@ -46,14 +44,14 @@ def test_authoring_and_swapping(
     assert "truth is the same: True · different first photographs: 2" in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("densely")
 def test_rendering_and_reconstructing(chain: Chain, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Scene and photographs are those of the chain that all tests share; every class of its cloud is printed."""
+    """Scene, photographs and cloud are those that all tests share; every class of its cloud is printed."""
     monkeypatch.chdir(tmp_path)
     flown = chain.out / "scenes/0000"
     flight = falsework.read_capture(flown / "capture/global")
     monkeypatch.setattr("falsework.api.author", lambda *_: flown / "stage/scene.usda")
     monkeypatch.setattr("falsework.api.render", lambda *_, **__: {"global": flight})
-    monkeypatch.setattr("falsework.api.reconstruct", partial(reconstruct, model=flown / "model/global"))
     names: dict[str, Any] = {}
     run_cells("render_and_reconstruct", names, {})
     assert names["cloud"].source == "sfm-dense"

@@ -30,6 +30,7 @@ from learn.demo.clouds import thin_cloud
 from tests.end_to_end.conftest import TINY, Chain
 from tests.falsework.served_here import served_here
 from tests.learn.toy_bridge import write_toy
+from tests.recon.conftest import in_this_process
 from tests.render.prepared_here import rendered_here
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -44,7 +45,7 @@ NOT_HERE = {
 }
 FEW = {"survey": [{"kind": "global", "images": 8, "spacing": 40.0, "width": 160, "height": 120}]}
 DENSE = {"recon": {"mode": "dense", "quality": "medium"}}
-NO_CHILD = re.compile(r"^falsework scene (info|set .*background=)")  # `info` and another `set` have theirs elsewhere
+CHILD = "falsework scene diff"  # which the other verbs have elsewhere
 HEREDOC = re.compile(r"cat > (\S+) <<'END'\n(.*?)^END\n", re.M | re.S)
 
 
@@ -141,7 +142,7 @@ def test_the_tutorial_runs(chain: Chain, tmp_path: Path, monkeypatch: pytest.Mon
             line = line.replace("captures/global", f"{flown}/capture/global --model {flown}/model/global")
             line = line.replace("-o captures", "-o captures --quality fast")  # a quarter of the time
             if line.startswith("falsework "):
-                with rendered_here(), served_here() if NO_CHILD.search(line) else nullcontext():
+                with rendered_here(), in_this_process(), nullcontext() if line.startswith(CHILD) else served_here():
                     falsework(line)
             else:
                 subprocess.run(shlex.split(line), check=True)
@@ -162,7 +163,8 @@ def test_the_front_pages_block_runs(chain: Chain, tmp_path: Path, monkeypatch: p
     parse_settings(Scenario, read_toml(_written(name, shown)), name)
     _written(name, chain.scenario.as_toml())
     for line in commands(HEREDOC.sub("", text)):
-        falsework(line)
+        with served_here():
+            falsework(line)
     assert (tmp_path / "for_others/cloud.laz").is_file()
     assert (tmp_path / "points/cloud.json").is_file()
 

@@ -6,7 +6,6 @@ import ast
 import pydoc
 import re
 import sys
-from functools import partial
 from inspect import isfunction
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ import numpy as np
 import pytest
 
 import falsework
-from falsework.api import reconstruct
 from tests.end_to_end.conftest import TINY, Chain
 from tests.falsework.served_here import served_here
 from tests.render.prepared_here import rendered_here
@@ -29,11 +27,11 @@ SMALLER = {
 }
 
 
+@pytest.mark.usefixtures("densely")
 def test_the_page_runs(chain: Chain, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every block in its order, in an empty folder, with a smaller scene and the cameras of a flight that is there."""
+    """Every block in its order, in an empty folder, with a smaller scene and the dense cloud of a flight."""
     flown = chain.out / "scenes/0000"
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("falsework.api.reconstruct", partial(reconstruct, model=flown / "model/global"))
     text = PAGE.read_text(encoding="utf-8")
     for large, small in SMALLER.items():
         assert large in text

@@ -14,12 +14,14 @@ from pxr import Usd
 from authoring.exchange.bake_down import bake_down
 from authoring.looks.material import MaterialRecipe, author_material
 from authoring.variants.add import set_choices
+from groundwork.files import MANIFEST
 from groundwork.progress import SILENT
 from render.capture import TRUTH
 from render.frames import render_stage
 from render.settings import RenderSettings, SensorSettings
 from tests.authoring.small_scene import SEED, file_bytes, write_small_scene
 from tests.conftest import Count, RecordProof
+from tests.end_to_end.conftest import VARIANTS, Varied
 from tests.render.prepared_here import prepared_here
 from usd_schemas import tokens
 from usd_schemas.reading.stage_reader import read_stage
@@ -40,18 +42,16 @@ def _prepared() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory, proof_count: Count) -> Path:
-    """Author a scene that offers two looks, two backgrounds and two lights."""
-    flight = {
-        "kind": "global",
-        "images": proof_count(8, 60),
-        "spacing": proof_count(30, 4),
-        "width": proof_count(160, 480),
-        "height": proof_count(120, 360),
-    }
-    light = [{"name": "winter", "date": "2024-12-21T10:00"}]
-    offers = {"look": ["clean", "weathered"], "background": ["none", "countryside"], "light": light}
-    return write_small_scene(tmp_path_factory.mktemp("swaps"), variants=offers, survey=[flight])
+def scene(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, proof_count: Count) -> Path:
+    """Give a scene that offers two looks and two backgrounds: that of the shared run, or a larger flight for proof."""
+    folder = tmp_path_factory.mktemp("swaps")
+    if not proof_count(0, 1):
+        varied: Varied = request.getfixturevalue("varied")
+        stored, sealed = varied.out / "scenes/0000/stage", shutil.ignore_patterns(MANIFEST)
+        shutil.copytree(stored, folder / "scene", ignore=sealed, copy_function=shutil.copyfile)
+        return folder / "scene/scene.usda"
+    flight = {"kind": "global", "images": 60, "spacing": 4, "width": 480, "height": 360}
+    return write_small_scene(folder, variants=VARIANTS, survey=[flight])
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +107,7 @@ def test_one_png_changes_rgb_alone(scene: Path, base: Path, tmp_path: Path, reco
 
 def test_light_changes_rgb_alone(scene: Path, base: Path, tmp_path: Path, record_proof: RecordProof) -> None:
     """Another light: all truth byte-equal; the photographs are others."""
-    after = _shoot(_copy(scene, tmp_path, light="winter"), tmp_path / "capture")
+    after = _shoot(_copy(scene, tmp_path, light="2024-12-21T10:00"), tmp_path / "capture")
     assert _truth(base) == _truth(after)
     assert all((base / name).read_bytes() != (after / name).read_bytes() for name in _names(base))
     share = _changed(base, after)
@@ -147,7 +147,7 @@ def test_baked_scene_renders_alike(
     scene, before = country
     (tmp_path / "baked").mkdir()
     lines: list[str] = []
-    root = bake_down(scene, tmp_path / "baked", proof_count(256, 4096), lines.append)
+    root = bake_down(scene, tmp_path / "baked", proof_count(128, 4096), lines.append)
     assert lines == []
     flat = read_stage(root)
     assert not [one.name for one in flat.materials if one.detail.file or one.detail.macro_file]

@@ -1,43 +1,25 @@
 """`[variants]` of a scenario, through the whole chain: one capture for each, from one bridge and one survey."""
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from falsework.pipeline import Outcome, run_scenario
-from falsework.scenario import Scenario
-from falsework.stages import STAGES
-from groundwork.errors import RejectedSceneError
-from groundwork.progress import SILENT, Progress
-from groundwork.settings import parse_settings
-from tests.authoring.small_scene import SEED, SMALL, file_bytes
-from tests.conftest import Count, RecordProof
-from tests.render.prepared_here import rendered_here
+from groundwork.progress import SILENT
+from tests.authoring.small_scene import SEED, file_bytes
+from tests.conftest import RecordProof
+from tests.end_to_end.conftest import VARIANTS, Varied
 
-AXES = {"look": ["weathered", "clean"], "background": ["none", "countryside"]}
-NAMES = [f"global@{look}_{background}" for look in AXES["look"] for background in AXES["background"]]
+NAMES = [f"global@{look}_{background}" for look in VARIANTS["look"] for background in VARIANTS["background"]]
 VARYING = {"render.json"}  # its exposure is that of the photographs
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory, proof_count: Count) -> tuple[Path, Outcome]:
-    """Run a scenario with two looks and two backgrounds, as small as it goes; give its scene and what came of it."""
-    flight = {"kind": "global", "images": proof_count(8, 40), "spacing": 30.0, "width": 160, "height": 120}
-    said = {**SMALL, "seed": SEED, "survey": [flight], "variants": AXES, "render": {"quality": "fast"}}
-    out = tmp_path_factory.mktemp("variants") / "out"
-    with pytest.MonkeyPatch.context() as patch:
-        if proof_count(0, 1) == 0:  # eight small photographs make no model: that is not found out four times
-            patch.setitem(STAGES, "model", replace(STAGES["model"], run=_no_model))
-        with rendered_here():
-            outcome = run_scenario(parse_settings(Scenario, said, "variants"), out, SILENT)
-    return out / "scenes/0000", outcome
-
-
-def _no_model(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, progress: Progress) -> None:
-    assert (inputs["capture"] / "cameras.json").is_file()
-    raise RejectedSceneError("no_model", "too little to see")
+def run(varied: Varied) -> tuple[Path, Outcome]:
+    """Give the scene of a run of two looks and two backgrounds, and what its records say came of it."""
+    outcome = run_scenario(varied.scenario, varied.out, SILENT)
+    assert outcome.made == 0
+    return varied.out / "scenes/0000", outcome
 
 
 def test_each_variant_has_a_capture(run: tuple[Path, Outcome]) -> None:
@@ -58,8 +40,8 @@ def test_variants_share_what_they_should(run: tuple[Path, Outcome], record_proof
         assert len({captures[name][file] for name in NAMES}) == 1
     truths = {name: _truth(files) for name, files in captures.items()}
     unequal = 0
-    for background in AXES["background"]:
-        one, two = (truths[f"global@{look}_{background}"] for look in AXES["look"])
+    for background in VARIANTS["background"]:
+        one, two = (truths[f"global@{look}_{background}"] for look in VARIANTS["look"])
         unequal += len(set(one.items()) ^ set(two.items()))
     assert unequal == 0
     assert truths[NAMES[0]] != truths[NAMES[1]]

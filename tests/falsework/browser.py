@@ -13,6 +13,8 @@ from typing import Any
 
 import pytest
 
+from tests.falsework.patience import left
+
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 FOUND = "found in the page"
 WORDS = (
@@ -21,6 +23,7 @@ WORDS = (
     "--disable-gpu-sandbox",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing",  # which software does twice as slowly as no GPU at all
     "--enable-logging=stderr",
     "--disable-extensions",
     "--disable-background-networking",
@@ -50,7 +53,7 @@ def chromium() -> str:
         path = shutil.which(name)
         if path is not None:
             try:
-                done = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=60, check=False)
+                done = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=20, check=False)
             except (OSError, subprocess.TimeoutExpired):
                 continue
             if done.returncode == 0 and "Chrom" in done.stdout:
@@ -84,7 +87,7 @@ def open_page(page: Path, script: str = "", budget: int = 20_000, *flags: str) -
         page.write_text(text.replace("</body>", ask + "</body>"), encoding="utf-8")
     profile = page.parent / "profile"
     words = [chromium(), *WORDS, f"--user-data-dir={profile}", f"--virtual-time-budget={budget}", *flags, "--dump-dom"]
-    done = subprocess.run([*words, page.as_uri()], capture_output=True, text=True, check=True, timeout=300)
+    done = subprocess.run([*words, page.as_uri()], capture_output=True, text=True, check=True, timeout=left())
     told = json.loads(unescape(done.stdout.split(FOUND)[1])) if script else None
     if script and isinstance(told, dict) and "mistake" in told:
         raise AssertionError(told["mistake"])

@@ -11,9 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from falsework.cli import main
+from tests.falsework.patience import left
 from tests.falsework.tiny_chain import use_tiny_stages
-
-PATIENCE = 120.0  # [s] on a box that many tests share
 
 
 def fork(work: Callable[[], object]) -> int:
@@ -81,7 +80,7 @@ def end_of(pid: int) -> int:
     Returns:
         Its exit code; the negative number of the signal that it died of.
     """
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + left()
     while True:
         found, status = os.waitpid(pid, os.WNOHANG)
         if found:

@@ -18,8 +18,8 @@ from websockets.sync.connection import Connection
 
 from falsework.view.viewer import LOOPBACK
 from tests.falsework.browser import WORDS, chromium
+from tests.falsework.patience import left
 
-PATIENCE = 180.0  # [s]
 SAID = ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded")
 
 
@@ -42,7 +42,7 @@ class Tab:
         number = next(self.numbers)
         self.line.send(json.dumps({"id": number, "method": method, "params": params}))
         while True:
-            told = json.loads(self.line.recv(PATIENCE))
+            told = json.loads(self.line.recv(left()))
             if told.get("method") == "Runtime.consoleAPICalled" and told["params"]["type"] == "error":
                 self.console.append(json.dumps(told["params"]["args"]))
             if told.get("method") == "Runtime.exceptionThrown":
@@ -81,7 +81,7 @@ class Tab:
 
     def wait_for(self, script: str) -> None:
         """Wait until an expression is true."""
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + left()
         while not self.ask(script):
             assert time.monotonic() < end, script
             time.sleep(0.2)
@@ -107,14 +107,20 @@ def open_tab(address: str, folder: Path) -> Iterator[Tab]:
     words = [chromium(), *WORDS, f"--user-data-dir={folder}", "--remote-debugging-port=0", "--window-size=1000,700"]
     browser = subprocess.Popen([*words, address], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
-        port, end = folder / "DevToolsActivePort", time.monotonic() + PATIENCE
+        port, end = folder / "DevToolsActivePort", time.monotonic() + left()
         while not (port.is_file() and port.read_text()):
-            assert time.monotonic() < end
+            assert time.monotonic() < end, "the browser does not start"
             time.sleep(0.1)
-        with urllib.request.urlopen(f"http://{LOOPBACK}:{port.read_text().split()[0]}/json/list") as answer:
+        with urllib.request.urlopen(
+            f"http://{LOOPBACK}:{port.read_text().split()[0]}/json/list", timeout=left()
+        ) as answer:
             (page,) = [row for row in json.load(answer) if row["type"] == "page"]
         with connect(page["webSocketDebuggerUrl"], max_size=None, proxy=None) as line:
             yield Tab(line)
     finally:
         browser.terminate()
-        browser.wait(60)
+        try:
+            browser.wait(20)
+        except subprocess.TimeoutExpired:
+            browser.kill()
+            browser.wait()

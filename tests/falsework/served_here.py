@@ -15,12 +15,17 @@ import pytest
 from groundwork.canonical import canonical_json
 from groundwork.progress import SILENT, Progress
 
-CALLERS = ("falsework.children.products", "falsework.commands.scene_verbs", "falsework.commands.background_verbs")
+CALLERS = (
+    "falsework.children.products",
+    "falsework.commands.scene_verbs",
+    "falsework.commands.background_verbs",
+    "falsework.stages",
+)
 
 
 @contextmanager
 def served_here() -> Iterator[None]:
-    """Serve the requests of `falsework scene`, `background`, `survey`, `sample` and `render` without a child."""
+    """Serve `falsework scene`, `background`, `survey`, `sample`, `render` and a run's samples without a child."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("usd_schemas.guard.guard.limit_memory", lambda gigabytes: None)  # it would hold for all tests
         for caller in CALLERS:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tomllib
 import types
+from contextlib import nullcontext
 from importlib.metadata import version
 from pathlib import Path
 
@@ -14,6 +15,8 @@ import pytest
 from falsework.cli import main
 from falsework.doctor import CORE, LEARN, VIEW, Check, examine, learn_packages, package_names, view_packages
 from groundwork.errors import RejectedSceneError
+from tests.falsework.fresh_interpreter import FreshInterpreter
+from tests.falsework.served_here import served_here
 
 THREE = ("illinois=@", "korea=@.2", "synthetic=@.3")  # what a comparison of three sets is given
 EMPTY_STAGE = '#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Z"\n)\ndef Xform "World"\n{\n}\n'
@@ -99,14 +102,15 @@ def test_an_unknown_verb_names_the_nearest(words: list[str], near: str, capsys: 
         ["verify", "@"],
     ],
 )
-def test_a_missing_file_is_said_before_any_room_is_loaded(words: list[str], tmp_path: Path) -> None:
+def test_a_missing_file_is_said_before_any_room_is_loaded(
+    words: list[str], fresh: FreshInterpreter, tmp_path: Path
+) -> None:
     """One line, exit code 2, and neither the renderer, nor the networks, nor NumPy has been imported by then."""
     given = [str(tmp_path / "nowhere") if word == "@" else word for word in words]
-    script = "import sys, falsework.cli\ntry:\n    falsework.cli.main(sys.argv[1:])\nfinally:\n    print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", script, *given], cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 2, done.stderr
-    assert "nowhere: no such file or folder" in done.stderr
-    assert not {"numpy", "render.capture", "authoring.settings", "recon.settings", "cv2"} & set(done.stdout.split())
+    done = fresh.run(given, tmp_path)
+    assert done.code == 2, done.error
+    assert "nowhere: no such file or folder" in done.error
+    assert not {"numpy", "render.capture", "authoring.settings", "recon.settings", "cv2"} & done.loaded
     assert not any(tmp_path.iterdir())
 
 
@@ -149,7 +153,8 @@ def test_a_file_where_a_folder_is_wanted(
 def test_a_file_that_is_no_world(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`background info` of anything else says what it is not, not that a child failed."""
     (tmp_path / "notes.txt").write_text("a file")
-    line = _fails(["background", "info", tmp_path / "notes.txt"], capsys)
+    with served_here():
+        line = _fails(["background", "info", tmp_path / "notes.txt"], capsys)
     assert "notes.txt: is not an imported world. Make one" in line
 
 
@@ -157,7 +162,7 @@ def test_without_the_extra_learning_says_what_to_install(tmp_path: Path) -> None
     """Where the extra `learn` is not installed, training is refused in one line that names it."""
     script = "import sys; sys.modules['torch'] = None; import falsework.cli; falsework.cli.main(sys.argv[1:])"
     words = ["train", str(tmp_path), "-o", str(tmp_path / "model")]
-    done = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, text=True, timeout=100)
     assert done.returncode == 2, done.stderr
     assert done.stderr.startswith("falsework: this command needs the package torch")
     assert "falsework[learn]" in done.stderr
@@ -208,16 +213,18 @@ def test_stage_without_geometry(tmp_path: Path, capsys: pytest.CaptureFixture[st
     """A stage that shows nothing is said to, and leaves no capture."""
     stage = tmp_path / "empty.usda"
     stage.write_text(EMPTY_STAGE)
-    assert "empty.usda" in _fails(["render", stage, "-o", tmp_path / "out"], capsys)
+    with served_here():
+        assert "empty.usda" in _fails(["render", stage, "-o", tmp_path / "out"], capsys)
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("content", [b"", b"not a stage", b"#usda 1.0\ndef Mesh {", b"PXR-USDC\x00\x00"])
 def test_not_a_stage(content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A file that is no stage is named."""
+    """A file that is no stage is named: from a child, too."""
     stage = tmp_path / "bad.usda"
     stage.write_bytes(content)
-    assert "bad.usda" in _fails(["render", stage, "-o", tmp_path / "out"], capsys)
+    with served_here() if content else nullcontext():
+        assert "bad.usda" in _fails(["render", stage, "-o", tmp_path / "out"], capsys)
 
 
 def test_missing_capture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -45,6 +45,7 @@ def test_bash_completes_verbs_options_and_choices(tmp_path: Path, capsys: pytest
         capture_output=True,
         text=True,
         check=True,
+        timeout=60,
     )
     offered = [sorted(line.split()) for line in done.stdout.splitlines()]
     assert offered == [sorted(words) for words in asked.values()]

@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from tests.falsework.fresh_interpreter import FreshInterpreter
+
 HEAVY = {
     *("cv2", "dask", "distributed", "h5py", "jinja2", "laspy", "lightning", "moderngl", "numba", "open3d", "plotly"),
     *("pyarrow", "pycolmap", "scipy", "sklearn", "torch", "trimesh", "viser"),
 }
 ROOMS = {"authoring.settings", "falsework.scenario", "learn.training.settings", "recon.reconstruct", "render.frames"}
-SCRIPT = """
-import json, sys
-import falsework.cli
-try:
-    falsework.cli.main(json.loads(sys.argv[1]))
-finally:
-    print("\\n" + json.dumps(sorted({*sys.modules, *(name.partition(".")[0] for name in sys.modules)})))
-"""
 HELP = ("", "scene set", "dataset local", "predict")
 WRONG = (
     "run ok.toml -o out --sceens 1:2",
@@ -62,48 +55,41 @@ WRONG = (
 )
 
 
-def loaded_after(words: list[str], folder: Path) -> tuple[int, str, set[str]]:
-    """Run a command in a fresh interpreter; give its exit code, its errors, and every module that it loaded."""
-    command = [sys.executable, "-c", SCRIPT, json.dumps(words)]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    return done.returncode, done.stderr, set(json.loads(done.stdout.splitlines()[-1]))
-
-
 @pytest.mark.parametrize("words", HELP)
-def test_help_loads_nothing_heavy(words: str, tmp_path: Path) -> None:
+def test_help_loads_nothing_heavy(words: str, fresh: FreshInterpreter, tmp_path: Path) -> None:
     """Neither a heavy package, nor the settings of all rooms."""
-    code, _, loaded = loaded_after([*words.split(), "--help"], tmp_path)
-    assert code == 0
-    assert loaded & (HEAVY | ROOMS) == set()
+    done = fresh.run([*words.split(), "--help"], tmp_path)
+    assert done.code == 0
+    assert done.loaded & (HEAVY | ROOMS) == set()
 
 
 @pytest.mark.parametrize("words", WRONG)
-def test_an_error_loads_nothing_heavy(words: str, tmp_path: Path) -> None:
+def test_an_error_loads_nothing_heavy(words: str, fresh: FreshInterpreter, tmp_path: Path) -> None:
     """One line and exit code 2 before anything heavy is there; nothing is written."""
     (tmp_path / "folder").mkdir()
     (tmp_path / "notes.txt").write_text("a file")
     (tmp_path / "ok.toml").write_text("seed = 1\n")
     (tmp_path / "broken.toml").write_text("seed = = 1\n")
     before = sorted(tmp_path.rglob("*"))
-    code, error, loaded = loaded_after(words.split(), tmp_path)
-    assert code == 2, error
-    assert error.startswith("falsework: ")
-    assert error.count("\n") == 1
-    assert loaded & (HEAVY | ROOMS) == set()
+    done = fresh.run(words.split(), tmp_path)
+    assert done.code == 2, done.error
+    assert done.error.startswith("falsework: ")
+    assert done.error.count("\n") == 1
+    assert done.loaded & (HEAVY | ROOMS) == set()
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_a_heavy_import_would_be_seen(tmp_path: Path) -> None:
+def test_a_heavy_import_would_be_seen(fresh: FreshInterpreter, tmp_path: Path) -> None:
     """What needs the settings of all rooms loads them, and is found to."""
     (tmp_path / "wrong.toml").write_text("sceens = 1\n")
-    code, _, loaded = loaded_after(["plan", "wrong.toml"], tmp_path)
-    assert code == 2
-    assert "falsework.scenario" in loaded
-    assert "scipy" in loaded
+    done = fresh.run(["plan", "wrong.toml"], tmp_path)
+    assert done.code == 2
+    assert "falsework.scenario" in done.loaded
+    assert "scipy" in done.loaded
 
 
 def test_reconstruction_loads_no_statistics_before_it_needs_them() -> None:
     """`scipy.stats` takes half of the time to import the room; a few limits of placing need it."""
     script = "import sys, recon.reconstruct; print('scipy' in sys.modules, 'scipy.stats' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=100)
     assert done.stdout == "True False\n"

@@ -35,7 +35,11 @@ PHONE = """
 dispatchEvent(new Event("beforeprint"));  // draws what is out of sight, too
 document.body.style.width = "390px";
 dispatchEvent(new Event("resize"));
-await new Promise((go) => setTimeout(go, 1000));
+const drawn = () => [...document.querySelectorAll(".main-svg")].map((one) => one.getBoundingClientRect().width).join();
+for (let same = 0, before = ""; same < 3; before = drawn()) {  // until no figure changes any more
+  same = drawn() === before ? same + 1 : 0;
+  await new Promise((go) => setTimeout(go, 100));
+}
 const out = (one, place) => {
   const a = one.getBoundingClientRect(), b = place.getBoundingClientRect();
   return a.width > 0 && (a.left < b.left - 1 || a.right > b.right + 1);

@@ -19,6 +19,7 @@ from groundwork.errors import InputError, OutOfSpaceError
 from groundwork.files import MANIFEST
 from groundwork.progress import SILENT, Silent
 from tests.falsework import forked, tiny_chain
+from tests.falsework.patience import left
 from tests.falsework.tiny_chain import contents, start, tiny_scenario, tiny_stages
 
 Run = Callable[..., Outcome]
@@ -346,7 +347,7 @@ def test_several_processes_share_one_output(count: int, tmp_path: Path) -> None:
     scenario.write_text(f'seed = {tiny_chain.SEED}\nscenes = 3\n[[survey]]\nkind = "global"\n')
     words = ("run", scenario, "-o", tmp_path / "out", "--json")
     processes = [start(*words, TINY_WAIT="0.01") for _ in range(count)]
-    answers = [process.communicate(timeout=120) for process in processes]
+    answers = [process.communicate(timeout=left()) for process in processes]
     assert [process.returncode for process in processes] == [0] * count, answers
     assert sum(json.loads(said)["made"] for said, _ in answers) == 15
     assert forked.run("run", scenario, "-o", tmp_path / "alone", said=tmp_path / "said") == 0

@@ -16,6 +16,7 @@ from falsework.execution import cluster, memory
 from falsework.execution.memory import processes_below
 from groundwork.errors import FalseworkError, InputError
 from groundwork.memory import available_memory, machine_memory
+from tests.falsework.patience import left
 from tests.falsework.test_run import Run, run  # noqa: F401 (a fixture)
 from tests.falsework.tiny_chain import ROOT
 
@@ -69,7 +70,8 @@ def test_a_script_without_a_guard_is_told_of_it(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text("from falsework.execution.cluster import _own_cluster\nwith _own_cluster(1):\n    print('on')\n")
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False, env=environment)
+    command = [sys.executable, script]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment, timeout=left())
     said = done.stderr.splitlines()[-1]
     assert re.search(r"InputError: workers: the workers did not start.*__name__", said)
     assert done.stdout == ""

@@ -2,6 +2,7 @@
 
 import json
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from recon.cloud import SOURCES as CLOUD_SOURCES
 from render.capture import read_capture
 from tests.falsework.browser import needs_browser
 from tests.falsework.live_browser import open_tab
+from tests.falsework.patience import left
 from tests.falsework.test_cloud_view import VIEWS, small_cloud
 from tests.falsework.test_sample_verbs import run as call
 from tests.recon.conftest import poses_on_arc, write_capture
@@ -136,15 +138,12 @@ def test_a_browser_shows_the_viewer(subject: Subject, tmp_path: Path) -> None:
                 assert pixels is not None
                 return len(np.unique(pixels[200:360, 430:570].reshape(-1, 3), axis=0))
 
-            for _ in range(200):
-                if colors() > 20:
-                    break
-            assert colors() > 20
-            for _ in range(200):
+            end = time.monotonic() + left()
+            while colors() <= 20:
+                assert time.monotonic() < end, "the points are not drawn"
+            while not tab.ask("document.body.innerText.includes('seen by 3 images')"):
+                assert time.monotonic() < end, "no click tells of a point"
                 tab.click(500, 278)  # the middle, which the view begins with
-                if tab.ask("document.body.innerText.includes('seen by 3 images')"):
-                    break
-            assert tab.ask("document.body.innerText.includes('seen by 3 images')")
             viewer.slider.value = -1.0
             viewer.refresh()
             tab.wait_for("document.body.innerText.includes('uncertainty at most 100 mm')")

@@ -4,7 +4,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -15,6 +15,7 @@ from groundwork.files import MANIFEST
 from groundwork.marks import MARK
 from groundwork.progress import SILENT
 from recon.settings import ReconSettings, SparseSettings
+from tests.falsework.patience import left
 from tests.made_once import made_once
 from tests.recon.conftest import in_this_process, poses_on_arc, write_capture
 
@@ -24,7 +25,6 @@ FEW = f"[recon.sparse]\nmax_features = {MAX_FEATURES}\n"
 SMALL = ReconSettings(mode="sparse", sparse=SparseSettings(max_features=MAX_FEATURES))
 SETTINGS = f"[recon]\nmode = 'sparse'\n{FEW}"
 
-PATIENCE = 240.0  # [s] on a box that many tests share
 MARKS = (MARK, MANIFEST)
 
 Start = Callable[..., subprocess.Popen[str]]
@@ -37,12 +37,13 @@ def few_planes(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def start_reconstruct(few_planes: Path, tmp_path_factory: pytest.TempPathFactory) -> Start:
+def start_reconstruct(few_planes: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Start]:
     """Give `start(out, capture=few_planes, settings=SETTINGS, before=())`: begin `falsework reconstruct`.
 
     It runs in a session of its own; `before` are words to put before the command.
     """
     files = tmp_path_factory.mktemp("settings")
+    started: list[subprocess.Popen[str]] = []
 
     def start(
         out: Path, capture: Path = few_planes, settings: str = SETTINGS, before: tuple[str, ...] = ()
@@ -50,7 +51,7 @@ def start_reconstruct(few_planes: Path, tmp_path_factory: pytest.TempPathFactory
         file = files / f"{len(list(files.iterdir()))}.toml"
         file.write_text(settings)
         command = [sys.executable, "-m", "falsework", "reconstruct", str(capture), "-o", str(out)]
-        return subprocess.Popen(
+        process = subprocess.Popen(
             [*before, *command, "--settings", str(file)],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -59,8 +60,13 @@ def start_reconstruct(few_planes: Path, tmp_path_factory: pytest.TempPathFactory
             env={**os.environ, "PYTHONPATH": str(ROOT)},
             preexec_fn=_hear_interrupts,
         )
+        started.append(process)
+        return process
 
-    return start
+    yield start
+    for process in started:
+        if process.poll() is None:  # its test has failed
+            os.killpg(process.pid, signal.SIGKILL)
 
 
 @pytest.fixture(scope="session")
@@ -85,7 +91,7 @@ def contents(folder: Path) -> dict[str, str]:
 
 def finish(process: subprocess.Popen[str]) -> str:
     """Wait for a run to end well, and return what it said."""
-    _, said = process.communicate(timeout=PATIENCE)
+    _, said = process.communicate(timeout=left())
     assert process.returncode == 0, said
     return said
 

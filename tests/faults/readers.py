@@ -77,6 +77,24 @@ def parsed(source: str) -> ast.Module:
     return ast.parse(source)
 
 
+@cache
+def calls(source: str) -> list[tuple[str, str, ast.Call]]:
+    """List the calls of a module once for all rules: in which function (`.C.f`), what, and the call itself."""
+    found: list[tuple[str, str, ast.Call]] = []
+
+    def walk(node: ast.AST, place: str) -> None:
+        for child in ast.iter_child_nodes(node):
+            inner = place
+            if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+                inner = f"{place}.{child.name}"
+            if isinstance(child, ast.Call):
+                found.append((place, _dotted(child.func), child))
+            walk(child, inner)
+
+    walk(parsed(source), "")
+    return found
+
+
 def openings(source: str, module: str) -> dict[str, set[str]]:
     """Find the functions that open files by themselves.
 
@@ -88,19 +106,9 @@ def openings(source: str, module: str) -> dict[str, set[str]]:
         `module.function` to what it calls.
     """
     found: dict[str, set[str]] = {}
-
-    def walk(node: ast.AST, place: str) -> None:
-        for child in ast.iter_child_nodes(node):
-            inner = place
-            if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
-                inner = f"{place}.{child.name}"
-            if isinstance(child, ast.Call):
-                name = _dotted(child.func)
-                if (name in OPENERS or name.rpartition(".")[2] in METHODS) and not _writes(child):
-                    found.setdefault(place, set()).add(name)
-            walk(child, inner)
-
-    walk(parsed(source), module)
+    for place, name, call in calls(source):
+        if (name in OPENERS or name.rpartition(".")[2] in METHODS) and not _writes(call):
+            found.setdefault(f"{module}{place}", set()).add(name)
     return found
 
 
@@ -128,19 +136,7 @@ def safe_readings(source: str, module: str) -> set[str]:
     Returns:
         `module.function` of each.
     """
-    found: set[str] = set()
-
-    def walk(node: ast.AST, place: str) -> None:
-        for child in ast.iter_child_nodes(node):
-            inner = place
-            if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
-                inner = f"{place}.{child.name}"
-            if isinstance(child, ast.Call) and _dotted(child.func).removeprefix("image_files.") in SAFE:
-                found.add(place)
-            walk(child, inner)
-
-    walk(parsed(source), module)
-    return found
+    return {f"{module}{place}" for place, name, _ in calls(source) if name.removeprefix("image_files.") in SAFE}
 
 
 OPENED_RAW: dict[str, set[str]] = {

@@ -24,6 +24,7 @@ from groundwork.files import MANIFEST
 from groundwork.progress import SILENT
 from tests.conftest import Count, RecordProof
 from tests.falsework.forked import begin, end_of, fork, run
+from tests.falsework.patience import left
 from tests.falsework.tiny_chain import SEED, contents, start, tiny_scenario, tiny_stages
 from tests.faults.test_output_faults import Hook, Killed, calls_of, failing_at, killed_at, traced
 
@@ -85,7 +86,7 @@ def test_a_worker_killed_in_each_stage(
 ) -> None:
     """`kill -9` of a worker while it makes each kind of result, two workers at once: the tree of a single process."""
     rounds, deaths = proof_count(1, 5), 0
-    stages = CHAIN[proof_count(1, 0) :: proof_count(2, 1)]  # one that begins anew, one that goes on, the last one
+    stages = CHAIN[proof_count(2, 0) :: proof_count(3, 1)]  # one that goes on; one that begins anew, the last one
     faults = {f"{stage}:{number % SCENES}": "kill" for number, stage in enumerate(stages)}
     for number in range(rounds):
         out, once = tmp_path / f"out{number}", tmp_path / f"once{number}"
@@ -93,7 +94,7 @@ def test_a_worker_killed_in_each_stage(
         process = start(
             "run", scenario, "-o", out, "--workers", "2", TINY_FAULTS=json.dumps(faults), TINY_ONCE=str(once)
         )
-        _, said = process.communicate(timeout=240.0)
+        _, said = process.communicate(timeout=left())
         assert process.returncode == 0, said
         assert {path.name.partition("-")[0] for path in once.iterdir()} == set(stages)
         deaths += len(list(once.iterdir()))

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import select
 import signal
 import subprocess
 import sys
@@ -16,11 +17,11 @@ import pytest
 from groundwork.canonical import folder_digest
 from tests.conftest import Count, RecordProof
 from tests.falsework.forked import run
+from tests.falsework.patience import left
 from tests.falsework.tiny_chain import ROOT, SEED, contents, start
 
 pytestmark = pytest.mark.faults
 SCENES = 4
-PATIENCE = 240.0  # [s] on a box that many tests share
 SCENARIO = f"""
 seed = {SEED}
 scenes = {SCENES}
@@ -65,7 +66,7 @@ def _process(folder: Path, *words: str, **environment: str) -> Iterator[subproce
 
 
 def _address(folder: Path, scheduler: subprocess.Popen[bytes]) -> str:
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + left()
     while time.monotonic() < deadline:
         assert scheduler.poll() is None, (folder / "scheduler/said").read_text()
         try:
@@ -82,10 +83,10 @@ def _on_a_terminal(*words: str | Path, cwd: Path) -> str:
     os.close(theirs)
     parts = []
     with suppress(OSError):  # how the end of a terminal shows
-        while part := os.read(ours, 1 << 16):
+        while select.select([ours], [], [], left())[0] and (part := os.read(ours, 1 << 16)):
             parts.append(part)
     os.close(ours)
-    process.communicate(timeout=PATIENCE)
+    process.communicate(timeout=left())
     said = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", b"".join(parts).decode())
     assert process.returncode == 0, said
     return said
@@ -135,7 +136,8 @@ for _ in range(2):
 
 def test_one_process_may_have_a_cluster_twice() -> None:
     """Dask's own settings outlive the first cluster of a process that had not loaded it before."""
-    done = subprocess.run([sys.executable, "-c", TWICE], cwd=ROOT, capture_output=True, text=True, check=False)
+    command = [sys.executable, "-c", TWICE]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=left())
     assert (done.stdout, done.stderr) == ("0\n0\n", "")
 
 
@@ -149,13 +151,13 @@ def test_a_scheduler_that_goes_away_is_one_line(tmp_path: Path) -> None:
         _process(tmp_path / "a", *WORKER, "--no-nanny", *file, TINY_WAIT="0.5"),
     ):
         process = start("run", tmp_path / "s.toml", "-o", out, "--cluster", _address(tmp_path, scheduler))
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + left()
         while not list(out.glob("store/capture/*")):
             assert process.poll() is None, process.communicate()
             assert time.monotonic() < deadline
             time.sleep(0.02)
         scheduler.kill()
-        _, said = process.communicate(timeout=PATIENCE)
+        _, said = process.communicate(timeout=left())
         assert process.returncode == 1
         assert "the connection to the scheduler is lost" in said.splitlines()[-1]
         assert "Traceback" not in said

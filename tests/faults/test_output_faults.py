@@ -18,6 +18,7 @@ from groundwork.output.file import SIGNATURE, write_fresh_file
 from groundwork.output.folder import fresh_output
 from groundwork.output.reading import reading
 from groundwork.output.swap import FILES, READY
+from tests.falsework.forked import end_of
 
 CALLS = ("mkdir", "open", "write", "fsync", "replace", "rename", "unlink", "rmdir")
 OLD = {"a": "old a", "gone/b": "old b", "turns": "was a file", "into/c": "was in a folder"}
@@ -126,7 +127,7 @@ def in_a_fork(work: Callable[[], None]) -> int:
             os._exit(0)
         except BaseException:
             os._exit(1)
-    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    return end_of(pid)
 
 
 class Killed(BaseException):

@@ -19,7 +19,8 @@ from recon.settings import ReconSettings, SparseSettings
 from recon.sfm.sparse import run_sparse
 from render.capture import read_capture
 from tests.conftest import Count, RecordProof
-from tests.faults.conftest import MAX_FEATURES, PATIENCE, Start, contents
+from tests.falsework.patience import left
+from tests.faults.conftest import MAX_FEATURES, Start, contents
 
 # A disk of its own for one command, and for the same once more when it has grown; what is there then is copied.
 # It ends with the namespace: its folder, its size, where to copy to, the command.
@@ -56,7 +57,7 @@ def test_full_disk(
         disk, copy = tmp_path / size, tmp_path / f"copy{size}"
         disk.mkdir()
         process = start_reconstruct(disk / "out", before=(*FULL_DISK, str(disk), size, str(copy)))
-        _, said = process.communicate(timeout=PATIENCE)
+        _, said = process.communicate(timeout=left())
         assert process.returncode == 0, said
         assert contents(copy) == contents(calm)
         if "first: 0" in said and full:
@@ -74,7 +75,7 @@ def test_full_disk(
 def test_a_file_that_may_not_grow(start_reconstruct: Start, tmp_path: Path) -> None:
     """COLMAP aborts when its database cannot grow; that, too, is out of space and not a crash."""
     process = start_reconstruct(tmp_path / "out", before=("bash", "-c", 'ulimit -f 200; exec "$0" "$@"'))
-    _, said = process.communicate(timeout=PATIENCE)
+    _, said = process.communicate(timeout=left())
     line = one_line(process, said, 4)
     assert line.endswith("no space left on the disk. Free some space, then run the same command again")
 

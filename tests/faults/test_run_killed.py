@@ -10,11 +10,11 @@ import pytest
 
 from tests.conftest import Count, RecordProof
 from tests.falsework.forked import begin, end_of
+from tests.falsework.patience import left
 from tests.falsework.tiny_chain import SEED, contents, start
 
 pytestmark = pytest.mark.faults
 SCENES = 6
-PATIENCE = 240.0  # [s] on a box that many tests share
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def calm(scenario: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
 
 
 def _finish(process: subprocess.Popen[str]) -> None:
-    _, said = process.communicate(timeout=PATIENCE)
+    _, said = process.communicate(timeout=left())
     assert process.returncode == 0, said
     assert "Traceback" not in said
 
@@ -51,10 +51,10 @@ def _end_well(pid: int, said: Path) -> None:
 
 
 def _wait_for(out: Path, pattern: str, process: subprocess.Popen[str] | None = None) -> None:
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + left()
     while not list(out.glob(pattern)):
         assert process is None or process.poll() is None, process.communicate()
-        assert time.monotonic() < deadline
+        assert time.monotonic() < deadline, pattern
         time.sleep(0.01)
 
 
@@ -73,7 +73,7 @@ def _alive(session: int) -> list[int]:
 
 
 def _assert_all_end(session: int) -> None:
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + left()
     while _alive(session):
         assert time.monotonic() < deadline, _alive(session)
         time.sleep(0.05)
@@ -119,14 +119,16 @@ def test_interrupted_run_goes_on(
     assert contents(out) == calm
 
 
-def test_workers_end_with_an_interrupted_run(scenario: Path, calm: dict[str, str], tmp_path: Path) -> None:
+def test_workers_end_with_an_interrupted_run(
+    scenario: Path, calm: dict[str, str], tmp_path: Path, proof_count: Count
+) -> None:
     """Ctrl-C in the middle of a stage ends the workers, too; the next run finishes the work."""
-    out = tmp_path / "out"
-    process = start("run", scenario, "-o", out, "--workers", "2", TINY_FAULTS='{"capture:1": "hang"}')
+    out, workers = tmp_path / "out", str(proof_count(1, 2))
+    process = start("run", scenario, "-o", out, "--workers", workers, TINY_FAULTS='{"capture:1": "hang"}')
     _wait_for(out, "store/capture/*", process)
     _wait_for(out, "work/*.lock", process)
     process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=PATIENCE)
+    _, said = process.communicate(timeout=left())
     assert process.returncode == 130, said
     assert "Traceback" not in said
     _assert_all_end(process.pid)

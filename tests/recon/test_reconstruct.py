@@ -13,6 +13,7 @@ from groundwork.errors import InputError
 from groundwork.files import read_json
 from groundwork.progress import SILENT
 from recon.cloud import Cloud, read_cloud
+from recon.placing.similarity import Similarity, fit_similarity
 from recon.points.observations import Observations
 from recon.reconstruct import reconstruct
 from recon.settings import ReconSettings, SparseSettings
@@ -135,7 +136,9 @@ def test_several_threads_map_alike(
         found = run_sparse(read_capture(plane_capture), tmp_path, ReconSettings(sparse=sparse), SILENT).model
         centers.append(found.poses[np.argsort(found.names), :3, 3])
     assert len(centers[0]) == len(centers[1])
-    apart = float(np.abs(centers[0] - centers[1]).max() / np.ptp(centers[0], axis=0).max())
+    scale, rotation, shift = fit_similarity(centers[1], centers[0])  # each model has axes and a scale of its own
+    laid = Similarity(float(scale), rotation, shift)
+    apart = float(np.abs(laid.move(centers[1]) - centers[0]).max() / np.ptp(centers[0], axis=0).max())
     record_proof("reconstruction: mapped by two threads", len(centers[0]), 0, {"apart_of_path": apart})
     assert apart < 1e-6
 
