@@ -45,16 +45,16 @@ lint: .venv/.stamp-dev .venv/.stamp-learn .venv/.stamp-view
 	.venv/bin/pyright --threads 2
 
 proof: lint
-	$(PYTEST) $(PARALLEL) --proof --stale -o faulthandler_timeout=3600
+	FALSEWORK_TESTS_PROOF=1 $(PYTEST) $(PARALLEL) --proof --stale -o faulthandler_timeout=3600
 
 proof-all: lint
-	$(PYTEST) $(PARALLEL) --proof -o faulthandler_timeout=3600
+	FALSEWORK_TESTS_PROOF=1 $(PYTEST) $(PARALLEL) --proof -o faulthandler_timeout=3600
 
 test-dcc: .venv/.stamp-dev .venv/.stamp-learn .venv/.stamp-view .venv-dcc/.stamp
 	FALSEWORK_BPY_PYTHON=$(CURDIR)/.venv-dcc/bin/python $(PYTEST) -m dcc $(PARALLEL)
 
 test-faults: .venv/.stamp-dev .venv/.stamp-learn .venv/.stamp-view
-	$(PYTEST) -m faults $(PARALLEL) --proof -o faulthandler_timeout=3600
+	FALSEWORK_TESTS_PROOF=1 $(PYTEST) -m faults $(PARALLEL) --proof -o faulthandler_timeout=3600
 	.venv/bin/python -m benchmarks.checks.faults
 
 bench: .venv/.stamp-dev .venv/.stamp-learn

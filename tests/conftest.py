@@ -51,8 +51,6 @@ def pytest_configure(config: pytest.Config) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     settings.load_profile("proof" if config.getoption("--proof") else "quick")
     config.stash[_NAMES] = set()
-    if config.getoption("--proof"):
-        os.environ["FALSEWORK_TESTS_PROOF"] = "1"  # read by what has no fixture (tests/falsework/patience.py)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -1,9 +1,10 @@
 """How long a test may still wait: all its waits end, and say for what, before pytest ends the process.
 
-That is after 300 s, and with --proof, whose counts are larger, after an hour (Makefile).
+That is after 300 s, and with --proof, whose counts are larger, after an hour (Makefile, which says so to every process).
 """
 
 import os
+import sys
 import time
 from functools import cache
 
@@ -18,4 +19,5 @@ def left() -> float:
 @cache
 def _end(test: str) -> float:
     """Say when the patience with a test ends, on the clock that only goes forward [s]."""
-    return time.monotonic() + (MOST_WITH_PROOF if os.environ.get("FALSEWORK_TESTS_PROOF") else MOST)
+    full = "--proof" in sys.argv or bool(os.environ.get("FALSEWORK_TESTS_PROOF"))
+    return time.monotonic() + (MOST_WITH_PROOF if full else MOST)
