@@ -1,6 +1,6 @@
 """How long a test may still wait: all its waits end, and say for what, before pytest ends the process.
 
-That is after 300 s, and with --proof, whose counts are larger, after an hour (Makefile, which says so to every process).
+That is after 300 s, and with --proof, whose counts are larger, after an hour (Makefile, which tells every process).
 """
 
 import os
