@@ -19,7 +19,7 @@ from groundwork.marks import MARK
 from groundwork.progress import SILENT
 from tests.conftest import Count, RecordProof
 from tests.end_to_end.conftest import Chain
-from tests.falsework.patience import left
+from tests.patience import left
 from tests.render.prepared_here import rendered_here
 
 FRAMES = 4  # of the 18 of the flight

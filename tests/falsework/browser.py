@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.falsework.patience import left
+from tests.patience import left
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 FOUND = "found in the page"

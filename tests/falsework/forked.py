@@ -11,8 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from falsework.cli import main
-from tests.falsework.patience import left
 from tests.falsework.tiny_chain import use_tiny_stages
+from tests.patience import left
 
 
 def fork(work: Callable[[], object]) -> int:

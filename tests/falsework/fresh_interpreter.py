@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.falsework.patience import left
+from tests.patience import left
 
 SCRIPT = """
 import json, os, sys, traceback

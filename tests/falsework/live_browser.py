@@ -18,7 +18,7 @@ from websockets.sync.connection import Connection
 
 from falsework.view.viewer import LOOPBACK
 from tests.falsework.browser import WORDS, chromium
-from tests.falsework.patience import left
+from tests.patience import left
 
 SAID = ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded")
 

@@ -19,8 +19,8 @@ from groundwork.errors import InputError, OutOfSpaceError
 from groundwork.files import MANIFEST
 from groundwork.progress import SILENT, Silent
 from tests.falsework import forked, tiny_chain
-from tests.falsework.patience import left
 from tests.falsework.tiny_chain import contents, start, tiny_scenario, tiny_stages
+from tests.patience import left
 
 Run = Callable[..., Outcome]
 

@@ -16,9 +16,9 @@ from falsework.execution import cluster, memory
 from falsework.execution.memory import processes_below
 from groundwork.errors import FalseworkError, InputError
 from groundwork.memory import available_memory, machine_memory
-from tests.falsework.patience import left
 from tests.falsework.test_run import Run, run  # noqa: F401 (a fixture)
 from tests.falsework.tiny_chain import ROOT
+from tests.patience import left
 
 
 def test_all_processes_together_keep_a_limit_of_memory(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811

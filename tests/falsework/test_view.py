@@ -21,9 +21,9 @@ from recon.cloud import SOURCES as CLOUD_SOURCES
 from render.capture import read_capture
 from tests.falsework.browser import needs_browser
 from tests.falsework.live_browser import open_tab
-from tests.falsework.patience import left
 from tests.falsework.test_cloud_view import VIEWS, small_cloud
 from tests.falsework.test_sample_verbs import run as call
+from tests.patience import left
 from tests.recon.conftest import poses_on_arc, write_capture
 
 

@@ -15,8 +15,8 @@ from groundwork.files import MANIFEST
 from groundwork.marks import MARK
 from groundwork.progress import SILENT
 from recon.settings import ReconSettings, SparseSettings
-from tests.falsework.patience import left
 from tests.made_once import made_once
+from tests.patience import left
 from tests.recon.conftest import in_this_process, poses_on_arc, write_capture
 
 ROOT = Path(__file__).resolve().parents[2]

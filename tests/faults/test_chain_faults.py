@@ -24,9 +24,9 @@ from groundwork.files import MANIFEST
 from groundwork.progress import SILENT
 from tests.conftest import Count, RecordProof
 from tests.falsework.forked import begin, end_of, fork, run
-from tests.falsework.patience import left
 from tests.falsework.tiny_chain import SEED, contents, start, tiny_scenario, tiny_stages
 from tests.faults.test_output_faults import Hook, Killed, calls_of, failing_at, killed_at, traced
+from tests.patience import left
 
 pytestmark = pytest.mark.faults
 SCENES = 3

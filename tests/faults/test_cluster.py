@@ -17,8 +17,8 @@ import pytest
 from groundwork.canonical import folder_digest
 from tests.conftest import Count, RecordProof
 from tests.falsework.forked import run
-from tests.falsework.patience import left
 from tests.falsework.tiny_chain import ROOT, SEED, contents, start
+from tests.patience import left
 
 pytestmark = pytest.mark.faults
 SCENES = 4

@@ -16,8 +16,8 @@ from falsework.store.store import Store, Task
 from groundwork.marks import MARK
 from groundwork.progress import Silent
 from tests.conftest import Count, RecordProof
-from tests.falsework.patience import left
 from tests.faults.conftest import FEW, SMALL, Start, contents, finish
+from tests.patience import left
 
 WORK = ".next/files"  # where an output is made
 LOOK = 0.004  # [s]

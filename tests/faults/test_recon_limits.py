@@ -19,8 +19,8 @@ from recon.settings import ReconSettings, SparseSettings
 from recon.sfm.sparse import run_sparse
 from render.capture import read_capture
 from tests.conftest import Count, RecordProof
-from tests.falsework.patience import left
 from tests.faults.conftest import MAX_FEATURES, Start, contents
+from tests.patience import left
 
 # A disk of its own for one command, and for the same once more when it has grown; what is there then is copied.
 # It ends with the namespace: its folder, its size, where to copy to, the command.

@@ -10,8 +10,8 @@ import pytest
 
 from tests.conftest import Count, RecordProof
 from tests.falsework.forked import begin, end_of
-from tests.falsework.patience import left
 from tests.falsework.tiny_chain import SEED, contents, start
+from tests.patience import left
 
 pytestmark = pytest.mark.faults
 SCENES = 6
