@@ -10,7 +10,7 @@ from authoring.site.scatter import SHRUBS
 from authoring.site.shape import Land
 from authoring.site.site import Site
 
-_WILD = ("Site_Tufts", "Site_Stones")  # repeats that a city mows or clears
+_WILD = ("Site_Tufts", "Site_Fringes", "Site_Stones")  # repeats that a city mows or clears
 _SHRUBS, _HEDGES, _REEDS = "Site_Shrubs", "Site_Hedges", "Site_Reeds"
 _PLANTED = "lime"  # the shrubs that a city plants; scrub and willows are cleared
 # Plots, whose borders swing as those of fields, are lawns: what a city paves there has straight kerbs (`site_lots.py`).

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from authoring.shapes.component import Mesh, Scatter
 from authoring.site.covers import to_world
+from authoring.site.fringes import fringe_places
 from authoring.site.grid import HeightField
 from authoring.site.growth import pebble
 from authoring.site.hedges import hedge_places
@@ -24,6 +25,7 @@ Prototypes = tuple[tuple[tuple[str, Mesh], ...], ...]
 DETAILED = 22.0  # distance from the bridge's edge up to which plants are modelled in detail [m]
 _TILLED = ("ploughed", "crop", "ripe", "lot_asphalt", "lot_paved", "lot_gravel")  # covers without wild plants
 _BESIDE = 0.25  # distance of wild plants from their borders [m]
+_FRINGES = 0.8  # tufts along borders for each other one [1]
 SMALL = 0.2  # size of stones that need no detail [m]
 SHRUBS = ("scrub", "willow", "lime")  # the models of shrubs, in this order, in detail and then plain
 NEAR = 28.0  # distance from the axis or the crossing at which density has fallen to about a third [m]
@@ -54,7 +56,8 @@ class ScatterSettings(Settings):
         default=5200,
         ge=0,
         le=50_000,
-        description="Number of tufts of grass; those on unsuitable ground are left out [1]",
+        description="Number of tufts of grass; those on unsuitable ground are left out. Up to four fifths as many stand "
+        "along the borders of fields and bare soil, too [1]",
     )
 
 
@@ -115,12 +118,15 @@ def scatter_plants(
     grassy = _places(land, ground, settings.tufts, _Gaps(0.12, 0.15, 13.0), rng)
     hedged = hedge_places(land, ground, settings.hedges, more)
     shore = _shore_places(land, ground, settings.reeds, rng)
+    fringes = fringe_places(land, ground, round(_FRINGES * settings.tufts), rng.spawn(1)[0])
+    fringes = fringes[clear(land, fringes[:, 0], fringes[:, 1], 0.12, 0.15)]
     runs = (
         _Run("Site_Stones", "rock", stones, plain_stones, (0.08, 0.55), stony),
         _Run("Site_Shrubs", "shrub", shrubs, plain_shrubs, (0.6, 2.0), shrubby),
         _Run("Site_Tufts", "vegetation", tufts, plain_tufts, (0.2, 0.52), grassy),
         _Run("Site_Hedges", "shrub", hedges, plain_hedges, (1.2, 1.75), hedged),
         _Run("Site_Reeds", "vegetation", reeds, plain_reeds, (0.8, 1.9), shore),
+        _Run("Site_Fringes", "vegetation", plain_tufts, plain_tufts, (0.14, 0.5), fringes),
     )
     scatters: list[Scatter] = []
     for run in runs:

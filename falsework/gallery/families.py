@@ -4,6 +4,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,12 +33,13 @@ from usd_schemas.reading.stage_reader import read_stage
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
-_WIDTH, _HEIGHT = 480, 300  # [px] of one picture
-_TEXELS = 256
+_WIDTH, _HEIGHT = 640, 400  # [px] of one picture
+_SAMPLES = 2  # pixels of a photograph along a side of a pixel of the picture: railings and cables are thin
+_TEXELS = 1024  # the close-up needs them
 _WORLD = "countryside"
 _HALF_VIEW = np.radians(24.0)  # half the horizontal field of view
 _EYE_OVER_GROUND = 1.8  # [m] at least
-_LETTERS, _QUALITY = 0.55, 82  # of captions, of the JPEG
+_LETTERS, _QUALITY = 0.7, 78  # of captions, of the JPEG
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,8 @@ def photograph(family: str, seed: int) -> Views:
         truth = read_truth(taken)
         assert truth is not None
         labels = paint_labels(truth.semantic(0), truth.classes)
-        return Views(f"{family} {seed}", (load_image(taken, 0), labels, load_image(taken, 1)))
+        whole, classes, close = (_smaller(picture) for picture in (load_image(taken, 0), labels, load_image(taken, 1)))
+        return Views(f"{family} {seed}", (whole, classes, close))
 
 
 def _overview(layout: Layout, pieces: tuple[Component | Scatter, ...]) -> F64:
@@ -145,5 +148,11 @@ def _close_up(layout: Layout, ground: Ground) -> F64:
 
 
 def _camera() -> Pinhole:
-    focal = 0.5 * _WIDTH / float(np.tan(_HALF_VIEW))
-    return Pinhole(_WIDTH, _HEIGHT, focal, focal, 0.5 * _WIDTH, 0.5 * _HEIGHT)
+    width, height = _SAMPLES * _WIDTH, _SAMPLES * _HEIGHT
+    focal = 0.5 * width / float(np.tan(_HALF_VIEW))
+    return Pinhole(width, height, focal, focal, 0.5 * width, 0.5 * height)
+
+
+def _smaller(picture: U8) -> U8:
+    """Average the pixels of a photograph that lie in one of the picture; shape (H, W, 3)."""
+    return np.asarray(cv2.resize(picture, (_WIDTH, _HEIGHT), interpolation=cv2.INTER_AREA), np.uint8)

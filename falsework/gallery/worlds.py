@@ -43,7 +43,7 @@ LIGHTS: dict[str, dict[str, Any]] = {
 
 _WIDTH, _HEIGHT = 320, 200  # [px] of one picture
 _FOCAL = 24.0 / 36.0  # of the width
-_TEXELS = 512
+_TEXELS = 1024  # fewer blur the stains of a pier 5 m away
 _MOST_VIEWS = 0.95
 _LETTERS, _QUALITY = 0.45, 66  # of captions, of the JPEG
 
