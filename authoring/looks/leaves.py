@@ -26,7 +26,7 @@ _TINTS: dict[str, Color] = {
     "spruce": (0.034, 0.055, 0.026),
     "pine": (0.048, 0.070, 0.030),
     "twigs": (0.085, 0.070, 0.052),
-    "grass": (0.100, 0.128, 0.042),
+    "grass": (0.080, 0.108, 0.036),
     "herbs": (0.080, 0.112, 0.036),
     "reed": (0.105, 0.120, 0.046),
 }
@@ -35,7 +35,7 @@ _SEASONS: dict[Season, dict[str, Color]] = {
     "summer": {},
     "spring": {
         **dict.fromkeys(("oak", "lime", "willow", "scrub", "herbs"), (1.50, 1.58, 1.05)),
-        "grass": (1.05, 1.22, 0.90),
+        "grass": (1.10, 1.28, 0.92),
         "reed": (1.30, 1.05, 1.30),
     },
     "autumn": {

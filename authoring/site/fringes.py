@@ -14,7 +14,7 @@ _DRAWN = 16  # places drawn for each that is wanted
 _REACH = 3.0  # distance from a border within which a drawn place is moved to it [m]
 _SURE, _LEVEL = 5.5, 0.15  # largest value [m] and least slope [1] of a field that tells where its border lies
 _STEP = 0.2  # of the differences that tell where a border lies [m]
-_INSIDE, _OUTSIDE = 0.10, 0.35  # farthest places within a cover, and outside of it [m]
+_NEAREST, _FARTHEST = 0.04, 0.40  # from a border, outside of the cover: nothing grows on tilled land [m]
 _NEAR = 16.0  # distance from the deck's edge at which density has fallen to about a third [m]
 _GAPS = ((9.0, 1.0), (3.0, 0.6))  # longest waves [m] and heights of what thins the grass
 _LEAST = -0.9  # of these heights: grass stands along most of a border
@@ -37,7 +37,7 @@ def fringe_places(land: Land, ground: HeightField, count: int, rng: np.random.Ge
     drawn = _DRAWN * count
     station = rng.uniform(ground.stations[0] + 1.0, ground.stations[-1] - 1.0, drawn)
     left = rng.uniform(ground.lefts[0] + 1.0, ground.lefts[-1] - 1.0, drawn)
-    chance, aside = rng.uniform(0.0, 1.0, drawn), rng.uniform(-_OUTSIDE, _INSIDE, drawn)
+    chance, aside = rng.uniform(0.0, 1.0, drawn), rng.uniform(-_FARTHEST, -_NEAREST, drawn)
     thin = draw_relief(_GAPS, rng)
     beside = np.maximum(np.abs(left) - land.layout.width / 2, 0.0)
     kept = chance < np.exp(-beside / _NEAR)
@@ -51,7 +51,7 @@ def fringe_places(land: Land, ground: HeightField, count: int, rng: np.random.Ge
     stands &= (left > ground.lefts[0] + 0.5) & (left < ground.lefts[-1] - 0.5)
     station, left = station[stands], left[stands]
     away, _, _ = _way(land, station, left)
-    rows = np.flatnonzero(np.abs(away) < _OUTSIDE + 0.1)[:count]
+    rows = np.flatnonzero((away < -0.5 * _NEAREST) & (away > -1.2 * _FARTHEST))[:count]
     return np.column_stack([station[rows], left[rows], ground(station[rows], left[rows])])
 
 
