@@ -11,6 +11,7 @@ from authoring.parts.box_decks import CableDeck
 from authoring.parts.deck_top import DeckTop
 from authoring.parts.drawing import Draws, draw
 from authoring.parts.fittings import CLEAR, fitting_parts
+from authoring.parts.gangways import gangway_parts
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, PierNeeds, Piers, draw_piers, pier_parts
 from authoring.parts.pylons import Pylon, PylonSite, pylon_parts
@@ -96,6 +97,7 @@ class Supports:
         pylon: Elevation of every tower.
         towers: Stations of the towers [m].
         clear: Distance of fittings from the supports [m].
+        gangways: Whether inspection gangways hang below the deck.
     """
 
     spans: Spans
@@ -103,6 +105,7 @@ class Supports:
     pylon: Pylon
     towers: tuple[float, ...]
     clear: float = CLEAR
+    gangways: bool = False
 
 
 def support_parts(hung: CableSupportedDeck, supports: Supports, place: Alignment, ground: Ground) -> list[Part]:
@@ -124,6 +127,7 @@ def support_parts(hung: CableSupportedDeck, supports: Supports, place: Alignment
         parts += pylon_parts(supports.pylon, site, place, ground)
     parts += pier_parts(supports.piers, spans, levels, place, ground, supports.towers)
     parts += abutment_parts(hung.abutments, deck.width, spans, levels, place, ground)
+    ends = spans.pieces[0]
+    gangways = gangway_parts(ends, levels, place, ground, parts) if supports.gangways else []
     parts += fitting_parts(top.fitted, spans, None, place, clear=supports.clear)
-    low, high = spans.pieces[0]
-    return parts + box_access_parts(deck, low, high, levels, place)
+    return parts + box_access_parts(deck, *ends, levels, place) + gangways
