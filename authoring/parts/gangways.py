@@ -125,7 +125,8 @@ def _gangway_part(name: str, low: float, high: float, floor: float, place: Align
     for template, stations in ((_hanger_frame(), hangers), (_post_pair(), posts)):
         surfaces.append(copied_together(template, frames_along(place, stations, 0.0, floor, upright=True)))
     braced = sorted({*range(0, fields, _BRACED), fields - 1})
-    surfaces += [s for k in braced for s in _diagonals(float(hangers[k]), float(hangers[k + 1]), floor, place)]
+    for k in braced:  # they rise towards the middle
+        surfaces += _diagonals(float(hangers[k]), float(hangers[k + 1]), floor, place, rising=2 * k < fields)
     size: dict[str, object] = {"length": high - low, "width": WIDTH, "headroom": HEADROOM, "hangers": len(hangers)}
     return Part(name, "inspection_gangway", "Role_RailingSteel", FURNITURE, joined(surfaces), size)
 
@@ -182,9 +183,10 @@ def _post_pair() -> Surface:
     return joined(extruded([Prism(a, low, _POST_TOP, "above", LOCAL) for a in _both_sides(_angle(*_POST), 1)]))
 
 
-def _diagonals(low: float, high: float, floor: float, place: Alignment) -> list[Surface]:
+def _diagonals(low: float, high: float, floor: float, place: Alignment, *, rising: bool) -> list[Surface]:
     """Build a flat bar from the foot of one hanger to the head of the next, on either side."""
     outer = _FACE + _HANGER[0] - _HELD
     bar = rectangle((outer, -0.5 * _DIAGONAL[1]), (outer + _DIAGONAL[0], 0.5 * _DIAGONAL[1]))
     ends = np.array([[0.0, floor - 0.10], [0.0, floor + HEADROOM - 0.10]])
+    ends = ends if rising else ends[::-1]
     return [sweep(side + ends[:, None], np.array([low, high]), "station", place) for side in _both_sides(bar, 0)]
