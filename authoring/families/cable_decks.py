@@ -7,7 +7,7 @@ from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
 from authoring.parts.abutments import Abutments, abutment_parts
 from authoring.parts.bearings import Bearings, bearing_parts
 from authoring.parts.box_access import box_access_parts
-from authoring.parts.box_decks import CableDeck
+from authoring.parts.box_decks import CableDeck, deck_pieces
 from authoring.parts.deck_top import DeckTop
 from authoring.parts.drawing import Draws, draw
 from authoring.parts.fittings import CLEAR, fitting_parts
@@ -96,6 +96,7 @@ class Supports:
         piers: Piers between towers and abutments, if there are any.
         pylon: Elevation of every tower.
         towers: Stations of the towers [m].
+        floor: Stations of the floor beams [m].
         clear: Distance of fittings from the supports [m].
         gangways: Whether inspection gangways hang below the deck.
     """
@@ -104,6 +105,7 @@ class Supports:
     piers: Piers
     pylon: Pylon
     towers: tuple[float, ...]
+    floor: tuple[float, ...]
     clear: float = CLEAR
     gangways: bool = False
 
@@ -128,6 +130,7 @@ def support_parts(hung: CableSupportedDeck, supports: Supports, place: Alignment
     parts += pier_parts(supports.piers, spans, levels, place, ground, supports.towers)
     parts += abutment_parts(hung.abutments, deck.width, spans, levels, place, ground)
     ends = spans.pieces[0]
-    gangways = gangway_parts(ends, levels, place, ground, parts) if supports.gangways else []
+    pieces = deck_pieces(*ends, supports.floor)
+    gangways = gangway_parts(pieces, levels, place, ground, parts) if supports.gangways else []
     parts += fitting_parts(top.fitted, spans, None, place, clear=supports.clear)
     return parts + box_access_parts(deck, *ends, levels, place) + gangways

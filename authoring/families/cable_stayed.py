@@ -293,7 +293,8 @@ def build_cable_stayed(layout: Layout, bridge: DrawnCableStayed, ground: Ground)
     place, spans, levels, deck = layout.alignment, bridge.spans, bridge.levels, bridge.deck
     low, high = spans.pieces[0]
     feet = _feet(bridge)
-    parts = cable_deck_parts(deck, low, high, floor_stations(feet, spans.supports), levels, place)
+    floor = floor_stations(feet, spans.supports)
+    parts = cable_deck_parts(deck, low, high, floor, levels, place)
     if bridge.choice.shape == "portal":
         parts += bracket_parts(deck, bridge.stays.plane + 0.30, feet, levels, place)
     parts += deck_top_parts(bridge.top, spans, deck_runs(spans, bridge.abutments), place)
@@ -304,7 +305,7 @@ def build_cable_stayed(layout: Layout, bridge: DrawnCableStayed, ground: Ground)
     parts += stay_parts(bridge.stays, bridge.pylon, bridge.pylons, place)
     towers = tuple(station for _, station, _ in bridge.pylons)
     beside = bridge.pylon.face(0.0) + 1.0  # a leg that is inclined over the footway
-    supports = Supports(spans, bridge.piers, bridge.pylon, towers, beside, bridge.gangways)
+    supports = Supports(spans, bridge.piers, bridge.pylon, towers, floor, beside, bridge.gangways)
     hung = CableSupportedDeck(bridge.top, deck, bridge.bearings, bridge.abutments)
     return parts + support_parts(hung, supports, place, ground)
 

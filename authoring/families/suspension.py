@@ -218,10 +218,11 @@ def build_suspension(layout: Layout, bridge: DrawnSuspension, ground: Ground) ->
     place, spans, levels, deck, cables = layout.alignment, bridge.spans, bridge.levels, bridge.deck, bridge.cables
     low, high = spans.pieces[0]
     hung = tuple(sorted((*cables.main_hangers, *cables.side_hangers)))
-    parts = cable_deck_parts(deck, low, high, floor_stations(hung, spans.supports), levels, place)
+    floor = floor_stations(hung, spans.supports)
+    parts = cable_deck_parts(deck, low, high, floor, levels, place)
     parts += bracket_parts(deck, cables.plane + _TIP, hung, levels, place)
     parts += deck_top_parts(bridge.top, spans, deck_runs(spans, bridge.abutments), place)
     parts += cable_parts(cables, place, ground)
     hung = CableSupportedDeck(bridge.top, deck, bridge.bearings, bridge.abutments)
-    supports = Supports(spans, bridge.piers, bridge.tower, cables.towers, gangways=bridge.gangways)
+    supports = Supports(spans, bridge.piers, bridge.tower, cables.towers, floor, gangways=bridge.gangways)
     return parts + support_parts(hung, supports, place, ground)

@@ -33,6 +33,7 @@ _BESIDE, _BELOW = 0.80, 0.30  # [m] half the room that a gangway needs across, a
 _STEP = 0.10  # [m] between the stations at which the room below the soffit is checked
 _SHORTEST = 10.0  # [m] shorter stretches are left out
 _PITCH, _END = 3.6, 0.25  # [m] largest distance between hangers, and of the outermost hangers from the ends
+_OFF_JOINT = 0.30  # [m] least distance of hangers from the joints between two pieces of the deck
 _BRACED = 8  # fields from one that has diagonals to the next
 _HELD = 0.002  # [m] embedment of members in each other
 _FLOOR, _JOINT = 0.030, 0.004  # [m] thickness of the floor's panels, and half the gap between them
@@ -72,20 +73,21 @@ def draw_gangways(settings: Settings, deck: CableDeck, main: float, draws: Draws
 
 
 def gangway_parts(
-    ends: tuple[float, float], levels: Levels, place: Alignment, ground: Ground, supports: list[Part]
+    pieces: list[tuple[float, float]], levels: Levels, place: Alignment, ground: Ground, supports: list[Part]
 ) -> list[Part]:
     """Build the gangways below a box, each one uninterrupted.
 
     Args:
-        ends: Stations of the deck's ends [m].
+        pieces: Stations of both ends of each piece of the deck [m]; no hanger is below a joint.
         levels: Levels of the deck.
         place: Axis of the bridge.
         ground: Height of the ground [m], shape (N,), at plan positions [m], shape (N, 2).
         supports: Bearings, towers, piers and abutments, which interrupt them.
     """
     floor = levels.girder_soffit - HEADROOM
-    stretches = _stretches(ends, floor, place, ground, supports)
-    return [_gangway_part(f"Gangway_{n}", low, high, floor, place) for n, (low, high) in enumerate(stretches)]
+    stretches = _stretches((pieces[0][0], pieces[-1][1]), floor, place, ground, supports)
+    joints = np.array([low for low, _ in pieces[1:]])
+    return [_gangway_part(f"Gangway_{n}", _spaced(*ends, joints), floor, place) for n, ends in enumerate(stretches)]
 
 
 def _stretches(
@@ -108,9 +110,18 @@ def _stretches(
     return [(low, high) for low, high in runs if high - low >= _SHORTEST]
 
 
-def _gangway_part(name: str, low: float, high: float, floor: float, place: Alignment) -> Part:
+def _spaced(low: float, high: float, joints: F64) -> F64:
+    """Place hangers evenly, but not close to the joints between pieces of the deck: stations [m], shape (N,)."""
     fields = int(np.ceil((high - low - 2.0 * _END) / _PITCH))
     hangers = np.linspace(low + _END, high - _END, fields + 1)
+    off = hangers[1:-1, None] - joints
+    move = np.where(np.abs(off) < _OFF_JOINT, np.where(off < 0.0, -_OFF_JOINT, _OFF_JOINT) - off, 0.0).sum(axis=1)
+    hangers[1:-1] += move
+    return hangers
+
+
+def _gangway_part(name: str, hangers: F64, floor: float, place: Alignment) -> Part:
+    low, high, fields = float(hangers[0]) - _END, float(hangers[-1]) + _END, len(hangers) - 1
     posts = 0.5 * (hangers[:-1] + hangers[1:])
     joints = np.sort(np.concatenate([[low - _JOINT], hangers[1:-1], posts, [high + _JOINT]]))
     panel = rectangle((-0.5 * WIDTH, floor - _FLOOR), (0.5 * WIDTH, floor))

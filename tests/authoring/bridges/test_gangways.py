@@ -96,6 +96,21 @@ def test_a_floor_with_rails_on_both_sides() -> None:
         assert (np.abs(tops - 0.12) < 1e-6).any()
 
 
+def test_no_hanger_is_below_a_joint_of_the_deck() -> None:
+    """Head plates lie 0.2 m or more from the ends of the box's pieces."""
+    for family in FAMILIES:
+        bridge = with_gangways(family, 3)
+        boxes = [
+            p[:, 0] for m, p in zip(bridge.members, bridge.bridge_coordinates, strict=True) if m.kind == "box_girder"
+        ]
+        joints = np.array([float(box.min()) for box in boxes])
+        for number in gangways(bridge):
+            points = bridge.bridge_coordinates[number]
+            above = points[:, 2] - bridge.layout.alignment.height(points[:, 0])
+            heads = points[above > bridge.drawn.record.levels.girder_soffit - 0.008, 0]
+            assert np.abs(heads[:, None] - joints).min() > 0.2
+
+
 def test_some_bridges_have_them_and_a_draw_changes_nothing_else() -> None:
     """Boxes over long spans have them in some seeds; the last draw of a bridge, so that all else stays as it was."""
     for family in FAMILIES:
