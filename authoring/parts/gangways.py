@@ -33,8 +33,8 @@ _BESIDE, _BELOW = 0.80, 0.30  # [m] half the room that a gangway needs across, a
 _STEP = 0.10  # [m] between the stations at which the room below the soffit is checked
 _SHORTEST = 10.0  # [m] shorter stretches are left out
 _PITCH, _END = 3.6, 0.25  # [m] largest distance between hangers, and of the outermost hangers from the ends
-_OFF_JOINT = 0.30  # [m] least distance of hangers from the joints between two pieces of the deck
-_BRACED = 8  # fields from one that has diagonals to the next
+_OFF_JOINT = 1.0  # [m] least distance of hangers from the joints between two pieces of the deck
+_BRACED, _LEAST_BRACED = 8, 2.4  # wide fields from one that has diagonals to the next; least width of these [m]
 _HELD = 0.002  # [m] embedment of members in each other
 _FLOOR, _JOINT = 0.030, 0.004  # [m] thickness of the floor's panels, and half the gap between them
 _FACE = 0.389  # [m] inner faces of hangers and posts, from the axis
@@ -111,13 +111,11 @@ def _stretches(
 
 
 def _spaced(low: float, high: float, joints: F64) -> F64:
-    """Place hangers evenly, but not close to the joints between pieces of the deck: stations [m], shape (N,)."""
-    fields = int(np.ceil((high - low - 2.0 * _END) / _PITCH))
-    hangers = np.linspace(low + _END, high - _END, fields + 1)
-    off = hangers[1:-1, None] - joints
-    move = np.where(np.abs(off) < _OFF_JOINT, np.where(off < 0.0, -_OFF_JOINT, _OFF_JOINT) - off, 0.0).sum(axis=1)
-    hangers[1:-1] += move
-    return hangers
+    """Place hangers evenly below each piece of the deck, none close to its joints: stations [m], shape (N,)."""
+    inner = joints[(joints > low + 2.0 * _OFF_JOINT) & (joints < high - 2.0 * _OFF_JOINT)]
+    begins, ends = [low + _END, *(inner + _OFF_JOINT)], [*(inner - _OFF_JOINT), high - _END]
+    rows = [np.linspace(a, b, int(np.ceil((b - a) / _PITCH)) + 1) for a, b in zip(begins, ends, strict=True)]
+    return np.concatenate(rows)
 
 
 def _gangway_part(name: str, hangers: F64, floor: float, place: Alignment) -> Part:
@@ -135,8 +133,8 @@ def _gangway_part(name: str, hangers: F64, floor: float, place: Alignment) -> Pa
     surfaces = extruded(solids)
     for template, stations in ((_hanger_frame(), hangers), (_post_pair(), posts)):
         surfaces.append(copied_together(template, frames_along(place, stations, 0.0, floor, upright=True)))
-    braced = sorted({*range(0, fields, _BRACED), fields - 1})
-    for k in braced:  # they rise towards the middle
+    wide = np.flatnonzero(np.diff(hangers) > _LEAST_BRACED)
+    for k in sorted({*wide[::_BRACED].tolist(), int(wide[-1])}):  # they rise towards the middle
         surfaces += _diagonals(float(hangers[k]), float(hangers[k + 1]), floor, place, rising=2 * k < fields)
     size: dict[str, object] = {"length": high - low, "width": WIDTH, "headroom": HEADROOM, "hangers": len(hangers)}
     return Part(name, "inspection_gangway", "Role_RailingSteel", FURNITURE, joined(surfaces), size)
