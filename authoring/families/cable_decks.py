@@ -7,10 +7,11 @@ from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
 from authoring.parts.abutments import Abutments, abutment_parts
 from authoring.parts.bearings import Bearings, bearing_parts
 from authoring.parts.box_access import box_access_parts
-from authoring.parts.box_decks import CableDeck
+from authoring.parts.box_decks import CableDeck, deck_pieces
 from authoring.parts.deck_top import DeckTop
 from authoring.parts.drawing import Draws, draw
 from authoring.parts.fittings import CLEAR, fitting_parts
+from authoring.parts.gangways import gangway_parts
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, PierNeeds, Piers, draw_piers, pier_parts
 from authoring.parts.pylons import Pylon, PylonSite, pylon_parts
@@ -95,14 +96,18 @@ class Supports:
         piers: Piers between towers and abutments, if there are any.
         pylon: Elevation of every tower.
         towers: Stations of the towers [m].
+        floor: Stations of the floor beams [m].
         clear: Distance of fittings from the supports [m].
+        gangways: Whether inspection gangways hang below the deck.
     """
 
     spans: Spans
     piers: Piers
     pylon: Pylon
     towers: tuple[float, ...]
+    floor: tuple[float, ...]
     clear: float = CLEAR
+    gangways: bool = False
 
 
 def support_parts(hung: CableSupportedDeck, supports: Supports, place: Alignment, ground: Ground) -> list[Part]:
@@ -124,6 +129,8 @@ def support_parts(hung: CableSupportedDeck, supports: Supports, place: Alignment
         parts += pylon_parts(supports.pylon, site, place, ground)
     parts += pier_parts(supports.piers, spans, levels, place, ground, supports.towers)
     parts += abutment_parts(hung.abutments, deck.width, spans, levels, place, ground)
+    ends = spans.pieces[0]
+    pieces = deck_pieces(*ends, supports.floor)
+    gangways = gangway_parts(pieces, levels, place, ground, parts) if supports.gangways else []
     parts += fitting_parts(top.fitted, spans, None, place, clear=supports.clear)
-    low, high = spans.pieces[0]
-    return parts + box_access_parts(deck, low, high, levels, place)
+    return parts + box_access_parts(deck, *ends, levels, place) + gangways

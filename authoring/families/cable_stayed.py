@@ -26,6 +26,7 @@ from authoring.parts.bearings import Bearings, draw_bearings
 from authoring.parts.box_decks import CableDeck, bracket_parts, bracket_top, cable_deck_parts, floor_stations
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top, fitted_to_span
 from authoring.parts.drawing import Draws, draw, draw_option
+from authoring.parts.gangways import draw_gangways
 from authoring.parts.medians import median_parts
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers
@@ -70,6 +71,7 @@ class DrawnCableStayed:
         bearings: Pads and plinths.
         piers: Anchor piers under long side spans.
         abutments: Walls.
+        gangways: Whether inspection gangways hang below the deck.
     """
 
     choice: Choice
@@ -82,6 +84,7 @@ class DrawnCableStayed:
     bearings: Bearings
     piers: Piers
     abutments: Abutments
+    gangways: bool
 
     @property
     def levels(self) -> Levels:
@@ -122,7 +125,8 @@ def draw_cable_stayed(
     spans = Spans(supports, values["overhang"], values["gap"], continuous=True, one_row=True)
     hung = CableSupportedDeck(top, deck, bearings, abutments)
     layout, piers, walls = draw_supports(settings, shared, hung, spans, draws, main=choice.main, walls=strip + 0.5)
-    record = DrawnCableStayed(choice, spans, top, deck, strip, pylon, stays, bearings, piers, walls)
+    gangways = draw_gangways(settings, deck, choice.main, draws)
+    record = DrawnCableStayed(choice, spans, top, deck, strip, pylon, stays, bearings, piers, walls, gangways)
     return layout, record
 
 
@@ -289,7 +293,8 @@ def build_cable_stayed(layout: Layout, bridge: DrawnCableStayed, ground: Ground)
     place, spans, levels, deck = layout.alignment, bridge.spans, bridge.levels, bridge.deck
     low, high = spans.pieces[0]
     feet = _feet(bridge)
-    parts = cable_deck_parts(deck, low, high, floor_stations(feet, spans.supports), levels, place)
+    floor = floor_stations(feet, spans.supports)
+    parts = cable_deck_parts(deck, low, high, floor, levels, place)
     if bridge.choice.shape == "portal":
         parts += bracket_parts(deck, bridge.stays.plane + 0.30, feet, levels, place)
     parts += deck_top_parts(bridge.top, spans, deck_runs(spans, bridge.abutments), place)
@@ -300,7 +305,7 @@ def build_cable_stayed(layout: Layout, bridge: DrawnCableStayed, ground: Ground)
     parts += stay_parts(bridge.stays, bridge.pylon, bridge.pylons, place)
     towers = tuple(station for _, station, _ in bridge.pylons)
     beside = bridge.pylon.face(0.0) + 1.0  # a leg that is inclined over the footway
-    supports = Supports(spans, bridge.piers, bridge.pylon, towers, beside)
+    supports = Supports(spans, bridge.piers, bridge.pylon, towers, floor, beside, bridge.gangways)
     hung = CableSupportedDeck(bridge.top, deck, bridge.bearings, bridge.abutments)
     return parts + support_parts(hung, supports, place, ground)
 

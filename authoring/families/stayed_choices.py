@@ -9,6 +9,7 @@ from pydantic import Field
 from authoring.parts.box_decks import DeckKind
 from authoring.parts.deck_top import DeckTop
 from authoring.parts.drawing import Draws, chosen, chosen_by, draw, drawn, option_at
+from authoring.parts.gangways import gangways_chosen
 from authoring.parts.pylons import PylonShape
 from authoring.parts.stays import Arrangement
 from authoring.streams import weighted_choice
@@ -119,6 +120,7 @@ class CableStayedSettings(Settings):
     leg: float | None = drawn(0.9, 1.15, "Factor for the section of the pylons' legs [1]", ge=0.7, le=1.6)
     overhang: float | None = drawn(0.40, 0.55, "Length of the deck beyond its last bearing line [m]", ge=0.30, le=0.80)
     gap: float | None = drawn(0.06, 0.12, "Width of the expansion gaps at the abutments [m]", ge=0.03, le=0.20)
+    gangways: bool | None = gangways_chosen()
 
 
 @dataclass(frozen=True)

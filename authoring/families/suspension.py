@@ -25,6 +25,7 @@ from authoring.parts.bearings import Bearings, draw_bearings
 from authoring.parts.box_decks import CableDeck, bracket_parts, bracket_top, cable_deck_parts, floor_stations
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top, fitted_to_span
 from authoring.parts.drawing import Draws, draw
+from authoring.parts.gangways import draw_gangways
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers
 from authoring.parts.pylons import Pylon
@@ -58,6 +59,7 @@ class DrawnSuspension:
         bearings: Pads and plinths.
         piers: Piers under side spans without hangers.
         abutments: Walls.
+        gangways: Whether inspection gangways hang below the deck.
     """
 
     choice: SuspensionChoice
@@ -69,6 +71,7 @@ class DrawnSuspension:
     bearings: Bearings
     piers: Piers
     abutments: Abutments
+    gangways: bool
 
     @property
     def levels(self) -> Levels:
@@ -107,7 +110,8 @@ def draw_suspension(
     spans = Spans(tuple(sorted((*choice.supports, *piers_at))), overhang, gap, continuous=True, one_row=True)
     hung = CableSupportedDeck(top, deck, bearings, abutments)
     layout, piers, walls = draw_supports(settings, shared, hung, spans, draws, main=choice.main, walls=_STRIP + 0.45)
-    record = DrawnSuspension(choice, spans, top, deck, tower, cables, bearings, piers, walls)
+    gangways = draw_gangways(settings, deck, choice.main, draws)
+    record = DrawnSuspension(choice, spans, top, deck, tower, cables, bearings, piers, walls, gangways)
     return layout, record
 
 
@@ -214,10 +218,11 @@ def build_suspension(layout: Layout, bridge: DrawnSuspension, ground: Ground) ->
     place, spans, levels, deck, cables = layout.alignment, bridge.spans, bridge.levels, bridge.deck, bridge.cables
     low, high = spans.pieces[0]
     hung = tuple(sorted((*cables.main_hangers, *cables.side_hangers)))
-    parts = cable_deck_parts(deck, low, high, floor_stations(hung, spans.supports), levels, place)
+    floor = floor_stations(hung, spans.supports)
+    parts = cable_deck_parts(deck, low, high, floor, levels, place)
     parts += bracket_parts(deck, cables.plane + _TIP, hung, levels, place)
     parts += deck_top_parts(bridge.top, spans, deck_runs(spans, bridge.abutments), place)
     parts += cable_parts(cables, place, ground)
     hung = CableSupportedDeck(bridge.top, deck, bridge.bearings, bridge.abutments)
-    supports = Supports(spans, bridge.piers, bridge.tower, cables.towers)
+    supports = Supports(spans, bridge.piers, bridge.tower, cables.towers, floor, gangways=bridge.gangways)
     return parts + support_parts(hung, supports, place, ground)

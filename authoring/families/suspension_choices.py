@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
+from authoring.parts.gangways import gangways_chosen
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
@@ -88,6 +89,7 @@ class SuspensionSettings(Settings):
     leg: float | None = drawn(0.9, 1.15, "Factor for the section of the towers' legs [1]", ge=0.7, le=1.6)
     overhang: float | None = drawn(0.40, 0.55, "Length of the deck beyond its last bearing line [m]", ge=0.30, le=0.80)
     gap: float | None = drawn(0.06, 0.12, "Width of the expansion gaps at the abutments [m]", ge=0.03, le=0.20)
+    gangways: bool | None = gangways_chosen()
 
 
 @dataclass(frozen=True)
