@@ -56,8 +56,8 @@ class ScatterSettings(Settings):
         default=5200,
         ge=0,
         le=50_000,
-        description="Number of tufts of grass; those on unsuitable ground are left out. Up to four fifths as many stand "
-        "along the borders of fields and bare soil, too [1]",
+        description="Number of tufts of grass; those on unsuitable ground are left out. Up to four fifths as many "
+        "stand along the borders of fields and bare soil, too [1]",
     )
 
 

@@ -42,7 +42,7 @@ def test_every_tuft_stands_at_a_border(crossing: str) -> None:
     inside = np.max([covers[name] for name in BORDERED if name in covers], axis=0) > 0.0
     at_border = inside.any(axis=1) & ~inside.all(axis=1)
     assert at_border.mean() > 0.99
-    middle = site.land.shape(*places.T, no_hills).covers
+    middle = site.land.shape(places[:, 0], places[:, 1], no_hills).covers
     assert all((middle[name] < 0.0).all() for name in BORDERED if name in middle)
 
 
