@@ -134,7 +134,7 @@ def _gangway_part(name: str, hangers: F64, floor: float, place: Alignment) -> Pa
     for template, stations in ((_hanger_frame(), hangers), (_post_pair(), posts)):
         surfaces.append(copied_together(template, frames_along(place, stations, 0.0, floor, upright=True)))
     wide = np.flatnonzero(np.diff(hangers) > _LEAST_BRACED)
-    for k in sorted({*wide[::_BRACED].tolist(), int(wide[-1])}):  # they rise towards the middle
+    for k in sorted({*wide[::_BRACED].tolist(), *wide[-1:].tolist()}):  # they rise towards the middle
         surfaces += _diagonals(float(hangers[k]), float(hangers[k + 1]), floor, place, rising=2 * k < fields)
     size: dict[str, object] = {"length": high - low, "width": WIDTH, "headroom": HEADROOM, "hangers": len(hangers)}
     return Part(name, "inspection_gangway", "Role_RailingSteel", FURNITURE, joined(surfaces), size)

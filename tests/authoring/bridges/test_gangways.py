@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from authoring.axis.alignment import Alignment
 from authoring.families.bridge_settings import draw_layout
-from authoring.parts.gangways import DEEPEST, GAP, HEADROOM, OVER_GROUND, WIDTH
+from authoring.parts.gangways import DEEPEST, GAP, HEADROOM, OVER_GROUND, WIDTH, gangway_parts
 from authoring.streams import stream
 from tests.authoring.bridges.built import Bridge, make_bridge, settings_of
 from tests.authoring.bridges.kernels import touching
@@ -135,3 +136,12 @@ def test_low_bridges_and_plate_girders_have_none() -> None:
         bridge = make_bridge("cable_stayed", 3, clearance=clearance, grade=0.0, cable_stayed=own)
         assert bridge.drawn.record.gangways
         assert bool(gangways(bridge)) == there
+
+
+def test_a_short_stretch_with_a_joint_in_its_middle_has_no_diagonals() -> None:
+    """No field of it is wide enough for one."""
+    place, levels = Alignment(20.0), make_bridge("cable_stayed", 3).drawn.record.levels
+    pieces = [(0.0, 9.3), (9.3, 18.6)]  # between their ends, 10.1 m are left
+    (part,) = gangway_parts(pieces, levels, place, lambda plan: np.zeros(len(plan)), [])
+    assert 10.0 <= float(str(part.parameters["length"])) < 10.3
+    assert part.parameters["hangers"] == 6
