@@ -33,7 +33,8 @@ _BESIDE, _BELOW = 0.80, 0.30  # [m] half the room that a gangway needs across, a
 _STEP = 0.10  # [m] between the stations at which the room below the soffit is checked
 _SHORTEST = 10.0  # [m] shorter stretches are left out
 _PITCH, _END = 3.6, 0.25  # [m] largest distance between hangers, and of the outermost hangers from the ends
-_OFF_JOINT = 1.0  # [m] least distance of hangers from the joints between two pieces of the deck
+_OFF_JOINT, _LEAST_FIELD = 1.5, 1.0  # [m] from hangers to a joint between two pieces of the deck; least field beside
+_AT_JOINT = 0.5  # [m] joints so close to the outermost hanger have no field of their own
 _BRACED, _LEAST_BRACED = 8, 2.4  # wide fields from one that has diagonals to the next; least width of these [m]
 _HELD = 0.002  # [m] embedment of members in each other
 _FLOOR, _JOINT = 0.030, 0.004  # [m] thickness of the floor's panels, and half the gap between them
@@ -112,10 +113,18 @@ def _stretches(
 
 def _spaced(low: float, high: float, joints: F64) -> F64:
     """Place hangers evenly below each piece of the deck, none close to its joints: stations [m], shape (N,)."""
-    inner = joints[(joints > low + 2.0 * _OFF_JOINT) & (joints < high - 2.0 * _OFF_JOINT)]
-    begins, ends = [low + _END, *(inner + _OFF_JOINT)], [*(inner - _OFF_JOINT), high - _END]
-    rows = [np.linspace(a, b, int(np.ceil((b - a) / _PITCH)) + 1) for a, b in zip(begins, ends, strict=True)]
+    begin, last, rows = low + _END, high - _END, []
+    for joint in joints[(joints > begin + _AT_JOINT) & (joints < last - _AT_JOINT)]:
+        rows.append(_even(begin, max(float(joint) - _OFF_JOINT, begin)))
+        begin = min(float(joint) + _OFF_JOINT, last)
+    rows.append(begin + last - _even(begin, last)[::-1])  # so that one is at the end in any case
     return np.concatenate(rows)
+
+
+def _even(first: float, other: float) -> F64:
+    """Place hangers from one station to another [m]; only the first if these are close: shape (N,)."""
+    apart = other - first
+    return np.linspace(first, other, int(np.ceil(apart / _PITCH)) + 1) if apart > _LEAST_FIELD else np.array([first])
 
 
 def _gangway_part(name: str, hangers: F64, floor: float, place: Alignment) -> Part:
