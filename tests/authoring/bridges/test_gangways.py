@@ -138,10 +138,11 @@ def test_low_bridges_and_plate_girders_have_none() -> None:
         assert bool(gangways(bridge)) == there
 
 
-def test_a_short_stretch_with_a_joint_in_its_middle_has_no_diagonals() -> None:
-    """No field of it is wide enough for one."""
+def test_short_stretches_are_built_wherever_a_joint_is() -> None:
+    """Of a stretch of 10 m, a joint of the deck may lie at either end, or anywhere between."""
     place, levels = Alignment(20.0), make_bridge("cable_stayed", 3).drawn.record.levels
-    pieces = [(0.0, 9.3), (9.3, 18.6)]  # between their ends, 10.1 m are left
-    (part,) = gangway_parts(pieces, levels, place, lambda plan: np.zeros(len(plan)), [])
-    assert 10.0 <= float(str(part.parameters["length"])) < 10.3
-    assert part.parameters["hangers"] == 6
+    for joint in np.arange(4.0, 15.0, 0.35).tolist():
+        pieces = [(0.0, joint), (joint, 18.6)]
+        (part,) = gangway_parts(pieces, levels, place, lambda plan: np.zeros(len(plan)), [])
+        assert 10.0 <= float(str(part.parameters["length"])) < 10.3
+        assert part.parameters["hangers"] in (4, 5, 6)
