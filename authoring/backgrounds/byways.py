@@ -25,6 +25,8 @@ VERGE = 2.5  # distance from the edge of a lane to the gardens beside it [m]
 LONGEST = 500.0  # distance from the site up to which roads are used [m]
 HIGHEST = 1.3  # largest height of a road above the ground beside it where something joins it [m]
 FLANK = 0.3  # fall from the edge of a road to its outermost line where that is a flank in the ground [m]
+_PIECES = 32  # of a road's line, measured to at once
+_SPARE = 1.0  # beyond the reach of distances, so that rounding does not matter [m]
 UNDER = 0.5  # length of its end that lies hidden under that road [m]
 _ROWS = (1.0, 0.5, 0.0, -0.5, -1.0)  # lines along a lane, as shares of half its width
 
@@ -156,28 +158,44 @@ def nearest_edge(byways: list[Byway], places: F64) -> tuple[F64, F64]:
     return edges[apart.argmin(axis=1)], apart.min(axis=1)
 
 
-def road_distance(byways: list[Byway], places: F64) -> F64:
+def road_distance(byways: list[Byway], places: F64, reach: float = np.inf) -> F64:
     """Measure the distance to the middle lines of roads.
 
     Args:
         byways: Roads.
         places: World positions in plan [m], shape (N, 2), float64.
+        reach: Distance beyond which a result only has to lie beyond it too, which saves time [m].
 
     Returns:
         Distances minus half the width, inf without roads [m], shape (N,), float64.
     """
     apart = np.full(len(places), np.inf)
+    x, y = (np.ascontiguousarray(places[:, k]) for k in (0, 1))
     for byway in byways:
-        first, step = byway.middle[:-1], np.diff(byway.middle, axis=0)
+        middle = byway.middle
         half = 0.5 * np.hypot(*(byway.left - byway.right)[:, :2].T)
-        for start in range(0, len(first), 64):
-            a, ab, wide = first[start : start + 64], step[start : start + 64], half[start : start + 65]
-            offset = places[:, None] - a
-            share = np.clip((offset * ab).sum(axis=2) / np.maximum((ab * ab).sum(axis=1), 1e-9), 0.0, 1.0)
-            away = np.linalg.norm(offset - share[..., None] * ab, axis=2)
-            away -= wide[:-1] + share * np.diff(wide)
-            apart = np.minimum(apart, away.min(axis=1))
+        for start in range(0, len(middle) - 1, _PIECES):
+            line, wide = middle[start : start + _PIECES + 1], half[start : start + _PIECES + 1]
+            if np.isfinite(reach):
+                (west, south), (east, north) = line.min(axis=0), line.max(axis=0)
+                room = reach + float(wide.max()) + _SPARE
+                near = np.flatnonzero((x > west - room) & (x < east + room) & (y > south - room) & (y < north + room))
+                apart[near] = np.minimum(apart[near], _line_distance(line, wide, x[near], y[near]))
+            else:
+                apart = np.minimum(apart, _line_distance(line, wide, x, y))
     return apart
+
+
+def _line_distance(line: F64, wide: F64, x: F64, y: F64) -> F64:
+    """Measure the distance of N places to a line of M points, minus half a width at each of its points [m]."""
+    (a, b), (along, aside) = line[:-1].T, np.diff(line, axis=0).T
+    right, up = x[:, None] - a, y[:, None] - b
+    share = np.clip((right * along + up * aside) / np.maximum(along * along + aside * aside, 1e-9), 0.0, 1.0)
+    right -= share * along
+    up -= share * aside
+    away = np.sqrt(right * right + up * up)
+    away -= wide[:-1] + share * np.diff(wide)
+    return away.min(axis=1)
 
 
 def ground(terrain: Terrain, places: F64) -> F64:

@@ -134,7 +134,7 @@ def kept_off(terrain: Terrain, homesteads: tuple[Homestead, ...], lanes: list[By
     near = terrain.beyond(station, left) < 1.6 * FARTHEST
     axis = terrain.land.layout.alignment
     places = axis.point(station[near], left[near], np.zeros(int(near.sum())))[:, :2]
-    apart = np.minimum(road_distance(lanes, places), 60.0)
+    apart = np.minimum(road_distance(lanes, places, reach=60.0), 60.0)
     for home in homesteads:
         apart = np.minimum(apart, -home.inside(places))
     free = np.full(station.shape, 60.0)
