@@ -45,10 +45,11 @@ def draw_land(kind: CrossingKind | None, relief: float, layout: Layout, reach: f
         The land.
     """
     kinds, sides = rng.spawn(2)  # separate streams: values set by the user change nothing else
+    widths = kinds.spawn(1)[0]
     chosen = choose_crossing(layout, kinds)
     heights = draw_relief(tuple((length, height * relief) for length, height in RELIEF), rng)
     ragged, patches = draw_relief(RAGGED, rng), draw_relief(PATCHES, rng)
-    crossing, valley = draw_crossing(kind or chosen, layout, rng, sides)
+    crossing, valley = draw_crossing(kind or chosen, layout, rng, (sides, widths))
     half_road = layout.carriageway / 2 if layout.carriageway > 0 else max(layout.width / 2 - 1.1, 1.5)
     bends = rng.uniform(18.0, 32.0, 2) * rng.choice((-1.0, 1.0), 2)
     rims = (0.0, 0.0) if valley is None else valley.ends
