@@ -77,7 +77,11 @@ def told_crossings() -> str:
 
 
 def draw_crossing(
-    kind: CrossingKind, layout: Layout, rng: np.random.Generator, apart: tuple[np.random.Generator, np.random.Generator]
+    kind: CrossingKind,
+    layout: Layout,
+    rng: np.random.Generator,
+    apart: tuple[np.random.Generator, np.random.Generator],
+    river_piers: bool | None = None,
 ) -> tuple[Crossing, Valley | None]:
     """Place the crossing under the middle of the longest span, nearly square to the axis.
 
@@ -88,6 +92,7 @@ def draw_crossing(
         layout: The bridge.
         rng: Random stream.
         apart: Random streams of a valley's sides, and of rivers with piers in them.
+        river_piers: Whether piers stand in a river where there is room; None: by chance.
 
     Returns:
         The crossing, and its valley, None on level land.
@@ -124,7 +129,7 @@ def draw_crossing(
         layout.alignment,
     )
     if kind == "river":
-        crossing = widened(crossing, layout, apart[1])
+        crossing = widened(crossing, layout, river_piers, apart[1])
     floor = crossing.half_width + _BANK
     return crossing, draw_valley(layout, crossing.station, floor, kind == "valley", apart[0])
 

@@ -20,7 +20,7 @@ _TRIES = 6  # drawn widths per group of piers
 _LEAST_FILLED = 0.3  # of the room for water beside the piers that is filled at least [1]
 
 
-def widened(crossing: Crossing, layout: Layout, rng: np.random.Generator) -> Crossing:
+def widened(crossing: Crossing, layout: Layout, wanted: bool | None, rng: np.random.Generator) -> Crossing:
     """Widen some rivers so that one pier, or two of a longer bridge, stand in the water.
 
     All other supports stay dry under the whole width of the deck.
@@ -28,13 +28,15 @@ def widened(crossing: Crossing, layout: Layout, rng: np.random.Generator) -> Cro
     Args:
         crossing: A river between two supports.
         layout: The bridge.
+        wanted: Widen the river wherever there is room, or never; None: by chance.
         rng: Random stream, used for nothing else.
 
     Returns:
         The wider river with the numbers of the supports in it, or the same river.
     """
     spans = len(layout.supports) - 1
-    if not layout.river_piers or spans < LEAST_SPANS or rng.random() >= SHARE:
+    by_chance = rng.random() < SHARE
+    if not layout.river_piers or spans < LEAST_SPANS or not (by_chance if wanted is None else wanted):
         return crossing
     two, side, depth = rng.random() < 0.5, rng.choice((-1.0, 1.0)), rng.uniform(*_DEPTHS)
     for count in (2, 1) if two and spans >= LEAST_FOR_TWO else (1,):

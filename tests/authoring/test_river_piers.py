@@ -104,6 +104,18 @@ def test_a_river_that_is_not_widened_keeps_every_byte() -> None:
     assert other[0] != other[1]
 
 
+@pytest.mark.parametrize("layout", [LONG, HIGH], ids=["long", "high"])
+def test_what_is_drawn_is_what_can_be_fixed(layout: Layout) -> None:
+    """Asking for piers in the river gives those that are drawn; refusing them gives the river between supports."""
+    for seed in range(30):
+        drawn, between = river(layout, seed).crossing, river(without(layout), seed).crossing
+        told = [draw_land("river", 1.0, layout, 60.0, stream(seed, "site"), told).crossing for told in (True, False)]
+        assert told[0].piers
+        assert told[1] == between
+        assert drawn == told[0 if drawn.piers else 1]
+    assert not draw_land("road", 1.0, layout, 60.0, stream(1, "site"), True).crossing.piers
+
+
 def test_piers_in_a_river_make_wakes() -> None:
     """The image of the river's bed has wakes where a drawn bridge has a pier in the water, and none elsewhere."""
     seen = {True: 0, False: 0}
