@@ -92,7 +92,7 @@ def author_scene(
     progress.advance(1)
     with space_errors(folder):
         write_asset(SITE, site.pieces, folder / "site")
-        recipes = bake_site(site, folder / "site", settings.look.texels, seed, settings.background.season)
+        recipes = bake_site(site, folder / "site", settings.look.texels, seed, settings.background.season, bridge)
         site_root = author_provenance(site_layer(recipes), "/Site", made_from(settings, seed, "site"))
         export(site_root, folder / "site/site.usda")
         progress.advance(2)

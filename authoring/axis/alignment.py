@@ -376,6 +376,7 @@ class Layout:
         road: Part of a road's cross-section that the approaches continue; None for a railway, or where they have their
             own.
         feet: Springings of arches on a valley's sides: station and height of the land there [m].
+        river_piers: Whether some of its piers may stand in a river.
     """
 
     alignment: Alignment
@@ -389,3 +390,4 @@ class Layout:
     track: TrackSection | None = None
     road: RoadSection | None = None
     feet: tuple[tuple[float, float], ...] = ()
+    river_piers: bool = False

@@ -123,7 +123,9 @@ def draw_beam(settings: BeamSettings, shared: SharedSettings, draws: Draws) -> t
     carried = PierNeeds(width, girders.lines[-1], bearings, spans)
     piers = draw_piers(shared.pier, carried, draws, paper_kinds=PAPER_KINDS_UNDER_CONCRETE)
     beam = DrawnBeam(spans, slab, top, edge, girders, bearings, piers, abutments)
-    needs = AxisNeeds(spans.supports, beam.levels.girder_soffit, beam.levels.seat, abutments.wing_length)
+    needs = AxisNeeds(
+        spans.supports, beam.levels.girder_soffit, beam.levels.seat, abutments.wing_length, river_piers=True
+    )
     return draw_layout_of(shared, top, needs, draws), beam
 
 

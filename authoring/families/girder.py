@@ -131,7 +131,7 @@ def draw_girder(settings: SteelGirderSettings, shared: SharedSettings, draws: Dr
     piers = draw_piers(shared.pier, PierNeeds(top.width, steel.bearing_lines[-1], bearings, spans), draws)
     girder = DrawnGirder(spans, slab, top, edge, steel, frames, bearings, piers, abutments)
     lowest = (girder.pier_levels if spans.count > 1 else girder.levels).girder_soffit
-    needs = AxisNeeds(spans.supports, lowest, girder.levels.seat, abutments.wing_length)
+    needs = AxisNeeds(spans.supports, lowest, girder.levels.seat, abutments.wing_length, river_piers=True)
     return draw_layout_of(shared, top, needs, draws), girder
 
 

@@ -52,6 +52,7 @@ class AxisNeeds:
         walls: Length of the wing walls behind the abutments' back faces [m].
         straight: The family needs a straight axis, square supports and no crest.
         least_clearance: Height over z = 0 of the superstructure in any case [m].
+        river_piers: Some of its piers may stand in a river, except in profile `paper`.
     """
 
     supports: tuple[float, ...]
@@ -60,6 +61,7 @@ class AxisNeeds:
     walls: float
     straight: bool = False
     least_clearance: float = 0.0
+    river_piers: bool = False
 
 
 def draw_layout_of(shared: SharedSettings, top: DeckTop, needs: AxisNeeds, draws: Draws) -> Layout:
@@ -91,6 +93,7 @@ def draw_layout_of(shared: SharedSettings, top: DeckTop, needs: AxisNeeds, draws
         underlay=top.underlay,
         track=None if top.tracks is None else top.tracks.section,
         road=road_section(top, needs.walls) if draws.profile == "default" else None,
+        river_piers=needs.river_piers and draws.profile == "default",
     )
 
 

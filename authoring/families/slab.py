@@ -119,7 +119,7 @@ def draw_slab(settings: SlabSettings, shared: SharedSettings, draws: Draws) -> t
     piers = draw_piers(shared.pier, PierNeeds(top.width, slab.lines[-1], bearings, spans), draws)
     drawn_slab = DrawnSlab(spans, top, slab, bearings, piers, abutments)
     levels = drawn_slab.levels
-    needs = AxisNeeds(spans.supports, levels.girder_soffit, levels.seat, abutments.wing_length)
+    needs = AxisNeeds(spans.supports, levels.girder_soffit, levels.seat, abutments.wing_length, river_piers=True)
     return draw_layout_of(shared, top, needs, draws), drawn_slab
 
 

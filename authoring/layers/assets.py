@@ -15,6 +15,7 @@ from authoring.looks.noise import Bank
 from authoring.looks.scenery import worn_in
 from authoring.looks.seasons import SUMMER, Season
 from authoring.looks.shallows import shallows
+from authoring.looks.wakes import with_wakes
 from authoring.shapes.component import Component, Scatter
 from authoring.site.photo import surface_of
 from authoring.site.site import Site
@@ -63,7 +64,9 @@ def bake_surfaces(
     return {name: bake_surface(sheet, folder, prefix=prefix, patches=patches) for name, sheet in sheets.items()}
 
 
-def bake_site(site: Site, folder: Path, texels: int, seed: int, season: Season = SUMMER) -> dict[str, MaterialRecipe]:
+def bake_site(
+    site: Site, folder: Path, texels: int, seed: int, season: Season = SUMMER, bridge: Pieces = ()
+) -> dict[str, MaterialRecipe]:
     """Bake the materials of a site, with the images of the ground near the bridge.
 
     Args:
@@ -72,6 +75,7 @@ def bake_site(site: Site, folder: Path, texels: int, seed: int, season: Season =
         texels: Texels along a side of a sheet and of a picture [px].
         seed: Seed of the scene.
         season: Season of the plants.
+        bridge: Parts of the bridge; those that stand in the river have wakes.
     """
     recipes = bake_surfaces(site.pieces, folder, texels, seed, season)
     patches = open_ground(texels, patches_of(seed))
@@ -84,6 +88,7 @@ def bake_site(site: Site, folder: Path, texels: int, seed: int, season: Season =
         photos[square.number] = file
     if site.land.crossing.kind == "river":
         factors = shallows(site, min(texels, _SHALLOWS), stream(seed, "surface/shallows"))
+        factors = with_wakes(factors, site, bridge, stream(seed, "surface/wakes"))
         file = write_texture(folder, f"{folder.name}_shallows", encode_raw(factors / 2))
         recipes["water"] = replace(recipes["water"], macro_file=file)
     for role in roles_of(site.pieces):

@@ -6,11 +6,11 @@ from authoring.looks.noise import Floats, Tile, fractal, ramp
 from authoring.site.roads import water_half
 from authoring.site.site import Site
 
-_MOST = 1.99  # factor; a texel can store at most 2 [1]
+BRIGHTEST = 1.99  # factor; a texel can store at most 2 [1]
 _BED = (2.00, 1.42, 1.24)  # wet silt and gravel relative to the light that deep water scatters back [1]
 _WEED = (1.05, 1.12, 0.80)
 _CLEAR = (2.3, 1.9, 2.6)  # extinction over one meter of depth, down and up, red, green, blue [1/m]
-_FADE = 8.0  # [m] before the site's edge, over which the image fades into the river beyond
+EDGE_FADE = 8.0  # [m] before the site's edge, over which the image fades into the river beyond
 
 
 def shallows(site: Site, pixels: int, rng: np.random.Generator) -> Floats:
@@ -39,5 +39,5 @@ def shallows(site: Site, pixels: int, rng: np.random.Generator) -> Floats:
     bed = np.array(_BED, np.float32) + weed * (np.array(_WEED, np.float32) - np.array(_BED, np.float32))
     bed = bed * (1 + np.float32(0.16) * stones + np.float32(0.08) * broad)[..., None]
     ends = np.minimum(left - low, high - left).astype(np.float32)
-    share = ramp(ends, 0.0, _FADE)[..., None] * 1 / (1 + shown[..., None] * np.array(_CLEAR, np.float32)) ** 2
-    return np.clip(1 + share * (bed - 1), 0.2, _MOST).astype(np.float32)
+    share = ramp(ends, 0.0, EDGE_FADE)[..., None] * 1 / (1 + shown[..., None] * np.array(_CLEAR, np.float32)) ** 2
+    return np.clip(1 + share * (bed - 1), 0.2, BRIGHTEST).astype(np.float32)

@@ -7,6 +7,8 @@ from typing import Literal
 import numpy as np
 
 from authoring.axis.alignment import Layout
+from authoring.site.river_piers import BANK as _BANK
+from authoring.site.river_piers import widened
 from authoring.site.shape import Crossing
 from authoring.site.valley import Valley, draw_valley, floor_room
 from authoring.streams import weighted_choice
@@ -22,7 +24,6 @@ LANE = 3.25  # width of a lane of the crossing road [m]
 RAIL_TOP = 0.95  # rails' top over the land [m]
 RAIL_HALF = 4.1  # half the ground that a double track's ballast covers [m]
 _BESIDE = 3.0  # [m] least distance between a crossing and the nearest support
-_BANK = 4.5  # [m] beside water, carriageway or ballast up to the foot of a valley's side
 
 
 @dataclass(frozen=True)
@@ -76,15 +77,22 @@ def told_crossings() -> str:
 
 
 def draw_crossing(
-    kind: CrossingKind, layout: Layout, rng: np.random.Generator, sides: np.random.Generator
+    kind: CrossingKind,
+    layout: Layout,
+    rng: np.random.Generator,
+    apart: tuple[np.random.Generator, np.random.Generator],
+    river_piers: bool | None = None,
 ) -> tuple[Crossing, Valley | None]:
     """Place the crossing under the middle of the longest span, nearly square to the axis.
+
+    Some rivers are wider and lie around piers: see `widened`.
 
     Args:
         kind: Kind of the crossing.
         layout: The bridge.
         rng: Random stream.
-        sides: Random stream of a valley's sides.
+        apart: Random streams of a valley's sides, and of rivers with piers in them.
+        river_piers: Whether piers stand in a river where there is room; None: by chance.
 
     Returns:
         The crossing, and its valley, None on level land.
@@ -120,7 +128,10 @@ def draw_crossing(
         float(depth),
         layout.alignment,
     )
-    return crossing, draw_valley(layout, station, 0.5 * width + _BANK, kind == "valley", sides)
+    if kind == "river":
+        crossing = widened(crossing, layout, river_piers, apart[1])
+    floor = crossing.half_width + _BANK
+    return crossing, draw_valley(layout, crossing.station, floor, kind == "valley", apart[0])
 
 
 def _longest(layout: Layout) -> tuple[float, float]:

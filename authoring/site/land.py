@@ -31,7 +31,14 @@ def no_hills(station: F64, left: F64) -> F64:
     return np.zeros(np.broadcast(station, left).shape)
 
 
-def draw_land(kind: CrossingKind | None, relief: float, layout: Layout, reach: float, rng: np.random.Generator) -> Land:
+def draw_land(
+    kind: CrossingKind | None,
+    relief: float,
+    layout: Layout,
+    reach: float,
+    rng: np.random.Generator,
+    river_piers: bool | None = None,
+) -> Land:
     """Draw the land.
 
     Args:
@@ -40,15 +47,17 @@ def draw_land(kind: CrossingKind | None, relief: float, layout: Layout, reach: f
         layout: The bridge.
         reach: Length on which the approach roads continue the bridge's axis [m].
         rng: Random stream.
+        river_piers: Whether piers stand in a river where there is room; None: by chance.
 
     Returns:
         The land.
     """
     kinds, sides = rng.spawn(2)  # separate streams: values set by the user change nothing else
+    widths = kinds.spawn(1)[0]
     chosen = choose_crossing(layout, kinds)
     heights = draw_relief(tuple((length, height * relief) for length, height in RELIEF), rng)
     ragged, patches = draw_relief(RAGGED, rng), draw_relief(PATCHES, rng)
-    crossing, valley = draw_crossing(kind or chosen, layout, rng, sides)
+    crossing, valley = draw_crossing(kind or chosen, layout, rng, (sides, widths), river_piers)
     half_road = layout.carriageway / 2 if layout.carriageway > 0 else max(layout.width / 2 - 1.1, 1.5)
     bends = rng.uniform(18.0, 32.0, 2) * rng.choice((-1.0, 1.0), 2)
     rims = (0.0, 0.0) if valley is None else valley.ends

@@ -46,6 +46,7 @@ class Crossing:
         level: Height of the water surface, of the carriageway's crown or of the rails' top on the axis [m].
         depth: Depth of the water; 0 on land [m].
         axis: Axis of the bridge, whose skew and curvature lengthen cuts along it; None for straight without skew.
+        piers: Numbers of the supports that stand in the water.
     """
 
     kind: str
@@ -57,6 +58,7 @@ class Crossing:
     level: float
     depth: float
     axis: Alignment | None = None
+    piers: tuple[int, ...] = ()
 
     def center(self, left: F64) -> F64:
         """Find the station of its centre line.

@@ -17,6 +17,7 @@ from authoring.site.grid import HeightField
 from authoring.site.guardrails import guardrail_pieces
 from authoring.site.land import draw_land, strip_ground, strip_lines
 from authoring.site.photo import PhotoSquare, by_square, photo_role, photo_squares
+from authoring.site.river_piers import SHARE
 from authoring.site.roads import way_pieces
 from authoring.site.scatter import ScatterSettings, scatter_plants
 from authoring.site.shape import Land
@@ -36,6 +37,12 @@ class SiteSettings(Settings):
         default=None,
         description="What the bridge crosses; drawn by these weights among those that suit its longest span and "
         f"height: {told_crossings()}. The land rises towards the abutments of decks higher than 9 m",
+    )
+    river_piers: bool | None = Field(
+        default=None,
+        description="Make a river so wide that one pier, or two of a bridge of five spans or more, stand in the water, "
+        f"where there is room; drawn {told_shares({True: SHARE, False: 1.0 - SHARE})}. Only for bridges of at least "
+        "three spans of the families slab, beam and girder, not in profile `paper`; other rivers lie between supports",
     )
     land: LandUse | None = Field(
         default=None,
@@ -116,7 +123,7 @@ def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) 
     Returns:
         The site.
     """
-    land = draw_land(settings.crossing, settings.relief, layout, settings.run_out, rng)
+    land = draw_land(settings.crossing, settings.relief, layout, settings.run_out, rng, settings.river_piers)
     reach = (settings.run_out, settings.half_width)
     used = rng.spawn(1)[0]  # a separate stream: the use of the land changes nothing else
     land = replace(land, plots=draw_plots(settings.land, land.crossing.kind, layout, reach, used))

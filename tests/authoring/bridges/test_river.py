@@ -1,4 +1,4 @@
-"""Bridges over water: how far their piers, towers and footings keep from it, where it lies on the site's ground."""
+"""Bridges over water: which piers stand in it and how, and how far all else keeps from it, on the site's ground."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -26,8 +26,11 @@ from tests.conftest import Count, RecordProof
 KINDS: tuple[CrossingKind, ...] = ("river", "harbour", "valley")
 STEP = 0.25  # of the grid on which water is looked for, and of the outlines of what stands in it [m]
 CORNER = 1.0  # of a footing that water may wash: those of profile `paper` are long [m]
+PIERS = ("column", "wall_pier", "pier_footing")
 FOOTINGS = ("pier_footing", "abutment_footing")
 ASIDE = 12.0  # beside the deck that the grid reaches [m]
+DEEP = 1.5  # least distance of a pier in a river from the water's edge [m]
+IN_RIVER = {"slab": 4, "beam": 4, "girder": 2}  # number of seeds looked at: of bridges with piers in a river
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,8 @@ def _away(points: F64, water: F64) -> float:
 def test_nothing_stands_in_the_current(family: str, proof_count: Count, record_proof: RecordProof) -> None:
     """All of a bridge that is as low as the water, in the ground too, keeps from the water that lies on the ground.
 
-    A narrow river may wash the end of a footing of profile `paper`: never a pier, wall or tower.
+    A narrow river may wash the end of a footing of profile `paper`: never a pier, wall or tower. The piers that the
+    land names stand in the river.
     """
     count = proof_count(2, 60)
     bridges, low, washed, wrong = 0, 0, 0.0, []
@@ -113,7 +117,7 @@ def test_nothing_stands_in_the_current(family: str, proof_count: Count, record_p
             bridges += 1
             level, water = shore.land.crossing.level, _water(shore)
             for member in shore.bridge.members:
-                if member.mesh.points[:, 2].min() < level:
+                if member.mesh.points[:, 2].min() < level and not _in_river(shore, member):
                     low += 1
                     points, footing = _outline(member, level), member.kind in FOOTINGS
                     away = _away(points, water)
@@ -127,6 +131,60 @@ def test_nothing_stands_in_the_current(family: str, proof_count: Count, record_p
     figures |= {name: round(away, 2) for name, away in names.items() if np.isfinite(away)}
     record_proof(f"bridges/{family}/nothing stands in the current", bridges, FIXED, figures)
     assert bridges > 0
+    assert not wrong, "\n".join(wrong[:20])
+
+
+def _in_river(shore: Shore, member: Component) -> bool:
+    """Check whether a member belongs to a pier that the land places in the river."""
+    return member.kind in PIERS and member.parameters["support"] in shore.land.crossing.piers
+
+
+def _misplaced(shore: Shore, member: Component) -> list[str]:
+    """Tell what is wrong with a shaft or footing in a river."""
+    crossing, points = shore.land.crossing, _outline(member, shore.land.crossing.level)
+    station, left = shore.land.layout.alignment.locate(points)
+    bed, wrong = shore.field(station, left), []
+    if member.kind == "pier_footing":
+        if points[:, 2].max() > bed.min() - 0.25 or np.ptp(points[:, 2]) < 0.3:
+            wrong.append(f"its top is {bed.min() - points[:, 2].max():.2f} m under the bed")
+        return wrong
+    if np.min(crossing.half_width - crossing.distance(station, left)) < DEEP:
+        wrong.append("it stands near the edge of the water")
+    if bed.max() > crossing.level - 0.4:
+        wrong.append(f"the water is only {crossing.level - bed.max():.2f} m deep at it")
+    return wrong
+
+
+def _unfounded(shore: Shore, support: int) -> list[str]:
+    """Tell which shafts of a pier in a river end above its footing."""
+    own = [member for member in shore.bridge.members if member.parameters.get("support") == support]
+    (footing,) = (member for member in own if member.kind == "pier_footing")
+    top = footing.mesh.points[:, 2].max()
+    shafts = [member for member in own if member.kind in ("column", "wall_pier")]
+    assert shafts
+    return [f"{shaft.name} floats" for shaft in shafts if shaft.mesh.points[:, 2].min() > top - 1e-3]
+
+
+@pytest.mark.parametrize("family", sorted(IN_RIVER))
+def test_piers_in_a_river_stand_on_its_bed(family: str) -> None:
+    """Shafts keep from the water's edge and reach their footings, whose tops lie under the bed; caps hang above."""
+    seen, wrong = 0, []
+    for seed in range(FIXED, 60):
+        layout, _ = draw_layout(settings_of(family, profile=profile_of(seed)), stream(seed, "bridge"))
+        if not draw_land("river", 1.0, layout, 60.0, stream(seed, "site")).crossing.piers:
+            continue
+        shore = next(_over_water(family, seed))
+        crossing = shore.land.crossing
+        for member in shore.bridge.members:
+            if _in_river(shore, member):
+                wrong += [f"{family} {seed} {member.name}: {fault}" for fault in _misplaced(shore, member)]
+            elif member.kind == "pier_cap" and member.mesh.points[:, 2].min() < crossing.level + 1.0:
+                wrong.append(f"{family} {seed} {member.name} hangs near the water")
+        wrong += [f"{family} {seed} {fault}" for support in crossing.piers for fault in _unfounded(shore, support)]
+        seen += 1
+        if seen == IN_RIVER[family]:
+            break
+    assert seen == IN_RIVER[family]
     assert not wrong, "\n".join(wrong[:20])
 
 
