@@ -96,7 +96,8 @@ def author_scene(
         site_root = author_provenance(site_layer(recipes), "/Site", made_from(settings, seed, "site"))
         export(site_root, folder / "site/site.usda")
         progress.advance(2)
-        _write_bridge(SceneRecipe(settings, seed), layout, drawn, bridge, folder / "bridge", given.surfaces)
+        recipe, place = SceneRecipe(settings, seed), folder / "bridge"
+        _write_bridge(recipe, layout, drawn, bridge, place, given.surfaces, waterline=site.waterline)
         progress.advance(3)
         subject = make_subject(bridge, site.pieces)
         paths = [plan_survey(survey, subject, seed) for survey in settings.survey]
@@ -129,6 +130,8 @@ def _write_bridge(
     bridge: Pieces,
     folder: Path,
     surfaces: Mapping[str, Path],
+    *,
+    waterline: float | None,
 ) -> None:
     settings, seed = recipe.settings, recipe.seed
     write_asset(BRIDGE, bridge, folder)
@@ -136,7 +139,7 @@ def _write_bridge(
     asked = dict.fromkeys((settings.look.name, *settings.variants.look))
     others = (name for name in LOOKS if name not in asked)
     names = [*asked, *islice(others, max(2 - len(asked), 0))]  # at least two: another look is then at hand
-    files = {name: write_look(recipe, name, bridge, folder, given=surfaces) for name in names}
+    files = {name: write_look(recipe, name, bridge, folder, given=surfaces, waterline=waterline) for name in names}
     spans = tuple(np.diff(layout.supports).tolist())
     facts = {**asdict(drawn), "alignment": asdict(layout.alignment)}
     layer = bridge_layer(drawn.family, spans, layout.width, facts, files)

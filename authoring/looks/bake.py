@@ -64,6 +64,7 @@ def bake_look(
     *,
     given: Mapping[str, Path] = NO_FOLDERS,
     library: Path | None = None,
+    waterline: float | None = None,
 ) -> dict[str, MaterialRecipe]:
     """Bake one look for the roles that a bridge uses.
 
@@ -75,6 +76,7 @@ def bake_look(
         rng: Random stream of the look.
         given: Users' folders of surfaces by their names in the settings.
         library: Folder of the library of sheets; the user's cache folder when not given.
+        waterline: Height of the river around piers [m]; None where none stands in it.
 
     Returns:
         One recipe for each role in use, in the order of `usd_schemas.tokens.ROLES`.
@@ -100,7 +102,7 @@ def bake_look(
         name: copy_sheet(place, folder / "textures", f"{name.surface}_{name.number + 1}")
         for name, place in kept.items()
     }
-    macro = _bake_macro(settings, years, folder, pieces, rng)
+    macro = _bake_macro(settings, years, folder, pieces, rng, waterline)
     detail = copy_detail(folder / "textures", "detail", library, "grain")
     recipes = {
         role: _recipe(surface, detail, macro, {n: linked[wanted[role, n]] for n in sorted(worn[role])})
@@ -221,11 +223,12 @@ def _bake_macro(
     folder: Path,
     pieces: tuple[Component | Scatter, ...],
     rng: np.random.Generator,
+    waterline: float | None,
 ) -> str:
     if not any(isinstance(piece, Component) and len(piece.mesh.st1) for piece in pieces):
         return ""
     pixels = settings.texels if years > _FEW_YEARS else settings.texels // 2
-    return write_texture(folder, "macro", encode_raw(weather(pieces, pixels, years, rng) / 2))
+    return write_texture(folder, "macro", encode_raw(weather(pieces, pixels, years, rng, waterline) / 2))
 
 
 def write_texture(folder: Path, name: str, image: U8) -> str:

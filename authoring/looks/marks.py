@@ -16,6 +16,8 @@ _MOSS = (0.62, 0.66, 0.47)
 _LICHEN = (1.30, 1.27, 0.98)
 _WET = (0.50, 0.49, 0.45)  # algae where water runs
 _DUST = (1.30, 1.26, 1.18)  # of a road, on dark bitumen
+_SLIME = (0.40, 0.43, 0.33)  # algae that the river keeps wet
+_FLOOD = (0.72, 0.70, 0.62)  # silt that high water left
 _SEAL = (0.52, 0.52, 0.53)  # bitumen in a crack
 
 
@@ -48,6 +50,7 @@ def on_concrete(spots: Spots, members: Members, wet: Floats, rusty: Floats, age:
     _toward(factors, 0.7 * old * splash, _MUD)
     drawn = 0.35 + 0.65 * ramp(streaks, -0.1, 0.7)
     _toward(factors, old * wet * drawn * np.maximum(wall, 0.4 * under), _WET)
+    _waterline(factors, spots, wall, old)
     _toward(factors, 0.8 * old * rusty * drawn, _RUST)
     _toward(factors, 0.30 * old * under * ramp(clouds, -1.4, 1.6), _SOOT)
     leaks = under * ramp(spots.edge, 1.2, 0.1)
@@ -59,6 +62,16 @@ def on_concrete(spots: Spots, members: Members, wet: Floats, rusty: Floats, age:
     _toward(factors, 0.30 * old * worn, _SOOT)
     _grown(factors, spots, members, (wall, above, rise), old)
     return factors
+
+
+def _waterline(factors: Floats, spots: Spots, wall: Floats, old: float) -> None:
+    """Add algae just above a river, and silt up to its high water, in place; they come within a year."""
+    if np.isinf(spots.dry).all():
+        return
+    dry = spots.dry + 0.05 * spots.patches + 0.04 * spots.streaks
+    years = 0.5 + 0.5 * min(old, 1.0)
+    _toward(factors, 0.6 * years * wall * ramp(dry, 1.1, 0.7), _FLOOD)
+    _toward(factors, 0.9 * years * wall * ramp(dry, 0.42, 0.22), _SLIME)
 
 
 def _grown(factors: Floats, spots: Spots, members: Members, lie: tuple[Floats, Floats, Floats], old: float) -> None:

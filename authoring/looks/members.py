@@ -66,6 +66,7 @@ class Spots:
         patches: Changes over 0.1 to 2.5 m [1], shape (N,), float32.
         streaks: Noise stretched along the direction of runoff [1], shape (N,), float32.
         stains: Few and ragged marks of 0.2 to 1 m, dark below 0 and pale above [1], shape (N,), float32.
+        dry: Height above the river around piers, inf where none stands in it [m], shape (N,), float32.
     """
 
     owner: I32
@@ -76,6 +77,7 @@ class Spots:
     patches: Floats
     streaks: Floats
     stains: Floats
+    dry: Floats
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,12 @@ def draw_fields(rng: np.random.Generator) -> Fields:
 
 
 def read_spots(
-    charts: Charts, members: Members, fields: Fields, texels: tuple[I32, np.ndarray, np.ndarray], edges: Floats
+    charts: Charts,
+    members: Members,
+    fields: Fields,
+    texels: tuple[I32, np.ndarray, np.ndarray],
+    edges: Floats,
+    waterline: float | None = None,
 ) -> Spots:
     """Return the data of some texels.
 
@@ -162,6 +169,7 @@ def read_spots(
         fields: Noise.
         texels: Triangle, column and row of each [texels], shape (N,) each.
         edges: Distance of each to the nearest arris [texels], shape (N,), float32.
+        waterline: Height of the river around piers [m]; None where none stands in it.
     """
     triangle, column, row = texels
     across = charts.across[triangle]
@@ -170,7 +178,8 @@ def read_spots(
     place += charts.place[triangle]
     metres = np.sqrt((charts.across * charts.across).sum(axis=1))[triangle]  # of a texel
     owner, normal = charts.owner[triangle], charts.normal[triangle]
-    return Spots(owner, normal, place, edges * metres, *_look_up(fields, members, owner, normal, place))
+    dry = np.full(len(place), np.inf, np.float32) if waterline is None else place[:, 2] - np.float32(waterline)
+    return Spots(owner, normal, place, edges * metres, *_look_up(fields, members, owner, normal, place), dry)
 
 
 def _look_up(fields: Fields, members: Members, owner: I32, normal: Floats, place: Floats) -> tuple[Floats, ...]:

@@ -20,7 +20,13 @@ _FINE = 2048  # texels of which one is as wide as edges of stains are shifted by
 _ROWS = 128  # rows of the atlas processed at once, so that they stay in the cache
 
 
-def weather(pieces: Iterable[Component | Scatter], pixels: int, age: float, rng: np.random.Generator) -> Floats:
+def weather(
+    pieces: Iterable[Component | Scatter],
+    pixels: int,
+    age: float,
+    rng: np.random.Generator,
+    waterline: float | None = None,
+) -> Floats:
     """Draw the factors by which age multiplies the base color; their mean over the surface of each role is 1.
 
     Args:
@@ -28,6 +34,7 @@ def weather(pieces: Iterable[Component | Scatter], pixels: int, age: float, rng:
         pixels: Texels along a side of the atlas.
         age: 0 for new, 1 for decades of weather, more for many [1].
         rng: Random stream.
+        waterline: Height of the river around piers [m]; None where none stands in it.
 
     Returns:
         Factors [1], shape (pixels, pixels, 3), float32.
@@ -45,7 +52,7 @@ def weather(pieces: Iterable[Component | Scatter], pixels: int, age: float, rng:
         block = charts.triangle[top : top + _ROWS]
         for row, column, mark in _sorted(block, charts.owner, members):
             texels = block[row, column], column, row + top
-            spots = read_spots(charts, members, fields, texels, edges[row + top, column])
+            spots = read_spots(charts, members, fields, texels, edges[row + top, column], waterline)
             wet, rusty = (stain.below(spots.place) for stain in stains)
             marked = mark(spots, members, wet, rusty, age)
             factors[row + top, column] = marked.T

@@ -100,6 +100,11 @@ class Site:
     keep_out: tuple[Box, ...]
     squares: tuple[PhotoSquare, ...] = ()
 
+    @property
+    def waterline(self) -> float | None:
+        """Height of the river around the piers that stand in it [m]; None where none does."""
+        return self.land.crossing.level if self.land.crossing.piers else None
+
     def ground(self, xy: F64) -> F64:
         """Find the height of the ground mesh; beyond the strip, the height of its edge.
 

@@ -232,7 +232,8 @@ def _wear(scene: Path, surfaces: Path) -> str:
     look = drawn.recipe.settings.look.model_copy(update={"folders": (surfaces.name,)})
     settings = drawn.recipe.settings.model_copy(update={"look": look})
     given, bridge = {surfaces.name: surfaces}, scene.parent / "bridge"
-    file = write_look(replace(drawn.recipe, settings=settings), name, drawn.bridge, bridge, given=given, base=look.name)
+    recipe, waterline = replace(drawn.recipe, settings=settings), drawn.site.waterline
+    file = write_look(recipe, name, drawn.bridge, bridge, given=given, base=look.name, waterline=waterline)
     add_look(bridge / "bridge.usda", name, file)
     return name
 
@@ -257,7 +258,7 @@ def _author(scene: Path, axis: str, value: str, date: datetime | None) -> str:
     drawn = _draw(read_recipe(folder))
     settings, seed = drawn.recipe.settings, drawn.recipe.seed
     if axis == "look":
-        file = write_look(drawn.recipe, value, drawn.bridge, folder / "bridge")
+        file = write_look(drawn.recipe, value, drawn.bridge, folder / "bridge", waterline=drawn.site.waterline)
         add_look(folder / "bridge/bridge.usda", value, file)
     else:
         add_background(scene, value, write_background(settings, seed, value, drawn.site, folder))

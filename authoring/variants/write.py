@@ -54,6 +54,7 @@ def write_look(
     *,
     given: Mapping[str, Path] = NO_FOLDERS,
     base: str = "",
+    waterline: float | None = None,
 ) -> str:
     """Bake a look for a bridge.
 
@@ -64,6 +65,7 @@ def write_look(
         folder: Folder of the bridge.
         given: Users' folders of surfaces by their names in the settings.
         base: Look of the roles without a fitting surface of the user; the one of that name when empty.
+        waterline: Height of the river around piers [m]; None where none stands in it.
 
     Returns:
         Its file, relative to that folder.
@@ -72,7 +74,13 @@ def write_look(
     place = (folder / file).parent
     place.mkdir(parents=True, exist_ok=True)
     recipes = bake_look(
-        recipe.settings.look, base or name, place, bridge, stream(recipe.seed, f"look/{name}"), given=given
+        recipe.settings.look,
+        base or name,
+        place,
+        bridge,
+        stream(recipe.seed, f"look/{name}"),
+        given=given,
+        waterline=waterline,
     )
     export(look_layer(recipes), folder / file)
     return file
