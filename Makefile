@@ -10,7 +10,8 @@ PIP := .venv/bin/python -m pip install --quiet --disable-pip-version-check --con
 PYTEST := .venv/bin/python -m pytest
 # Whole files go to whichever process is free: what a file's tests share is made once. They go in their own order, which
 # ends with short files; by number of tests, long files of few tests would come last and leave one core idle.
-PARALLEL := -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+# A worker that crashed ends the run: with another in its place, pytest-xdist waits for ever for the tests that it had.
+PARALLEL := -n auto --maxprocesses 4 --max-worker-restart 0 --dist loadfile --no-loadscope-reorder
 PINS := pyproject.toml constraints.txt
 
 # Tests start hundreds of processes: what Python compiles for one is kept for the next, whatever the shell says.

@@ -69,9 +69,10 @@ def _waterline(factors: Floats, spots: Spots, wall: Floats, old: float) -> None:
     if np.isinf(spots.dry).all():
         return
     dry = spots.dry + 0.05 * spots.patches + 0.04 * spots.streaks
-    years = 0.5 + 0.5 * min(old, 1.0)
-    _toward(factors, 0.6 * years * wall * ramp(dry, 1.1, 0.7), _FLOOD)
-    _toward(factors, 0.9 * years * wall * ramp(dry, 0.42, 0.22), _SLIME)
+    # What lies deeper is not visible: dark there, it would brighten all other concrete, as the mean of a role is kept.
+    shown = wall * ramp(spots.dry, -0.6, -0.3) * np.float32(0.5 + 0.5 * min(old, 1.0))
+    _toward(factors, 0.6 * shown * ramp(dry, 1.1, 0.7), _FLOOD)
+    _toward(factors, 0.9 * shown * ramp(dry, 0.42, 0.22), _SLIME)
 
 
 def _grown(factors: Floats, spots: Spots, members: Members, lie: tuple[Floats, Floats, Floats], old: float) -> None:

@@ -54,7 +54,8 @@ def gangways_chosen() -> bool | None:
     """Declare the setting `gangways` of a family with box decks; the pydantic field, default None."""
     return chosen(
         _SHARES,
-        f"Inspection gangways below the soffit of a box, where they are {OVER_GROUND:g} m above ground and water",
+        f"Inspection gangways below the soffit of a box, where there are {_SHORTEST:g} m without a support and "
+        f"{OVER_GROUND:g} m of air above ground and water; no effect on other decks",
         among=f" of those with a box and a main span of at least {_LONG:g} m",
         paper=_NONE,
     )

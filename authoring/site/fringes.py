@@ -1,4 +1,6 @@
-"""Tall grass along the borders of fields, yards and bare soil, where no mower and no plough comes."""
+"""Tall grass along the borders of fields, yards and river banks, where no mower and no plough comes."""
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +11,9 @@ from authoring.site.relief import draw_relief
 from authoring.site.shape import Land
 
 F64 = NDArray[np.float64]
-BORDERED = ("ploughed", "crop", "ripe", "hay", "worn", "bank", "lot_asphalt", "lot_paved", "lot_gravel")  # covers
+B = NDArray[np.bool_]
+Clear = Callable[[F64, F64], B]
+BORDERED = ("ploughed", "crop", "ripe", "hay", "bank", "lot_asphalt", "lot_paved", "lot_gravel")  # covers
 _DRAWN = 16  # places drawn for each that is wanted
 _REACH = 3.0  # distance from a border within which a drawn place is moved to it [m]
 _SURE, _LEVEL = 5.5, 0.15  # largest value [m] and least slope [1] of a field that tells where its border lies
@@ -20,7 +24,7 @@ _GAPS = ((9.0, 1.0), (3.0, 0.6))  # longest waves [m] and heights of what thins 
 _LEAST = -0.9  # of these heights: grass stands along most of a border
 
 
-def fringe_places(land: Land, ground: HeightField, count: int, rng: np.random.Generator) -> F64:
+def fringe_places(land: Land, ground: HeightField, count: int, rng: np.random.Generator, clear: Clear) -> F64:
     """Draw places along borders of covers, more of them near the bridge.
 
     Places are drawn evenly, and those near a border are moved to it down the slope of the distance to it.
@@ -30,6 +34,7 @@ def fringe_places(land: Land, ground: HeightField, count: int, rng: np.random.Ge
         ground: The strip.
         count: Largest number of places.
         rng: Random stream.
+        clear: Tells which places, by station and left [m], shape (N,) each, are off roads, water and the bridge.
 
     Returns:
         Station, left and ground height [m], shape (N, 3), float64.
@@ -49,6 +54,7 @@ def fringe_places(land: Land, ground: HeightField, count: int, rng: np.random.Ge
     stands = thin(station, left) > _LEAST
     stands &= (station > ground.stations[0] + 0.5) & (station < ground.stations[-1] - 0.5)
     stands &= (left > ground.lefts[0] + 0.5) & (left < ground.lefts[-1] - 0.5)
+    stands &= clear(station, left)
     station, left = station[stands], left[stands]
     away, _, _ = _way(land, station, left)
     rows = np.flatnonzero((away < -0.5 * _NEAREST) & (away > -1.2 * _FARTHEST))[:count]

@@ -15,6 +15,7 @@ ON_LAND = 3.0  # [m] least distance of the next piers' support lines from the wa
 BANK = 4.5  # [m] least distance of the abutments' bearing lines from the water, for the bank
 DRY_SHARE = 0.17  # of a span, that the next support keeps from the water at least [1]
 WIDEST = 60.0  # [m] widest river
+ASIDE, SWELL = 80.0, 1.25  # [m] beside the axis, up to which a river is at most so many times as wide as at the deck
 _DEPTHS = (0.9, 1.4)  # [m] depth of the water
 _TRIES = 6  # drawn widths per group of piers
 _LEAST_FILLED = 0.3  # of the room for water beside the piers that is filled at least [1]
@@ -59,6 +60,8 @@ def has_room(crossing: Crossing, layout: Layout) -> bool:
     """
     if 2.0 * crossing.half_width > WIDEST or crossing.half_width + BANK > floor_room(layout, crossing.station):
         return False
+    if swell(crossing, layout) > SWELL:
+        return False
     first, last = crossing.piers[0], crossing.piers[-1]
     left = np.linspace(-0.5, 0.5, 41) * layout.width
     beyond = {n: crossing.distance(np.array(at), left) - crossing.half_width for n, at in enumerate(layout.supports)}
@@ -67,6 +70,20 @@ def has_room(crossing: Crossing, layout: Layout) -> bool:
     return all(
         float(beyond[n].min()) >= _dry(layout, n, beside) for n, beside in ((first - 1, first), (last + 1, last))
     )
+
+
+def swell(crossing: Crossing, layout: Layout) -> float:
+    """Measure how many times as wide as at the deck a river is beside a curved axis, at most [1].
+
+    Args:
+        crossing: The river.
+        layout: The bridge.
+    """
+    left = np.linspace(-ASIDE, ASIDE, 9)
+    reach = crossing.half_width * crossing.stretch(left)
+    edges = [layout.alignment.point(crossing.center(left) + side * reach, left, 0.0 * left) for side in (-1.0, 1.0)]
+    wide = np.hypot(*(edges[1] - edges[0])[:, :2].T)
+    return float(wide.max() / wide[len(left) // 2])
 
 
 def _dry(layout: Layout, support: int, beside: int) -> float:

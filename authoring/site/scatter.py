@@ -57,7 +57,7 @@ class ScatterSettings(Settings):
         ge=0,
         le=50_000,
         description="Number of tufts of grass; those on unsuitable ground are left out. Up to four fifths as many "
-        "stand along the borders of fields and bare soil, too [1]",
+        "stand along the borders of fields, yards and river banks, too [1]",
     )
 
 
@@ -118,8 +118,8 @@ def scatter_plants(
     grassy = _places(land, ground, settings.tufts, _Gaps(0.12, 0.15, 13.0), rng)
     hedged = hedge_places(land, ground, settings.hedges, more)
     shore = _shore_places(land, ground, settings.reeds, rng)
-    fringes = fringe_places(land, ground, round(_FRINGES * settings.tufts), rng.spawn(1)[0])
-    fringes = fringes[clear(land, fringes[:, 0], fringes[:, 1], 0.12, 0.15)]
+    most, apart = round(_FRINGES * settings.tufts), rng.spawn(1)[0]
+    fringes = fringe_places(land, ground, most, apart, lambda station, left: clear(land, station, left, 0.12, 0.15))
     runs = (
         _Run("Site_Stones", "rock", stones, plain_stones, (0.08, 0.55), stony),
         _Run("Site_Shrubs", "shrub", shrubs, plain_shrubs, (0.6, 2.0), shrubby),
@@ -145,9 +145,11 @@ def _strewn(run: _Run, land: Land, rng: np.random.Generator, number: int) -> Sca
     far |= (scale < SMALL) if run.kind == "rock" else False
     if not len(places):
         return None
-    models = np.where(far, chosen + count, chosen).astype(np.int32)
+    one = run.plain is run.detailed
+    models = np.where(far & (not one), chosen + count, chosen).astype(np.int32)
+    prototypes = run.detailed if one else (*run.detailed, *run.plain)
     positions = to_world(land.layout.alignment, places)
-    return Scatter(run.name, run.kind, "Plants", (*run.detailed, *run.plain), models, positions, yaw, scales, (number,))
+    return Scatter(run.name, run.kind, "Plants", prototypes, models, positions, yaw, scales, (number,))
 
 
 def _places(

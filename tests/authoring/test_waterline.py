@@ -39,6 +39,8 @@ def test_a_river_leaves_algae_and_silt_above_its_surface(age: float) -> None:
     assert at(-0.2, 0.15) < 0.75 * at(2.0, 5.0)
     assert at(0.5, 0.6) < 0.95 * at(2.0, 5.0)
     assert changed[height > WATER + 1.6].std() < 1e-3
+    assert changed[height < WATER - 0.9].std() < 1e-3
+    assert at(2.0, 5.0) < 1.10  # the mean is kept, and a sixth of this wall is darker
     none = weather((wall(),), PIXELS, age, np.random.default_rng(3))
     np.testing.assert_array_equal(dry, none)
 

@@ -45,7 +45,7 @@ from tests.learn.toy_bridge import toy_cloud, write_toy
 # classes; after two usual ones it says one at every point, and two equal predictions prove little.
 SAMPLES = 32
 SMALL: dict[str, Any] = {
-    "epochs": 1,
+    "epochs": 3,
     "learning_rate": 0.02,
     "batch": 2,
     "precision": "32-true",
@@ -68,7 +68,7 @@ def small() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def made(small: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Three toy bridges; a model of 16 steps; one bridge picks the epoch, one is for the test."""
+    """Three toy bridges; a model of 48 steps; one bridge picks the epoch, one is for the test."""
     root = tmp_path_factory.mktemp("shipped")
     for number, name in enumerate(("train", "pick", "test")):
         write_toy(root / "clouds" / name / "mesh", number, 4_000, f"{name}bridge")
@@ -87,7 +87,7 @@ def made(small: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def labeled(made: Path) -> Labeled:
     """What the shipped model says of the test scan, as a prediction finds it."""
     found = label_scan(read_labeled_scan(made / "clouds" / "test" / "mesh"), read_trained_model(made / "shipped"))
-    # So that comparisons bite; no share, as 16 steps end a little differently on other processors.
+    # So that comparisons bite; no share, as 48 steps end a little differently on other processors.
     assert (np.bincount(found.found["kim2023"]) >= 20).sum() >= 3
     return found
 

@@ -203,11 +203,20 @@ def in_this_process() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         for module in ("recon.sfm.sparse", "recon.sfm.matching", "recon.dense.dense"):
             patch.setattr(import_module(module), "run_child", serve_here)
-        # Counting the rows of a database that COLMAP writes in the same process would end COLMAP's locks on the file.
-        patch.setattr("recon.sfm.sparse.count_rows", lambda *_: 0)
+        count_no_rows(patch)
         yield
     cv2.setNumThreads(threads)
     pycolmap.logging.minloglevel = level
+
+
+def count_no_rows(patch: pytest.MonkeyPatch) -> None:
+    """Keep away from databases that COLMAP writes in this process.
+
+    Python and COLMAP have an SQLite each, and locks on a file belong to the process: when one of the two closes it, the
+    locks of the other end. Then a journal is deleted under it, and the process ends with a bus error.
+    """
+    patch.setattr("recon.sfm.sparse.count_rows", lambda *_: 0)
+    patch.setattr("recon.sfm.matching._begun", lambda *_: 0)
 
 
 def serve_here(module: str, request: dict[str, Any], *, progress: Progress = SILENT, **_limits: object) -> Any:
