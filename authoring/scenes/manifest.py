@@ -105,6 +105,17 @@ def changed_files(folder: Path) -> list[str]:
     return [f"{name}: {what}" for name, what in sorted(lines.items())]
 
 
+def is_as_written(folder: Path, name: str) -> bool:
+    """Compare one file of a scene folder with its manifest.
+
+    Args:
+        folder: Scene folder.
+        name: The file, relative to that folder.
+    """
+    file = folder / name
+    return file.is_file() and _read(folder / NAME)["files"].get(name) == file_digest(file)
+
+
 def edits_since(folder: Path) -> list[str]:
     """List the changes that a new authoring of a scene folder would remove.
 

@@ -16,6 +16,7 @@ from authoring.families.registry import build_bridge
 from authoring.imported.asset import is_city, world_name
 from authoring.layers.assets import Pieces
 from authoring.layers.change import check_editable
+from authoring.layers.geometry import BRIDGE, SITE
 from authoring.layers.selection import AXES, choose, offered, unknown_choice
 from authoring.layers.variant import variant_layer
 from authoring.light.panorama import PANORAMAS
@@ -28,6 +29,7 @@ from authoring.variants.arcs import add_background, add_light, add_look
 from authoring.variants.foreign_background import stage_background
 from authoring.variants.foreign_look import stage_look
 from authoring.variants.foreign_place import HERE, Point
+from authoring.variants.redrawn import check_redrawn
 from authoring.variants.staging import Staged
 from authoring.variants.write import write_background, write_light, write_look
 from groundwork.errors import InputError, MissingError
@@ -219,6 +221,7 @@ def _check_file(axis: str, file: Path) -> None:
 def _settle(scene: Path, world: Path) -> str:
     """Place a scene in an imported world."""
     drawn, name = _draw(read_recipe(scene.parent)), world_name(world)
+    check_redrawn(scene, SITE, "site", drawn.site.pieces)
     files = write_background(drawn.recipe.settings, drawn.recipe.seed, name, drawn.site, scene.parent, world)
     add_background(scene, name, files)
     return name
@@ -232,6 +235,7 @@ def _wear(scene: Path, surfaces: Path) -> str:
     look = drawn.recipe.settings.look.model_copy(update={"folders": (surfaces.name,)})
     settings = drawn.recipe.settings.model_copy(update={"look": look})
     given, bridge = {surfaces.name: surfaces}, scene.parent / "bridge"
+    check_redrawn(scene, BRIDGE, "bridge", drawn.bridge)
     recipe, waterline = replace(drawn.recipe, settings=settings), drawn.site.waterline
     file = write_look(recipe, name, drawn.bridge, bridge, given=given, base=look.name, waterline=waterline)
     add_look(bridge / "bridge.usda", name, file)
@@ -258,9 +262,11 @@ def _author(scene: Path, axis: str, value: str, date: datetime | None) -> str:
     drawn = _draw(read_recipe(folder))
     settings, seed = drawn.recipe.settings, drawn.recipe.seed
     if axis == "look":
+        check_redrawn(scene, BRIDGE, "bridge", drawn.bridge)
         file = write_look(drawn.recipe, value, drawn.bridge, folder / "bridge", waterline=drawn.site.waterline)
         add_look(folder / "bridge/bridge.usda", value, file)
     else:
+        check_redrawn(scene, SITE, "site", drawn.site.pieces)
         add_background(scene, value, write_background(settings, seed, value, drawn.site, folder))
     return value
 
