@@ -1,4 +1,4 @@
-"""Whether a scene's bridge and site are still drawn as they were: new looks and worlds are made for what is drawn now."""
+"""Whether a scene's bridge and site are still drawn as they were: what is added is made for those drawn now."""
 
 import hashlib
 from pathlib import Path

@@ -42,7 +42,7 @@ def test_a_scene_of_another_version_gets_no_look_and_no_world(
     monkeypatch.setattr(add, "build_bridge", another_bridge)
     monkeypatch.setattr(add, "draw_site", another_site)
     before = file_bytes(own_scene.parent)
-    with pytest.raises(InputError, match="another version of Falsework authored it.*Author the scene again"):
+    with pytest.raises(InputError, match=r"another version of Falsework authored it.*Author the scene again"):
         set_choices(own_scene, {axis: value}, print)
     assert file_bytes(own_scene.parent) == before
     set_choices(own_scene, {"look": "clean"}, print)

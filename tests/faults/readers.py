@@ -198,6 +198,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "validate.validate_scene",
         "add.write_variant",
         "add._ensure",
+        "redrawn.check_redrawn",
         "add_survey.add_survey",
         "add_survey._add_product",
         "usd_file.open_foreign",
