@@ -96,8 +96,7 @@ def author_scene(
         site_root = author_provenance(site_layer(recipes), "/Site", made_from(settings, seed, "site"))
         export(site_root, folder / "site/site.usda")
         progress.advance(2)
-        recipe, place = SceneRecipe(settings, seed), folder / "bridge"
-        _write_bridge(recipe, layout, drawn, bridge, place, given.surfaces, waterline=site.waterline)
+        _write_bridge(SceneRecipe(settings, seed), layout, drawn, bridge, folder, given.surfaces, waterline=site.waterline)
         progress.advance(3)
         subject = make_subject(bridge, site.pieces)
         paths = [plan_survey(survey, subject, seed) for survey in settings.survey]
@@ -133,7 +132,7 @@ def _write_bridge(
     *,
     waterline: float | None,
 ) -> None:
-    settings, seed = recipe.settings, recipe.seed
+    settings, seed, folder = recipe.settings, recipe.seed, folder / "bridge"
     write_asset(BRIDGE, bridge, folder)
     export(payload_layer(), folder / "payload.usda")
     asked = dict.fromkeys((settings.look.name, *settings.variants.look))
