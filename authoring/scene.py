@@ -96,7 +96,7 @@ def author_scene(
         site_root = author_provenance(site_layer(recipes), "/Site", made_from(settings, seed, "site"))
         export(site_root, folder / "site/site.usda")
         progress.advance(2)
-        _write_bridge(SceneRecipe(settings, seed), layout, drawn, bridge, folder, given.surfaces, waterline=site.waterline)
+        _write_bridge(SceneRecipe(settings, seed), layout, drawn, bridge, folder, given.surfaces, water=site.waterline)
         progress.advance(3)
         subject = make_subject(bridge, site.pieces)
         paths = [plan_survey(survey, subject, seed) for survey in settings.survey]
@@ -130,7 +130,7 @@ def _write_bridge(
     folder: Path,
     surfaces: Mapping[str, Path],
     *,
-    waterline: float | None,
+    water: float | None,
 ) -> None:
     settings, seed, folder = recipe.settings, recipe.seed, folder / "bridge"
     write_asset(BRIDGE, bridge, folder)
@@ -138,7 +138,7 @@ def _write_bridge(
     asked = dict.fromkeys((settings.look.name, *settings.variants.look))
     others = (name for name in LOOKS if name not in asked)
     names = [*asked, *islice(others, max(2 - len(asked), 0))]  # at least two: another look is then at hand
-    files = {name: write_look(recipe, name, bridge, folder, given=surfaces, waterline=waterline) for name in names}
+    files = {name: write_look(recipe, name, bridge, folder, given=surfaces, waterline=water) for name in names}
     spans = tuple(np.diff(layout.supports).tolist())
     facts = {**asdict(drawn), "alignment": asdict(layout.alignment)}
     layer = bridge_layer(drawn.family, spans, layout.width, facts, files)
