@@ -7,8 +7,7 @@ from typing import Literal
 import numpy as np
 
 from authoring.axis.alignment import Layout
-from authoring.site.river_piers import BANK as _BANK
-from authoring.site.river_piers import widened
+from authoring.site.river_piers import BANK, widened
 from authoring.site.shape import Crossing
 from authoring.site.valley import Valley, draw_valley, floor_room
 from authoring.streams import weighted_choice
@@ -106,7 +105,7 @@ def draw_crossing(
     phase = rng.uniform(0.3 * np.pi, 0.7 * np.pi) * rng.choice((-1.0, 1.0))
     bottom, width, level, depth = _BOTTOMS[kind](span, rng)
     if bottom == "river":  # the width of the water depends on the valley's sides
-        width = min(width, max(2.0 * (floor_room(layout, _inward(layout, station, width)) - _BANK), NARROWEST))
+        width = min(width, max(2.0 * (floor_room(layout, _inward(layout, station, width)) - BANK), NARROWEST))
         depth = min(depth, width / 6)
     if width < NARROWEST:
         raise InputError(
@@ -130,7 +129,7 @@ def draw_crossing(
     )
     if kind == "river":
         crossing = widened(crossing, layout, river_piers, apart[1])
-    floor = crossing.half_width + _BANK
+    floor = crossing.half_width + BANK
     return crossing, draw_valley(layout, crossing.station, floor, kind == "valley", apart[0])
 
 

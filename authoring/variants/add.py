@@ -196,17 +196,21 @@ def _is_world(axis: str, value: str) -> bool:
 def _maker(scene: Path, axis: str, value: str, known: tuple[str, ...]) -> Callable[[], str]:
     """Return the function that adds a choice to a scene: nothing is written before it is called."""
     if _is_world(axis, value):
-        return partial(_settle, scene, Path(value))
+        return partial(_settle, scene, _drawn_alike(scene, axis), Path(value))
     if axis == "light" and Path(value).suffix.lower() in PANORAMAS:
         return partial(_author_sky, scene, Path(value))
     if axis == "look" and (Path(value).is_dir() or Path(value).suffix.lower() == ".zip"):
-        return partial(_wear, scene, Path(value))
+        if Tf.MakeValidIdentifier(Path(value).stem) in LOOKS:
+            raise InputError("has the name of a look of Falsework", where=value, field=axis, hint="Rename it")
+        return partial(_wear, scene, _drawn_alike(scene, axis), Path(value))
     makeable = {"look": tuple(LOOKS), "background": tuple(BACKGROUNDS), "light": ()}[axis]
     date = _date(value) if axis == "light" else None
     if value not in makeable and date is None:
         _check_file(axis, Path(value))
         raise unknown_choice(scene, axis, value, (*sorted({*known, *makeable}), *_ALSO[axis]))
-    return partial(_author, scene, axis, value, date)
+    if date is not None:
+        return partial(_author_light, scene, date)
+    return partial(_author, scene, _drawn_alike(scene, axis), axis, value)
 
 
 def _check_file(axis: str, file: Path) -> None:
@@ -218,24 +222,20 @@ def _check_file(axis: str, file: Path) -> None:
         raise MissingError("no such file", where=file, field=axis, hint="Check the path")
 
 
-def _settle(scene: Path, world: Path) -> str:
+def _settle(scene: Path, drawn: _Drawn, world: Path) -> str:
     """Place a scene in an imported world."""
-    drawn, name = _draw(read_recipe(scene.parent)), world_name(world)
-    check_redrawn(scene, SITE, "site", drawn.site.pieces)
+    name = world_name(world)
     files = write_background(drawn.recipe.settings, drawn.recipe.seed, name, drawn.site, scene.parent, world)
     add_background(scene, name, files)
     return name
 
 
-def _wear(scene: Path, surfaces: Path) -> str:
+def _wear(scene: Path, drawn: _Drawn, surfaces: Path) -> str:
     """Apply a user's folder of surfaces to the bridge; roles without a suitable one keep that of the scene's look."""
-    drawn, name = _draw(read_recipe(scene.parent)), Tf.MakeValidIdentifier(surfaces.stem)
-    if name in LOOKS:
-        raise InputError("has the name of a look of Falsework", where=surfaces, value=name, hint="Rename it")
+    name = Tf.MakeValidIdentifier(surfaces.stem)
     look = drawn.recipe.settings.look.model_copy(update={"folders": (surfaces.name,)})
     settings = drawn.recipe.settings.model_copy(update={"look": look})
     given, bridge = {surfaces.name: surfaces}, scene.parent / "bridge"
-    check_redrawn(scene, BRIDGE, "bridge", drawn.bridge)
     recipe, waterline = replace(drawn.recipe, settings=settings), drawn.site.waterline
     file = write_look(recipe, name, drawn.bridge, bridge, given=given, base=look.name, waterline=waterline)
     add_look(bridge / "bridge.usda", name, file)
@@ -251,24 +251,34 @@ def _author_sky(scene: Path, picture: Path) -> str:
     return name
 
 
-def _author(scene: Path, axis: str, value: str, date: datetime | None) -> str:
-    folder = scene.parent
-    if date is not None:
-        recipe = read_recipe(folder)
-        name = f"light_{date:%Y%m%d_%H%M}"
-        settings = recipe.settings.light.model_copy(update={"date": date, "sky": ""})
-        add_light(folder / "lighting.usda", name, write_light(settings, recipe.seed, name, folder, {}))
-        return name
-    drawn = _draw(read_recipe(folder))
-    settings, seed = drawn.recipe.settings, drawn.recipe.seed
+def _author_light(scene: Path, date: datetime) -> str:
+    """Add the light of a date and hour."""
+    folder, recipe = scene.parent, read_recipe(scene.parent)
+    name = f"light_{date:%Y%m%d_%H%M}"
+    settings = recipe.settings.light.model_copy(update={"date": date, "sky": ""})
+    add_light(folder / "lighting.usda", name, write_light(settings, recipe.seed, name, folder, {}))
+    return name
+
+
+def _author(scene: Path, drawn: _Drawn, axis: str, value: str) -> str:
+    """Add one of our own looks or backgrounds."""
+    folder, recipe = scene.parent, drawn.recipe
     if axis == "look":
-        check_redrawn(scene, BRIDGE, "bridge", drawn.bridge)
-        file = write_look(drawn.recipe, value, drawn.bridge, folder / "bridge", waterline=drawn.site.waterline)
+        file = write_look(recipe, value, drawn.bridge, folder / "bridge", waterline=drawn.site.waterline)
         add_look(folder / "bridge/bridge.usda", value, file)
     else:
-        check_redrawn(scene, SITE, "site", drawn.site.pieces)
-        add_background(scene, value, write_background(settings, seed, value, drawn.site, folder))
+        add_background(scene, value, write_background(recipe.settings, recipe.seed, value, drawn.site, folder))
     return value
+
+
+def _drawn_alike(scene: Path, axis: str) -> _Drawn:
+    """Draw a scene's bridge and site again, and refuse what would not fit those that are stored."""
+    drawn = _draw(read_recipe(scene.parent))
+    if axis == "look":
+        check_redrawn(scene, BRIDGE, "bridge", drawn.bridge)
+    else:
+        check_redrawn(scene, SITE, "site", drawn.site.pieces)
+    return drawn
 
 
 def _draw(recipe: SceneRecipe) -> _Drawn:

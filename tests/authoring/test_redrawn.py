@@ -43,7 +43,7 @@ def test_a_scene_of_another_version_gets_no_look_and_no_world(
     monkeypatch.setattr(add, "draw_site", another_site)
     before = file_bytes(own_scene.parent)
     with pytest.raises(InputError, match=r"another version of Falsework authored it.*Author the scene again"):
-        set_choices(own_scene, {axis: value}, print)
+        set_choices(own_scene, {"light": "2024-12-21T10:00", axis: value}, print)
     assert file_bytes(own_scene.parent) == before
     set_choices(own_scene, {"look": "clean"}, print)
 
@@ -55,3 +55,14 @@ def test_geometry_that_somebody_has_changed_is_not_compared(own_scene: Path, mon
     geometry.write_bytes(geometry.read_bytes() + b"\0")
     monkeypatch.setattr(add, "build_bridge", lambda *asked: moved(build_bridge(*asked)))
     assert set_choices(own_scene, {"look": "random"}, print) == {"look": "random"}
+
+
+def test_surfaces_with_the_name_of_our_look_are_refused_before_anything_is_written(
+    own_scene: Path, tmp_path: Path
+) -> None:
+    """A folder called as a look of ours: one line, and the light that was asked for with it is not added either."""
+    (tmp_path / "clean").mkdir()
+    before = file_bytes(own_scene.parent)
+    with pytest.raises(InputError, match="has the name of a look"):
+        set_choices(own_scene, {"light": "2024-12-21T10:00", "look": str(tmp_path / "clean")}, print)
+    assert file_bytes(own_scene.parent) == before
