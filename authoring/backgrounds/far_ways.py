@@ -29,7 +29,17 @@ def far_ways(terrain: Terrain) -> list[Piece]:
     for number, start, stop in ((0, first, field.stations[1]), (1, last, field.stations[-2])):
         pieces += approach_pieces(land, number, spread(start, stop, FAR_STEP), hills, "_Far", terrain.height)
     timber = any(role == "timber" for _, _, role, _ in pieces)
-    return [part for piece in pieces for part in _thinned(terrain, piece, FAR_BED if not timber else piece[2])]
+    thinned = [part for piece in pieces for part in _thinned(terrain, piece, FAR_BED if not timber else piece[2])]
+    return with_faces(thinned)
+
+
+def with_faces(pieces: list[Piece]) -> list[Piece]:
+    """Leave out the pieces that have no face left: a stage holds no empty mesh.
+
+    Args:
+        pieces: Leaf prim name, component kind, material recipe and mesh of each piece.
+    """
+    return [piece for piece in pieces if len(piece[3].face_counts)]
 
 
 def without(mesh: Mesh, lost: NDArray[np.bool_]) -> Mesh:

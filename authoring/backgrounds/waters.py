@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from authoring.backgrounds.far_ways import far_ways, without
+from authoring.backgrounds.far_ways import far_ways, with_faces, without
 from authoring.backgrounds.terrain import Terrain
 from authoring.shapes.component import Mesh
 from authoring.site.covers import Cover, Soup, chunked, covered, drape
@@ -198,13 +198,14 @@ def ways_to_water(terrain: Terrain, basin: Basin) -> list[Piece]:
             station, left = terrain.land.layout.alignment.locate(mesh.points)
             mesh = without(mesh, basin.side * left - basin.near(station) > -ROAD_END)
         pieces.append((prim, kind, role, mesh))
+    pieces = with_faces(pieces)
     return [*pieces, *_track_end(terrain, basin, pieces)]
 
 
 def _track_end(terrain: Terrain, basin: Basin, pieces: list[Piece]) -> list[Piece]:
     """End a railway under the bridge at buffer stops, before the water."""
     suffix, land = "_Left" if basin.side > 0.0 else "_Right", terrain.land
-    rails = [mesh.points for prim, _, _, mesh in pieces if prim == f"Rails{suffix}" and len(mesh.points)]
+    rails = [mesh.points for prim, _, _, mesh in pieces if prim == f"Rails{suffix}"]
     if not rails:
         return []
     end = float(np.max(basin.side * land.layout.alignment.locate(rails[0])[1]))

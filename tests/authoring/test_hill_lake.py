@@ -206,8 +206,9 @@ def test_a_road_under_the_bridge_ends_before_the_water(world: World) -> None:
 
 
 def test_a_railway_under_the_bridge_ends_at_buffer_stops() -> None:
-    """One across each track, over its rails' ends and above them, out of the ground and before the water."""
+    """One across each track, over its rails' ends and above them, before the water; no piece is left without a face."""
     _, site, pieces = small_world("lakeside", 3)
+    assert [part.name for part in solids(pieces) if not len(part.mesh.face_counts)] == []
     (stops,) = (part for part in solids(pieces) if "BufferStops" in part.name)
     side = stops.name.rpartition("_")[2]
     (rails,) = (part for part in solids(pieces) if part.name == f"Lakeside_Rails_{side}")

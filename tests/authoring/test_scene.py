@@ -21,6 +21,7 @@ from groundwork.settings import parse_settings
 from tests.conftest import Count, RecordProof
 from usd_schemas import tokens
 from usd_schemas.pinhole import USD_FROM_CAMERA
+from usd_schemas.reading.stage_reader import read_stage
 
 SEED = 7
 SMALL: dict[str, object] = {
@@ -93,8 +94,9 @@ def test_each_of_them_alone_writes_the_same_bytes(
 
 
 def test_scene_is_sound(scene: Path) -> None:
-    """No findings in any variant, and the manifest agrees with the files."""
+    """No findings in any variant, the renderer reads it without a warning, and the manifest agrees with the files."""
     assert validate_scene(scene / "scene.usda") == []
+    assert read_stage(scene / "scene.usda").warnings == ()
     assert changed_files(scene) == []
 
 

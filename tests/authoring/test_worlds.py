@@ -59,6 +59,7 @@ def test_worlds_keep_their_promises(name: str, proof_count: Count, record_proof:
         slowest = max(slowest, time.process_time() - start)
         unlabelled = [piece.name for piece in (*site.pieces, *pieces) if class_of(piece.kind) != "background"]
         assert unlabelled == [], seed
+        assert [p.name for p in pieces if isinstance(p, Component) and not len(p.mesh.face_counts)] == [], seed
         # Round a bend the box is wider than the strip, and bare land with its quays goes on within it; car parks of a
         # city lie on plots of the strip (test_car_parks.py).
         bent = (LOTS,) if layout.alignment.square else (LOTS, "Ground", "Ways", "Quays")
