@@ -67,10 +67,10 @@ def soil(tile: Tile) -> Sheet:
         border = 0.20 + 0.16 * size - layer.near + 0.05 * chips
         albedo = albedo * (1 - 0.35 * ramp(border, -0.08, 0.02) * lies)[..., None]  # its own shade beside it
         body = ramp(border, 0.0, 0.06) * lies
-        albedo = cover(albedo, 0.9 * body, paint((0.200, 0.178, 0.148), 0.60 + 0.75 * own + 0.06 * grain))
+        albedo = cover(albedo, 0.9 * body, paint((0.200, 0.178, 0.148), 0.68 + 0.56 * own + 0.06 * grain))
         relief = relief + 0.2 * pitch * body
     litter = ramp(_filaments(tile, 0.12) + 0.6 * damp, 1.9, 2.6)
-    albedo = cover(albedo, 0.45 * litter, (0.235, 0.190, 0.110))
+    albedo = cover(albedo, 0.45 * litter, (0.180, 0.145, 0.084))
     for pitch, stretch, share, color in _LITTER:
         layer = cells(tile, pitch, stretch=stretch, jitter=1.0)
         own, chance = per_cell(tile, layer), per_cell(tile, layer)
@@ -221,9 +221,9 @@ def foliage(tile: Tile) -> Sheet:
 _PEBBLES = ((0.26, 0.13), (0.12, 0.32), (0.06, 0.42), (0.032, 0.36))
 # Mean distance of dry leaves, fresh ones and seedlings [m], their shape, the share of the places, and their color.
 _LITTER: tuple[tuple[float, float, float, Color], ...] = (
-    (0.11, 0.50, 0.10, (0.250, 0.175, 0.090)),
-    (0.09, 1.90, 0.08, (0.200, 0.130, 0.070)),
-    (0.20, 0.80, 0.06, (0.085, 0.120, 0.045)),
+    (0.11, 0.50, 0.10, (0.192, 0.134, 0.069)),
+    (0.09, 1.90, 0.08, (0.154, 0.100, 0.054)),
+    (0.20, 0.80, 0.06, (0.065, 0.092, 0.035)),
 )
 # Turf of low sun to full; with straw and soil its mean is that of measured turf, 6 % red, 8 % green, 3 % blue.
 _BLADES: tuple[Color, ...] = (
