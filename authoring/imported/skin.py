@@ -11,6 +11,7 @@ from authoring.looks.encode import png
 from authoring.looks.material import MaterialRecipe
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
+from groundwork.png_chunks import SIGNATURE, is_whole_png
 from usd_schemas.texels import srgb_to_linear
 
 F64 = NDArray[np.float64]
@@ -67,7 +68,8 @@ def image_skin(data: bytes, where: str) -> Skin:
             hint="Reduce it",
         )
     try:
-        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        whole = is_whole_png(data) or not data.startswith(SIGNATURE)
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if whole else None
     except cv2.error:
         pixels = None
     if pixels is None:
@@ -132,7 +134,7 @@ def _skin(data: bytes, suffix: str, pixels: U8) -> Skin:
 
 def _size(data: bytes) -> tuple[int, int] | None:
     """Read width and height from the head of a PNG or JPEG file [px], before anything is decoded."""
-    if data[:8] == b"\x89PNG\r\n\x1a\n" and len(data) > 24:
+    if data.startswith(SIGNATURE) and len(data) > 24:
         return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
     if data[:2] != b"\xff\xd8":
         return None

@@ -13,6 +13,7 @@ from authoring.looks.library import SheetFiles
 from authoring.looks.user_maps import MapSet, Picture, find_sets
 from groundwork.errors import InputError
 from groundwork.files import write_bytes
+from groundwork.png_chunks import SIGNATURE, is_whole_png
 from usd_schemas.texels import srgb_to_linear
 from usd_schemas.tokens import ROLES
 
@@ -141,10 +142,10 @@ def _decode(picture: Picture) -> U8:
     if size and size[0] * size[1] > _MOST_PIXELS:
         raise InputError(f"too large a picture: {size[0]} x {size[1]} px", where=picture.where, allowed="up to 300 Mpx")
     try:
-        found = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        found = None if _cut_short(data) else cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     except cv2.error:
         found = None
-    if found is None or _cut_short(data):
+    if found is None:
         raise InputError("the picture cannot be read", where=picture.where, hint="Check that the file is complete")
     return np.ascontiguousarray(found[..., ::-1]).astype(np.uint8, copy=False)
 
@@ -181,8 +182,8 @@ def _stated_size(data: bytes) -> tuple[int, int] | None:
 
 def _cut_short(data: bytes) -> bool:
     """Tell whether an image lacks its end marker: decoders fill the missing rows of a truncated image with gray."""
-    if data[:4] == b"\x89PNG":
-        return b"IEND" not in data[-64:]
+    if data.startswith(SIGNATURE):
+        return not is_whole_png(data)
     return data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-1024:]
 
 

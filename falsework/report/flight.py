@@ -14,6 +14,7 @@ from falsework.report.pictures import data_uri
 from groundwork.errors import InputError
 from groundwork.files import read_json
 from groundwork.foreign_file import read_regular
+from groundwork.png_chunks import SIGNATURE, is_whole_png
 from render.capture import Capture, Truth
 
 if TYPE_CHECKING:
@@ -130,7 +131,10 @@ def small_picture(path: Path, width: int) -> NDArray[np.uint8] | None:
         sRGB colors, shape (H, width, 3), uint8; None where it cannot be read.
     """
     try:
-        data = np.frombuffer(read_regular(path), np.uint8)
+        file = read_regular(path)
+        if file.startswith(SIGNATURE) and not is_whole_png(file):
+            return None
+        data = np.frombuffer(file, np.uint8)
         for reduced in (SMALLEST[8], SMALLEST[4], SMALLEST[2], SMALLEST[1]):
             pixels = cv2.imdecode(data, reduced | cv2.IMREAD_IGNORE_ORIENTATION)
             if pixels is None:

@@ -10,7 +10,8 @@ import deflate
 import numpy as np
 from numpy.typing import NDArray
 
-SIGNATURE = b"\x89PNG\r\n\x1a\n"
+from groundwork.png_chunks import SIGNATURE
+
 _LEVEL = 1
 _GRAY, _UNFILTERED = 0, 0
 _HEADER, _HEADER_BEGINS = ">IIBBBBB", b"\x00\x00\x00\x0dIHDR"

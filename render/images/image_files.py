@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from groundwork.errors import InputError, MissingError
 from groundwork.foreign_file import open_regular, read_regular
-from render.images.gray_png import SIGNATURE, decode_gray_png, encode_gray_png
+from groundwork.png_chunks import SIGNATURE, is_whole_png
+from render.images.gray_png import decode_gray_png, encode_gray_png
 
 _DEFLATE = 8  # TIFF's Adobe Deflate: OpenCV's own wheel cannot read Zstandard
 _JPEG_END = b"\xff\xd9"
@@ -108,9 +109,7 @@ def decode(path: Path, size: tuple[int, int] | None = None) -> NDArray[Any]:
     gray = decode_gray_png(data)
     if gray is not None:
         return gray
-    jpeg = data[:2] == b"\xff\xd8"
-    whole = bool(data) and (not jpeg or data.rstrip(b"\x00")[-2:] == _JPEG_END or _reaches_its_end(data))
-    pixels = _decode(data, jpeg=jpeg) if whole else None
+    pixels = _decode(data, jpeg=data[:2] == b"\xff\xd8") if _is_whole(data) else None
     if pixels is None:
         raise InputError("the image is cut off or damaged", where=path, hint="Copy it again, or leave it out")
     if pixels.ndim == 2:
@@ -161,6 +160,15 @@ def _tiff_size(data: bytes) -> tuple[int, int] | None:
     except struct.error:
         return None
     return (found[256], found[257]) if found.get(256) and found.get(257) else None
+
+
+def _is_whole(data: bytes) -> bool:
+    """Tell whether an image is complete; of a TIFF only the decoder can tell."""
+    if data.startswith(SIGNATURE):
+        return is_whole_png(data)
+    if data[:2] == b"\xff\xd8":
+        return data.rstrip(b"\x00")[-2:] == _JPEG_END or _reaches_its_end(data)
+    return bool(data)
 
 
 def _reaches_its_end(jpeg: bytes) -> bool:

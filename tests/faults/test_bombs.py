@@ -8,12 +8,16 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from authoring.foreign.model_files import check_archive, unpack
+from authoring.imported.skin import image_skin
 from authoring.looks.user_maps import find_sets
+from authoring.looks.user_sets import place_set
 from falsework.commands.given_settings import given_settings
+from falsework.report.flight import small_picture
 from falsework.scenario import load_scenario
 from falsework.store.artefact import read_manifest
 from groundwork.errors import InputError
@@ -23,7 +27,7 @@ from recon.cloud import read_cloud, write_cloud
 from recon.formats.scan import check_copy
 from recon.photos.photos import open_photographs
 from render.capture import Truth, load_image, read_capture, read_truth
-from render.images.image_files import encode_png
+from render.images.image_files import decode, encode_png
 from tests.recon.conftest import poses_on_arc, write_capture
 from tests.recon.test_scan import small_cloud
 
@@ -314,3 +318,21 @@ def test_a_cloud_that_claims_more_than_it_holds_is_refused(tmp_path: Path) -> No
 def test_words_of_the_command_line_that_nest_too_deep_stay_text() -> None:
     """`--set` takes what is no JSON as it stands, a hundred thousand brackets among them."""
     assert given_settings((f"x={DEEP}", "y=3")) == {"x": DEEP, "y": 3}
+
+
+def test_a_picture_that_states_too_long_a_chunk_is_not_decoded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """OpenCV would set aside and clear the 4 GB that one byte states: every reader of pictures looks first."""
+    whole = encode_png(np.zeros((8, 8), np.uint8))
+    data = whole[:33] + b"\xff" + whole[34:]  # the length of the second chunk
+    file = tmp_path / "concrete" / "rough" / "albedo.png"
+    file.parent.mkdir(parents=True)
+    file.write_bytes(data)
+    (found,) = find_sets(tmp_path)
+    monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("decoded"))
+    with pytest.raises(InputError, match="cut off or damaged"):
+        decode(file)
+    with pytest.raises(InputError, match="cannot be decoded"):
+        image_skin(data, "a texture")
+    with pytest.raises(InputError, match="cannot be read"):
+        place_set(found, tmp_path / "out", 2.0, 64)
+    assert small_picture(file, 8) is None

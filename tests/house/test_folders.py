@@ -20,6 +20,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "progress.py",
         "user_cache.py",
         "foreign_file.py",
+        "png_chunks.py",
         "locks.py",
         "slug.py",
         "settings.py",
