@@ -5,13 +5,14 @@ import numpy as np
 from authoring.backgrounds.river_quays import has_quays
 from authoring.backgrounds.site_changes import SiteChanges, changes_on
 from authoring.backgrounds.site_lots import covered_by, find_lots
-from authoring.shapes.component import Scatter
+from authoring.shapes.component import Component, Scatter
 from authoring.site.scatter import SHRUBS
 from authoring.site.shape import Land
 from authoring.site.site import Site
 
 _WILD = ("Site_Tufts", "Site_Fringes", "Site_Stones")  # repeats that a city mows or clears
 _SHRUBS, _HEDGES, _REEDS = "Site_Shrubs", "Site_Hedges", "Site_Reeds"
+_FENCE = "fence"  # kind of what keeps cattle off
 _PLANTED = "lime"  # the shrubs that a city plants; scrub and willows are cleared
 # Plots, whose borders swing as those of fields, are lawns: what a city paves there has straight kerbs (`site_lots.py`).
 _PLOTS = dict.fromkeys(("ploughed", "crop", "ripe", "hay", "lot_asphalt", "lot_paved", "lot_gravel"), "grass")
@@ -41,13 +42,14 @@ def city_surfaces(land: Land) -> dict[str, str]:
 
 
 def change_site(site: Site, rng: np.random.Generator) -> SiteChanges:
-    """Choose what a city changes on the site: lawns for fields, planted shrubs alone, and none where cars park.
+    """Choose what a city changes on the site: lawns for fields, no fences, planted shrubs alone, none where cars park.
 
     Args:
         site: The site.
         rng: Random stream; nothing is drawn, so that the world finds the same car parks.
     """
     hidden: dict[str, tuple[int, ...]] = dict.fromkeys(_WILD, ())
+    hidden |= {piece.name: () for piece in site.pieces if isinstance(piece, Component) and piece.kind == _FENCE}
     if has_quays(site.land):
         hidden[_REEDS] = ()
     lots = find_lots(site)

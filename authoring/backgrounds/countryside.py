@@ -17,7 +17,7 @@ from authoring.backgrounds.parcels import Parcel, crop_fields, draw_parcels
 from authoring.backgrounds.roadside import plant_hedges, plant_poles
 from authoring.backgrounds.terrain import Terrain, grow_terrain, rolling_hills
 from authoring.backgrounds.vegetation import tree_runs
-from authoring.backgrounds.wayside import drive_cars, plant_fences
+from authoring.backgrounds.wayside import drive_cars, fence_approaches, plant_fences
 from authoring.backgrounds.yards import garden_runs, yard_components
 from authoring.shapes.component import FIRST_BACKGROUND_ID, Component, Scatter
 from authoring.site.covers import Cover, chunked, covered, drape
@@ -81,6 +81,7 @@ def build_countryside(
         for name, chunk in chunked(cover.prim, soup)
     ]
     pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in ways]
+    pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in fence_approaches(terrain, own, taken)]
     paving = str(rng.choice(("asphalt", "gravel")))
     pieces += [(f"Lane_{number}", "road", paving, "Ways", mesh) for number, (mesh, _) in enumerate(laid)]
     components = [

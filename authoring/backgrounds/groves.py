@@ -78,7 +78,7 @@ def draw_groves(
         free &= clear_of(axis, group[:, :2], taken, 2.5)
         away = terrain.beyond(station, left)
         kept = group[free & (away < FARTHEST)]
-        if len(kept) >= min(3, len(group)):
+        if len(kept) >= max(1, min(3, len(group))):
             ranked.append((float(away.min()) * rng.uniform(0.4, 1.0), kept))
     chosen = [np.zeros((0, 4))]
     for _, group in sorted(ranked, key=lambda pair: pair[0]):
@@ -98,7 +98,8 @@ def _rows(parcels: tuple[Parcel, ...], rng: np.random.Generator) -> list[F64]:
     for parcel in parcels:
         if rng.random() < SOLITARY:
             spot = np.array([parcel.center]) + rng.uniform(-15.0, 15.0, (1, 2))
-            groups.append(_grown(spot, np.array([rng.choice((OAK, LIME))]), rng, (1.0, 1.2)))
+            tree = _grown(spot, np.array([rng.choice((OAK, LIME))]), rng, (1.0, 1.2))
+            groups.append(tree[parcel.side * tree[:, 1] >= 0.0])
         if rng.random() > LINED:
             continue
         line = parcel.outline(float(rng.uniform(*ROW_STEP)))
@@ -138,6 +139,7 @@ def _copses(parcels: tuple[Parcel, ...], rng: np.random.Generator) -> list[F64]:
         inner = 1.0 - 0.3 * np.clip(np.hypot(*grid.T) / radius, 0.0, 1.0)  # lower at the edge
         trees = _grown(place, kinds, rng, (0.75, 1.05))
         trees[:, 3] *= inner
+        trees = trees[parcel.side * trees[:, 1] >= 0.0]
         groups.append(trees)
     return groups
 

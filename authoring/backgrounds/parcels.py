@@ -12,6 +12,7 @@ from authoring.site.covers import Cover
 F64 = NDArray[np.float64]
 NEAR = 500.0  # distance from the site beyond which fields are larger, and need no finer mesh [m]
 _PAIRS = 1 << 19  # places and objects whose distances are computed at once [1]
+ROADSIDE, ROW = 24.0, 68.0  # distance from the axis between the first two rows of fields, and their widths [m]
 BALK = 1.0  # half the width of the uncultivated strip between two fields [m]
 CROPS = (
     Cover("ploughed", "Ploughed", "ground", "furrows"),
@@ -30,12 +31,14 @@ class Parcel:
         heading: Direction of its first side from the axis [rad].
         half: Half the lengths of its sides [m].
         crop: Name of its cover, or `` for pasture.
+        side: 1 if it is only what lies to the left of the axis, -1 to the right, 0 on both sides [1].
     """
 
     center: tuple[float, float]
     heading: float
     half: tuple[float, float]
     crop: str
+    side: float = 0.0
 
     def inside(self, station: F64, left: F64) -> F64:
         """Compute the distance of positions to its border, inside.
@@ -50,7 +53,8 @@ class Parcel:
         cosine, sine = np.cos(self.heading), np.sin(self.heading)
         east, north = station - self.center[0], left - self.center[1]
         across, along = np.abs(east * cosine + north * sine), np.abs(north * cosine - east * sine)
-        return np.minimum(self.half[0] - across, self.half[1] - along)
+        depth = np.minimum(self.half[0] - across, self.half[1] - along)
+        return np.minimum(depth, self.side * left) if self.side else depth
 
     def outline(self, step: float) -> F64:
         """List places along its border.
@@ -67,7 +71,8 @@ class Parcel:
             corners.append(np.linspace(start, stop, count, endpoint=False))
         local = np.concatenate(corners)
         cosine, sine = np.cos(self.heading), np.sin(self.heading)
-        return np.asarray(self.center) + local @ np.array([[cosine, sine], [-sine, cosine]])
+        line = np.asarray(self.center) + local @ np.array([[cosine, sine], [-sine, cosine]])
+        return line[self.side * line[:, 1] >= 0.0]
 
 
 def draw_parcels(
@@ -87,10 +92,10 @@ def draw_parcels(
     middle = (terrain.inner[0] + terrain.inner[1]) / 2
     for side in (-1.0, 1.0):
         heading = rng.uniform(-0.22, 0.22)
-        depth = side * 92.0
+        depth = side * (ROADSIDE - ROW)  # turned, a row that begins across the axis leaves no wedge beside it
         while abs(depth) < reach[1]:
             farther = 1.0 + max(abs(depth) - NEAR, 0.0) / NEAR
-            width = farther * rng.uniform(70.0, 130.0)
+            width = ROW if side * depth <= ROADSIDE else farther * rng.uniform(70.0, 130.0)
             at = -reach[0]
             while at < reach[0]:
                 length = rng.uniform(80.0, 190.0) * max(farther, abs(at) / NEAR)
@@ -98,7 +103,9 @@ def draw_parcels(
                 local = np.array([at + length / 2, depth + side * width / 2])
                 turned = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]]) @ local
                 half = (length / 2 - BALK, width / 2 - BALK)
-                parcels.append(Parcel((float(turned[0] + middle), float(turned[1])), heading, half, crop))
+                parcel = Parcel((float(turned[0] + middle), float(turned[1])), heading, half, crop, side)
+                if len(parcel.outline(length)):  # none of it is left where all corners are across the axis
+                    parcels.append(parcel)
                 at += length
             depth += side * width
     return tuple(parcels)

@@ -1,9 +1,9 @@
-"""What a world changes on the site: surfaces of its ground, and which repeats are visible; never shapes or labels."""
+"""What a world changes on the site: surfaces of its ground, and what is visible; never shapes or labels."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from authoring.shapes.component import Component, Scatter
+from authoring.shapes.component import Component
 from authoring.site.covers import cover_name
 from authoring.site.photo import surface_of
 from authoring.site.site import Site
@@ -15,7 +15,7 @@ class SiteChanges:
 
     Attributes:
         surfaces: New surface by the name of a piece of ground.
-        hidden: Rows that are not visible by the name of a run of repeats; empty for the whole run.
+        hidden: Rows that are not visible by the name of a run of repeats; empty for a whole run, or a mesh.
     """
 
     surfaces: Mapping[str, str]
@@ -35,10 +35,10 @@ def changes_on(site: Site, surfaces: Mapping[str, str], hidden: Mapping[str, tup
     Args:
         site: The site.
         surfaces: Surface by the name of the cover; other covers keep theirs.
-        hidden: As in `SiteChanges`; runs that the site lacks do not matter.
+        hidden: As in `SiteChanges`; pieces that the site lacks do not matter.
     """
     ground = [piece for piece in site.pieces if isinstance(piece, Component) and piece.group == "Ground"]
     wanted = {piece.name: (surface_of(piece.role)[0], surfaces.get(cover_name(piece.name), "")) for piece in ground}
     changed = {name: new for name, (old, new) in wanted.items() if new not in ("", old)}
-    present = {piece.name for piece in site.pieces if isinstance(piece, Scatter)}
+    present = {piece.name for piece in site.pieces}
     return SiteChanges(changed, {name: rows for name, rows in sorted(hidden.items()) if name in present})

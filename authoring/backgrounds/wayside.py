@@ -1,4 +1,4 @@
-"""Objects along the roads: pasture fences along the crossing, cars and vans on the roads."""
+"""Objects along the roads: pasture fences along the crossing, fences along the approaches, cars and vans."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,8 @@ from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.vehicles import vehicle_models
 from authoring.shapes.component import Mesh, Scatter
 from authoring.site.covers import to_world
+from authoring.site.fences import AT_BORDER, PITCH, Piece, fence_meshes, fence_offset
+from authoring.site.grid import HeightField
 from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
@@ -59,6 +61,34 @@ def plant_fences(terrain: Terrain, taken: F64, rng: np.random.Generator, first_i
     which, scales = rng.integers(0, 2, len(places)).astype(np.int32), np.ones((len(places), 3))
     panels = (fence_panel(0.0), fence_panel(0.06))
     return (Scatter("Countryside_Fences", "fence", "Plants", panels, which, positions, yaw, scales, (first_id,)),)
+
+
+def fence_approaches(terrain: Terrain, strip: HeightField, taken: F64) -> list[Piece]:
+    """Carry on the right-of-way fences of the site beside both approaches, with gaps at lanes and yards.
+
+    Args:
+        terrain: The terrain.
+        strip: The ground of the site.
+        taken: Station, left and radius of existing objects [m], shape (K, 3), float64.
+
+    Returns:
+        Leaf prim name, component kind, material recipe and mesh of each piece; none if the land is not fenced.
+    """
+    land, pieces = terrain.land, list[Piece]()
+    if not land.fenced:
+        return pieces
+    axis, crossing = land.layout.alignment, land.crossing
+    for number, approach in enumerate(land.approaches):
+        border = terrain.inner[0] if approach.sign < 0 else terrain.inner[1]
+        station = border + approach.sign * np.arange(AT_BORDER, FENCED, PITCH)
+        for side, sign in (("L", 1.0), ("R", -1.0)):
+            left = approach.center(station) + sign * fence_offset(land, strip, approach, sign)
+            free = clear_of(axis, np.column_stack([station, left]), taken, PITCH)
+            free &= terrain.clear(station, left) > 0.5 * AT_BORDER
+            free &= crossing.distance(station, left) > crossing.half_width + ASIDE.get(crossing.kind, 12.0) + PITCH
+            posts = np.column_stack([station, left, terrain.height(station, left)])[free]
+            pieces += fence_meshes(f"Fence_{number}_{side}", axis, posts)
+    return pieces
 
 
 def drive_cars(terrain: Terrain, count: int, rng: np.random.Generator, first_id: int) -> tuple[Scatter, ...]:

@@ -19,7 +19,7 @@ class Matches:
 
     Attributes:
         pairs: Path in the scene to the prim of the edited stage.
-        missing: Prims of the scene that the edited stage lacks, sorted.
+        missing: Visible prims of the scene that the edited stage lacks, sorted; programs may import only these.
         added: Bodies of the edited stage that the scene lacks, those inside instances too, by name, sorted.
     """
 
@@ -51,7 +51,7 @@ def match_stages(scene: Usd.Stage, edited: Usd.Stage) -> Matches:
         pairs[home] = min(found, key=lambda prim: (object_name(prim) != home.name, str(prim.GetPath())))
     lost = [path for path in ours.values() if path not in pairs and _is_thing(scene.GetPrimAtPath(path))]
     pairs |= _by_name(lost, edited)
-    missing = [path for path in lost if path not in pairs]
+    missing = [path for path in lost if path not in pairs and is_visible(scene.GetPrimAtPath(path))]
     return Matches(pairs, tuple(sorted(missing)), dict(_added(scene, edited, pairs)))
 
 
@@ -89,6 +89,16 @@ def object_name(prim: Usd.Prim) -> str:
     holder = prim.GetParent() if _nests(prim) else prim
     name = holder.GetAttribute(OBJECT_NAME).Get()
     return name if isinstance(name, str) else holder.GetName()
+
+
+def is_visible(prim: Usd.Prim) -> bool:
+    """Check whether a prim is shown, if it can be, at its first time.
+
+    Args:
+        prim: Any prim.
+    """
+    body = UsdGeom.Imageable(prim)
+    return not body or body.ComputeVisibility(Usd.TimeCode.EarliestTime()) != UsdGeom.Tokens.invisible
 
 
 def is_blender(stage: Usd.Stage) -> bool:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, UsdLux
 
+from authoring.edits.matching import is_visible
 from usd_schemas.reading.stage_reader import stage_to_world
 
 F64 = NDArray[np.float64]
@@ -90,7 +91,7 @@ def hidden_prims(scene: Usd.Stage, pairs: dict[Sdf.Path, Usd.Prim]) -> dict[Sdf.
     """
     changed: dict[Sdf.Path, bool] = {}
     for path, prim in sorted(pairs.items()):
-        ours, theirs = (_is_visible(one) for one in (scene.GetPrimAtPath(path), prim))
+        ours, theirs = (is_visible(one) for one in (scene.GetPrimAtPath(path), prim))
         if ours != theirs and not any(above in changed for above in path.GetPrefixes()[:-1]):
             changed[path] = theirs
     return changed
@@ -107,11 +108,6 @@ def write_visibility(layer: Sdf.Layer, path: Sdf.Path, visible: bool) -> None:
     spec = Sdf.CreatePrimInLayer(layer, path)
     attribute = Sdf.AttributeSpec(spec, "visibility", Sdf.ValueTypeNames.Token)
     attribute.default = UsdGeom.Tokens.inherited if visible else UsdGeom.Tokens.invisible
-
-
-def _is_visible(prim: Usd.Prim) -> bool:
-    body = UsdGeom.Imageable(prim)
-    return not body or body.ComputeVisibility(Usd.TimeCode.EarliestTime()) != UsdGeom.Tokens.invisible
 
 
 def _movable(prim: Usd.Prim) -> bool:

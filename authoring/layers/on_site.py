@@ -10,7 +10,7 @@ from authoring.layers.assets import Pieces
 from authoring.layers.geometry import SITE, roles_of
 from authoring.layers.layer import new_stage
 from authoring.looks.material import MaterialRecipe, author_material
-from authoring.shapes.component import Component, Scatter
+from authoring.shapes.component import Component
 from authoring.site.photo import MARK, surface_of
 from usd_schemas import tokens
 
@@ -22,7 +22,7 @@ _INPUTS = (("roughness", "roughness_file", _TYPES.Float), ("normal", "normal_fil
 
 
 def on_site_layer(world: str, pieces: Pieces, changes: SiteChanges, recipes: dict[str, MaterialRecipe]) -> Sdf.Layer:
-    """Author the class: other materials for ground, of the site or new ones, and the visibility of repeats.
+    """Author the class: other materials for ground, of the site or new ones, and the visibility of repeats and fences.
 
     Args:
         world: Name of the world.
@@ -47,7 +47,7 @@ def on_site_layer(world: str, pieces: Pieces, changes: SiteChanges, recipes: dic
             prim = stage.OverridePrim(_inside(SITE.prim(piece)))
             worn = prim.CreateRelationship(UsdShade.Tokens.materialBinding, custom=False)
             worn.SetTargets([_inside(SITE.material(name))])
-        elif isinstance(piece, Scatter) and piece.name in changes.hidden:
+        elif piece.name in changes.hidden:
             _hide(stage.OverridePrim(_inside(SITE.prim(piece))), changes.hidden[piece.name])
     for name, (surface, base) in sorted(materials.items()):
         _author(stage, _inside(SITE.material(name)), recipes[surface], base)
@@ -55,7 +55,7 @@ def on_site_layer(world: str, pieces: Pieces, changes: SiteChanges, recipes: dic
 
 
 def _hide(prim: Usd.Prim, rows: tuple[int, ...]) -> None:
-    """Hide rows of a PointInstancer, all if none are named."""
+    """Hide rows of a PointInstancer, or all of a prim if none are named."""
     if rows:
         numbers = Vt.Int64Array.FromNumpy(np.array(rows, np.int64))
         prim.CreateAttribute(UsdGeom.Tokens.invisibleIds, _TYPES.Int64Array, custom=False).Set(numbers)

@@ -99,10 +99,10 @@ def triangles(mesh: Mesh) -> I32:
     Returns:
         Vertex numbers, shape (T, 3), int32.
     """
-    starts = np.concatenate([[0], np.cumsum(mesh.face_counts)[:-1]])
+    starts = np.cumsum(mesh.face_counts) - mesh.face_counts
     fans = mesh.face_counts - 2
     face = np.repeat(np.arange(len(fans)), fans)
-    step = np.arange(len(face)) - np.repeat(np.concatenate([[0], np.cumsum(fans)[:-1]]), fans)
+    step = np.arange(len(face)) - np.repeat(np.cumsum(fans) - fans, fans)
     first = starts[face]
     return mesh.corners[np.stack([first, first + step + 1, first + step + 2], axis=1)].astype(np.int32)
 

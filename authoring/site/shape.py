@@ -238,6 +238,7 @@ class Land:
         patches: Positive where taller grass grows [m].
         valley: Rise of the land towards the abutments of a high bridge, or None.
         plots: Use of the site's land; None beyond it.
+        fenced: Whether right-of-way fences stand along the approaches.
     """
 
     layout: Layout
@@ -248,6 +249,7 @@ class Land:
     patches: Relief
     valley: Valley | None = None
     plots: Plots | None = None
+    fenced: bool = False
 
     def shape(self, station: F64, left: F64, hills: Hills) -> Shape:
         """Compute the ground.

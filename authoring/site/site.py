@@ -12,6 +12,7 @@ from authoring.shapes.component import FIRST_SITE_ID, Component, Mesh, Scatter
 from authoring.site.covers import Soup, chunked, covered, drape, strip_atlas
 from authoring.site.crossing import CrossingKind, told_crossings
 from authoring.site.extent import Box, keep_out, strip_corners, strip_edge
+from authoring.site.fences import BESIDE_ROADS, fence_pieces, fenced
 from authoring.site.fields import DRAWN_LAND, LandUse, draw_plots
 from authoring.site.grid import HeightField
 from authoring.site.guardrails import guardrail_pieces
@@ -49,6 +50,11 @@ class SiteSettings(Settings):
         description="Land use beside the bridge: fields with hedges, a common of long and short grass, or the paved "
         f"and grassed lots of a town; drawn {told_shares(DRAWN_LAND)}, always town beside a harbour. In the world "
         "`city`, fields and hay are lawns and paved lots",
+    )
+    fences: bool | None = Field(
+        default=None,
+        description="Fence both approaches off from the land, along the toes of their fills and up to the wing walls; "
+        f"always along railways, drawn {told_shares(BESIDE_ROADS)} along roads, and none in a town",
     )
     half_width: float = Field(
         default=80.0, ge=40.0, le=200.0, description="Distance that the site reaches to each side of the axis [m]"
@@ -132,6 +138,7 @@ def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) 
     reach = (settings.run_out, settings.half_width)
     used = rng.spawn(1)[0]  # a separate stream: the use of the land changes nothing else
     land = replace(land, plots=draw_plots(settings.land, land.crossing.kind, layout, reach, used))
+    land = replace(land, fenced=fenced(settings.fences, land, used.spawn(1)[0]))
     length = layout.supports[-1] - layout.supports[0]
     fine = (settings.fine_reach, settings.fine_spacing * max(length / LONG, 1.0), settings.coarse_spacing)
     stations, lefts = strip_lines(land, settings.run_out, settings.half_width, fine)
@@ -142,6 +149,7 @@ def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) 
     parts = _ground(soup, ground, squares, layout)
     parts += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in way_pieces(land, ground)]
     parts += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in guardrail_pieces(land)]
+    parts += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in fence_pieces(land, ground)]
     components = [
         Component(f"Site_{prim}", kind, role, group, mesh, FIRST_SITE_ID + number)
         for number, (prim, kind, role, group, mesh) in enumerate(parts)

@@ -35,8 +35,14 @@ Bindings = dict[str, str]
 LAYOUT = Layout(Alignment(7.0), (0.0, 18.0, 40.0), 11.5, 1.9, "road", 8.0, 3.4)
 RURAL = {"furrows", "crop", "ripe_crop", "hay", "meadow", "soil"}
 TUFTS = f"{tokens.SITE}/SiteGeom/SitePlants/Site_Tufts"
+FENCES = [
+    f"{tokens.SITE}/SiteGeom/SiteWays/Site_Fence_{number}_{side}_{what}"
+    for number in (0, 1)
+    for side in "LR"
+    for what in ("Posts", "Wires")
+]
 TOWN = {"name": "none", "city": {"town": 150.0, "reach": 1200.0, "trees": 0, "vehicles": 0, "density": 0.1}}
-OWN = {"site": {**SMALL["site"], "land": "fields"}}  # type: ignore[dict-item]
+OWN = {"site": {**SMALL["site"], "land": "fields", "fences": True}}  # type: ignore[dict-item]
 
 
 @pytest.fixture(scope="module")
@@ -134,7 +140,8 @@ def test_every_way_to_open_it_agrees(scene: Path, tmp_path: Path) -> None:
     )
     for way in ways:
         assert ground(way) == town
-        assert UsdGeom.Imageable(way.GetPrimAtPath(TUFTS)).ComputeVisibility() == UsdGeom.Tokens.invisible
+        for path in (TUFTS, *FENCES):
+            assert UsdGeom.Imageable(way.GetPrimAtPath(path)).ComputeVisibility() == UsdGeom.Tokens.invisible
     assert not ways[-1].GetPrimAtPath(ON_SITE)
     assert Usd.Stage.Open(str(scene)).GetPrimAtPath(ON_SITE).IsAbstract()
     assert not select(Usd.Stage.Open(str(scene)), "none").GetPrimAtPath(ON_SITE)
@@ -152,8 +159,8 @@ def test_the_renderer_reads_the_new_surface_and_the_picture_of_the_site(scene: P
     assert not paved.is_matt  # though the soil below it is
     assert paved.detail.macro_file == grass.detail.macro_file != ""
     drawn = {row.path for row in flat.instances}
-    assert TUFTS not in drawn
-    assert TUFTS in {row.path for row in read_stage(scene, choices=ALONE).instances}
+    assert drawn.isdisjoint({TUFTS, *FENCES})
+    assert {TUFTS, *FENCES} <= {row.path for row in read_stage(scene, choices=ALONE).instances}
 
 
 def test_flights_do_not_depend_on_the_city(scene: Path) -> None:
@@ -170,15 +177,22 @@ def test_flights_do_not_depend_on_the_city(scene: Path) -> None:
     assert len(as_shown.obstacle_ids) < len(own.obstacle_ids)
 
 
-def test_hidden_plants_are_not_told_as_deleted(scene: Path, tmp_path: Path) -> None:
-    """A program that imports only what is visible deletes nothing: no line names the tufts; a visible run is named."""
+def test_what_is_hidden_is_not_told_as_deleted(scene: Path, tmp_path: Path) -> None:
+    """A program that imports only what is visible deletes nothing: neither tufts nor fences; a visible run is named."""
     stage = Usd.Stage.Open(str(scene))
     shrubs = TUFTS.replace("Tufts", "Shrubs")
     stage.Flatten().Export(str(tmp_path / "other.usda"))
     other = Usd.Stage.Open(str(tmp_path / "other.usda"))
     for path in (TUFTS, shrubs):
         other.GetPrimAtPath(path).SetActive(False)
-    lines = edits_left_out(stage, other, match_stages(stage, other))
+    fences = [path for path in FENCES if other.GetPrimAtPath(path).SetActive(False)]
+    assert len(fences) == 8
+    matches = match_stages(stage, other)
+    assert matches.missing == ()
+    assert match_stages(select(Usd.Stage.Open(str(scene)), "none"), other).missing == tuple(
+        sorted(map(Sdf.Path, fences))
+    )
+    lines = edits_left_out(stage, other, matches)
     assert not any("Site_Tufts" in line for line in lines)
     assert any("Site_Shrubs" in line for line in lines)
 

@@ -24,7 +24,7 @@ from usd_schemas.components import class_of
 
 F64 = NDArray[np.float64]
 RECIPES = {"grass", "meadow", "soil", "gravel", "rock", "asphalt", "road_marking", "water", "foliage", "leaves"}
-RECIPES |= {"furrows", "crop", "ripe_crop", "hay", "pavement"}
+RECIPES |= {"furrows", "crop", "ripe_crop", "hay", "pavement", "timber", "galvanised_steel"}
 LAYOUTS = {
     "river": Layout(Alignment(7.0), (0.0, 18.0, 40.0), 11.5, 1.9),
     "road": Layout(Alignment(7.0, 0.015, 0.4), (0.0, 18.0, 40.0), 11.5, 1.9, "road", 8.0, 3.4),

@@ -195,7 +195,8 @@ def test_a_field_that_a_drive_touches_has_no_crop(hamlet: Hamlet) -> None:
     terrain = hamlet.terrain
     sea = Basin(1.0, -9.0, 9000.0, lambda x, y: -9000.0 + 0.0 * x, lambda x: 9000.0 + 0.0 * x)
     parcels, crops = valley_fields(terrain, sea, np.zeros((0, 3)), (), stream(4, "fields"))
-    field = next(parcel for parcel in parcels if parcel.crop == "crop" and parcel.half[0] > 60.0)
+    crop = [parcel for parcel in parcels if parcel.crop == "crop" and parcel.half[0] > 60.0]
+    field = next(parcel for parcel in crop if parcel.side * parcel.center[1] > 50.0)
     drive = np.array([[*field.center, 1.5]])
     after, fewer = valley_fields(terrain, sea, drive, (), stream(4, "fields"))
     assert [one.crop for one in after] == ["" if one is field else one.crop for one in parcels]
