@@ -97,6 +97,20 @@ def label_findings(stage: Usd.Stage) -> Iterator[str]:
             yield f"{prim.GetPath()}: component {component!r} has no class in the taxonomy {in_force.name!r}"
 
 
+def mesh_findings(stage: Usd.Stage) -> Iterator[str]:
+    """Check that visible meshes of the scene have faces: one without was cut away entirely, and shows nothing.
+
+    Args:
+        stage: Stage to check.
+    """
+    for prim in surfaces(stage):
+        own = _known(prim) or not str(prim.GetPath()).startswith(
+            tokens.BACKGROUND
+        )  # a world of the user's may have them
+        if own and prim.IsA(UsdGeom.Mesh) and not len(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get() or ()):
+            yield f"{prim.GetPath()}: a mesh without faces"
+
+
 def id_findings(stage: Usd.Stage) -> Iterator[str]:
     """Check that instance ids are positive and unique; leaf names and stable ids are unique, as other programs need.
 
@@ -189,7 +203,14 @@ def asset_findings(path: Path) -> Iterator[str]:
                     pending.append(target)
 
 
-RULES: tuple[Rule, ...] = (usd_findings, label_findings, id_findings, kind_findings, camera_findings)
+RULES: tuple[Rule, ...] = (
+    usd_findings,
+    label_findings,
+    mesh_findings,
+    id_findings,
+    kind_findings,
+    camera_findings,
+)
 
 
 def surfaces(stage: Usd.Stage) -> Iterator[Usd.Prim]:

@@ -54,6 +54,12 @@ def _unlabeled(stage: Usd.Stage) -> None:
     UsdGeom.Cube.Define(stage, "/World/Bridge/BridgeGeom/Superstructure/Loose")
 
 
+def _no_faces(stage: Usd.Stage) -> None:
+    body = UsdGeom.Mesh(stage.GetPrimAtPath(DECK))
+    body.GetFaceVertexCountsAttr().Set([])
+    body.GetFaceVertexIndicesAttr().Set([])
+
+
 def _same_id(stage: Usd.Stage) -> None:
     stage.GetPrimAtPath(DECK).GetAttribute("falsework:component:instanceId").Set(2)
 
@@ -94,6 +100,7 @@ def _unknown_shader(stage: Usd.Stage) -> None:
         (_unknown_class, f"{DECK}: class 'decking' is not in the class table"),
         (_wrong_class, f"{DECK}: component 'deck_slab' belongs to class 'deck', not 'girder'"),
         (_unlabeled, "/World/Bridge/BridgeGeom/Superstructure/Loose: has no component label"),
+        (_no_faces, f"{DECK}: a mesh without faces"),
         (_same_id, "instance id 2: used by 2 prims"),
         (_same_id_as_a_repeat, "instance id 23: used by 2 prims"),
         (_same_name, "prim name Deck_000: used 2 times"),
