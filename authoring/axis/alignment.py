@@ -377,6 +377,7 @@ class Layout:
             own.
         feet: Springings of arches on a valley's sides: station and height of the land there [m].
         river_piers: Whether some of its piers may stand in a river.
+        anchorages: From the abutments' back faces to the rears of anchor blocks beside the approaches [m]; 0 without.
     """
 
     alignment: Alignment
@@ -391,3 +392,4 @@ class Layout:
     road: RoadSection | None = None
     feet: tuple[tuple[float, float], ...] = ()
     river_piers: bool = False
+    anchorages: float = 0.0

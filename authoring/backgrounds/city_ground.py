@@ -5,14 +5,14 @@ import numpy as np
 from authoring.backgrounds.river_quays import has_quays
 from authoring.backgrounds.site_changes import SiteChanges, changes_on
 from authoring.backgrounds.site_lots import covered_by, find_lots
-from authoring.shapes.component import Component, Scatter
+from authoring.shapes.component import Scatter
 from authoring.site.scatter import SHRUBS
 from authoring.site.shape import Land
 from authoring.site.site import Site
 
 _WILD = ("Site_Tufts", "Site_Fringes", "Site_Stones")  # repeats that a city mows or clears
 _SHRUBS, _HEDGES, _REEDS = "Site_Shrubs", "Site_Hedges", "Site_Reeds"
-_FENCE = "fence"  # kind of what keeps cattle off
+_FENCES = "Site_Fence_"  # begin of the names of what keeps cattle off
 _PLANTED = "lime"  # the shrubs that a city plants; scrub and willows are cleared
 # Plots, whose borders swing as those of fields, are lawns: what a city paves there has straight kerbs (`site_lots.py`).
 _PLOTS = dict.fromkeys(("ploughed", "crop", "ripe", "hay", "lot_asphalt", "lot_paved", "lot_gravel"), "grass")
@@ -49,7 +49,7 @@ def change_site(site: Site, rng: np.random.Generator) -> SiteChanges:
         rng: Random stream; nothing is drawn, so that the world finds the same car parks.
     """
     hidden: dict[str, tuple[int, ...]] = dict.fromkeys(_WILD, ())
-    hidden |= {piece.name: () for piece in site.pieces if isinstance(piece, Component) and piece.kind == _FENCE}
+    hidden |= {piece.name: () for piece in site.pieces if piece.name.startswith(_FENCES)}
     if has_quays(site.land):
         hidden[_REEDS] = ()
     lots = find_lots(site)

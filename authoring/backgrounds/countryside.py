@@ -17,7 +17,7 @@ from authoring.backgrounds.parcels import Parcel, crop_fields, draw_parcels
 from authoring.backgrounds.roadside import plant_hedges, plant_poles
 from authoring.backgrounds.terrain import Terrain, grow_terrain, rolling_hills
 from authoring.backgrounds.vegetation import tree_runs
-from authoring.backgrounds.wayside import drive_cars, fence_approaches, plant_fences
+from authoring.backgrounds.wayside import approach_fences, build_fences, drive_cars, plant_fences
 from authoring.backgrounds.yards import garden_runs, yard_components
 from authoring.shapes.component import FIRST_BACKGROUND_ID, Component, Scatter
 from authoring.site.covers import Cover, chunked, covered, drape
@@ -28,6 +28,7 @@ F64 = NDArray[np.float64]
 FIELDS = (1500.0, 1400.0)  # extent of fields along the axis and to its sides [m]
 VERGE = 10.5  # distance from the edge of a road to the gardens beside it [m]
 BESIDE = 4.0  # distance of crops from gardens and lanes [m]
+POST_ROOM = 0.6  # radius of the room of a fence's post, without trees and hedges [m]
 LANES = 3  # lanes of the hamlet
 FORESTS = 330.0  # distance of the nearest forest from the site [m]
 
@@ -81,7 +82,10 @@ def build_countryside(
         for name, chunk in chunked(cover.prim, soup)
     ]
     pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in ways]
-    pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in fence_approaches(terrain, own, taken)]
+    fences = approach_fences(terrain, taken)
+    pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in build_fences(axis, fences)]
+    posts = [np.column_stack([posts[:, :2], np.full(len(posts), POST_ROOM)]) for posts in fences.values()]
+    unfenced, taken = taken, np.concatenate([taken, *posts])
     paving = str(rng.choice(("asphalt", "gravel")))
     pieces += [(f"Lane_{number}", "road", paving, "Ways", mesh) for number, (mesh, _) in enumerate(laid)]
     components = [
@@ -100,7 +104,7 @@ def build_countryside(
     things += tree_runs(terrain, trees, rng, ahead())
     things += plant_hedges(terrain, parcels, taken, settings.hedge_bushes, rng, ahead())
     things += garden_runs(terrain, "Countryside", homes, rng, ahead())
-    things += plant_poles(terrain, ahead(), rng, taken)
+    things += plant_poles(terrain, ahead(), rng, unfenced)
     things += plant_fences(terrain, taken, rng, ahead())
     things += drive_cars(terrain, settings.vehicles, rng, ahead())
     return (*components, *things)

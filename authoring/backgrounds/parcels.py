@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from authoring.axis.alignment import Alignment
 from authoring.backgrounds.terrain import Terrain
 from authoring.site.covers import Cover
+from authoring.site.fields import BEHIND_FENCE
 
 F64 = NDArray[np.float64]
 NEAR = 500.0  # distance from the site beyond which fields are larger, and need no finer mesh [m]
@@ -92,7 +93,8 @@ def draw_parcels(
     middle = (terrain.inner[0] + terrain.inner[1]) / 2
     for side in (-1.0, 1.0):
         heading = rng.uniform(-0.22, 0.22)
-        depth = side * (ROADSIDE - ROW)  # turned, a row that begins across the axis leaves no wedge beside it
+        # Turned rows, of which the first begin across the axis, leave no wedge beside it.
+        depth = side * (ROADSIDE - ROW * np.ceil((ROADSIDE + reach[0] * np.tan(abs(heading))) / ROW))
         while abs(depth) < reach[1]:
             farther = 1.0 + max(abs(depth) - NEAR, 0.0) / NEAR
             width = ROW if side * depth <= ROADSIDE else farther * rng.uniform(70.0, 130.0)
@@ -187,7 +189,9 @@ def open_land(terrain: Terrain, station: F64, left: F64) -> F64:
     land = terrain.land
     free = np.minimum(np.minimum(terrain.beyond(station, left), terrain.clear(station, left)) - 9.0, 60.0)
     free = np.minimum(free, land.crossing.distance(station, left) - land.crossing.half_width - 13.0)
-    for approach in land.approaches:
-        aside = np.abs(left - approach.center(station)) - approach.half_width - 15.0
+    for approach, fences in zip(land.approaches, land.fences, strict=True):
+        beside = left - approach.center(station)
+        aside = np.abs(beside) - approach.half_width - 15.0
+        aside = np.minimum(aside, np.abs(beside) - np.where(beside > 0.0, *fences) - BEHIND_FENCE)
         free = np.minimum(free, np.where(approach.along(station) > -20.0, aside, 60.0))
     return free

@@ -47,7 +47,7 @@ def plate(plan: TownPlan, block: Block, rise: float = KERB, margin: float = 0.0)
     low, ahead, high, beside = numbers[:-1, :-1], numbers[1:, :-1], numbers[1:, 1:], numbers[:-1, 1:]
     faces = np.stack([np.stack([low, ahead, high], -1), np.stack([low, high, beside], -1)], axis=2).reshape(-1, 3)
     upward = np.tile([0.0, 0.0, 1.0], (len(spots), 1))
-    inside, _ = cut(Soup(np.hstack([world, height[:, None], upward, room[:, None]]), faces, ()), 0)
+    inside, _, _ = cut(Soup(np.hstack([world, height[:, None], upward, room[:, None]]), faces, ()), 0)
     if len(inside.faces) == 0:
         return None
     return _skirted(inside.rows[:, :3], inside.faces)

@@ -14,6 +14,7 @@ from authoring.site.shape import Hills
 from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
+MOST_NEAR = 99  # trees that are modelled in detail; the nearest
 NEAR = 165.0  # distance from the site's middle up to which trees are modelled in detail [m]
 DISTANT = 150.0  # distance from the site from which trees are the simplest [m]
 SPECIES = 5
@@ -175,6 +176,7 @@ def tree_runs(terrain: Terrain, places: F64, rng: np.random.Generator, first_id:
     yaw = rng.uniform(0.0, 2 * np.pi, len(places))
     away = terrain.beyond(places[:, 0], places[:, 1])
     near = away < NEAR - 80.0
+    near[np.argsort(away, kind="stable")[MOST_NEAR:]] = False
     runs = []
     for name, chosen, prototypes in zip(("NearTrees", "FarTrees"), (near, ~near), species(rng), strict=True):
         if chosen.any():

@@ -3,14 +3,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.axis.alignment import Alignment
 from authoring.backgrounds.parcels import clear_of
 from authoring.backgrounds.solids import Frame, box
 from authoring.backgrounds.terrain import Terrain
 from authoring.backgrounds.vehicles import vehicle_models
 from authoring.shapes.component import Mesh, Scatter
 from authoring.site.covers import to_world
-from authoring.site.fences import AT_BORDER, PITCH, Piece, fence_meshes, fence_offset
-from authoring.site.grid import HeightField
+from authoring.site.fences import AT_BORDER, PITCH, Piece, fence_meshes, fence_sides
 from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
@@ -21,6 +21,7 @@ ASIDE = {"river": 19.0, "harbour": 19.0, "road": 8.5, "rail": 7.5}  # from the e
 BORDER = 6.0  # from the site's border to the fence beside it [m]
 DRIVEN = (14.0, 420.0)  # distances from the site between which cars drive [m]
 _CARS = ("saloon", "estate", "van", "truck")
+_SHORTEST = 6  # posts of the shortest stretch of a fence along an approach
 _GATE = 9  # panels from gap to gap, on the average
 
 
@@ -63,32 +64,43 @@ def plant_fences(terrain: Terrain, taken: F64, rng: np.random.Generator, first_i
     return (Scatter("Countryside_Fences", "fence", "Plants", panels, which, positions, yaw, scales, (first_id,)),)
 
 
-def fence_approaches(terrain: Terrain, strip: HeightField, taken: F64) -> list[Piece]:
+def approach_fences(terrain: Terrain, taken: F64) -> dict[str, F64]:
     """Carry on the right-of-way fences of the site beside both approaches, with gaps at lanes and yards.
+
+    They begin where the keep-out volume ends, which is larger than the strip of a skewed or curved bridge.
 
     Args:
         terrain: The terrain.
-        strip: The ground of the site.
         taken: Station, left and radius of existing objects [m], shape (K, 3), float64.
 
     Returns:
-        Leaf prim name, component kind, material recipe and mesh of each piece; none if the land is not fenced.
+        Station, left and world height of the ground at the posts of each fence [m], shape (N, 3), float64, by its name.
     """
-    land, pieces = terrain.land, list[Piece]()
-    if not land.fenced:
-        return pieces
-    axis, crossing = land.layout.alignment, land.crossing
-    for number, approach in enumerate(land.approaches):
+    axis, crossing = terrain.land.layout.alignment, terrain.land.crossing
+    fences = {}
+    for number, side, offset in fence_sides(terrain.land):
+        approach = terrain.land.approaches[number]
         border = terrain.inner[0] if approach.sign < 0 else terrain.inner[1]
         station = border + approach.sign * np.arange(AT_BORDER, FENCED, PITCH)
-        for side, sign in (("L", 1.0), ("R", -1.0)):
-            left = approach.center(station) + sign * fence_offset(land, strip, approach, sign)
-            free = clear_of(axis, np.column_stack([station, left]), taken, PITCH)
-            free &= terrain.clear(station, left) > 0.5 * AT_BORDER
-            free &= crossing.distance(station, left) > crossing.half_width + ASIDE.get(crossing.kind, 12.0) + PITCH
-            posts = np.column_stack([station, left, terrain.height(station, left)])[free]
-            pieces += fence_meshes(f"Fence_{number}_{side}", axis, posts)
-    return pieces
+        left = approach.center(station) + offset
+        free = clear_of(axis, np.column_stack([station, left]), taken, PITCH)
+        free &= terrain.clear(station, left) > 0.5 * AT_BORDER
+        free &= crossing.distance(station, left) > crossing.half_width + ASIDE.get(crossing.kind, 12.0) + PITCH
+        fences[f"Fence_{number}_{side}"] = np.column_stack([station, left, terrain.height(station, left)])[free]
+    return fences
+
+
+def build_fences(axis: Alignment, fences: dict[str, F64]) -> list[Piece]:
+    """Build fences, without the shreds between yards.
+
+    Args:
+        axis: Axis of the bridge.
+        fences: As `approach_fences` gives them [m], each shape (N, 3).
+
+    Returns:
+        Leaf prim name, component kind, material recipe and mesh of each piece.
+    """
+    return [piece for name, posts in fences.items() for piece in fence_meshes(name, axis, posts, _SHORTEST)]
 
 
 def drive_cars(terrain: Terrain, count: int, rng: np.random.Generator, first_id: int) -> tuple[Scatter, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade
 
 from authoring.edits.bodies import bound_materials
-from authoring.edits.matching import Matches, is_blender, object_name, stable_id
+from authoring.edits.matching import Matches, has_faces, is_blender, object_name, stable_id
 from authoring.edits.materials import bound_name, materials_by_name, taken_inputs
 from authoring.edits.shapes import is_body
 from usd_schemas import tokens
@@ -98,8 +98,8 @@ def _strangers(before: Usd.Stage, after: Usd.Stage, matches: Matches) -> Iterato
             if not is_blender(after):
                 yield object_name(prim), "another sky is not imported; import it with: scene set light=FILE.hdr"
         elif is_body(prim):
-            if prim.IsA(UsdGeom.Mesh) and not prim.GetAttribute("points").Get(_TIME):
-                yield object_name(prim), "a mesh without points is not imported"
+            if prim.IsA(UsdGeom.Mesh) and not has_faces(prim):
+                yield object_name(prim), "a mesh without faces is not imported"
         elif prim.IsA(UsdGeom.PointInstancer):
             if is_blender(after) and any(one.IsA(UsdGeom.PointInstancer) for one in before.Traverse()):
                 continue  # Blender renames those of the scene

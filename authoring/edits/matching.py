@@ -101,6 +101,16 @@ def is_visible(prim: Usd.Prim) -> bool:
     return not body or body.ComputeVisibility(Usd.TimeCode.EarliestTime()) != UsdGeom.Tokens.invisible
 
 
+def has_faces(prim: Usd.Prim) -> bool:
+    """Check whether a mesh has faces and points at its first time; loose points and edges have none.
+
+    Args:
+        prim: A mesh.
+    """
+    body, time = UsdGeom.Mesh(prim), Usd.TimeCode.EarliestTime()
+    return bool(body.GetPointsAttr().Get(time)) and bool(body.GetFaceVertexCountsAttr().Get(time))
+
+
 def is_blender(stage: Usd.Stage) -> bool:
     """Check whether Blender exported a stage: the absence of things that Blender never writes is then no edit.
 
@@ -202,12 +212,8 @@ def _bodies(stage: Usd.Stage) -> Iterator[Usd.Prim]:
     for prim in prims:
         if prim.IsA(UsdGeom.PointInstancer):
             prims.PruneChildren()
-        elif is_body(prim) and (not prim.IsA(UsdGeom.Mesh) or _points(prim)):
+        elif is_body(prim) and (not prim.IsA(UsdGeom.Mesh) or has_faces(prim)):
             yield prim
-
-
-def _points(prim: Usd.Prim) -> bool:
-    return bool(UsdGeom.Mesh(prim).GetPointsAttr().Get(Usd.TimeCode.EarliestTime()))
 
 
 def _anonymous(prim: Usd.Prim) -> bool:

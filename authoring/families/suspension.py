@@ -110,6 +110,7 @@ def draw_suspension(
     spans = Spans(tuple(sorted((*choice.supports, *piers_at))), overhang, gap, continuous=True, one_row=True)
     hung = CableSupportedDeck(top, deck, bearings, abutments)
     layout, piers, walls = draw_supports(settings, shared, hung, spans, draws, main=choice.main, walls=_STRIP + 0.45)
+    layout = replace(layout, anchorages=_BEHIND + cables.block_length)
     gangways = draw_gangways(settings, deck, choice.main, draws)
     record = DrawnSuspension(choice, spans, top, deck, tower, cables, bearings, piers, walls, gangways)
     return layout, record

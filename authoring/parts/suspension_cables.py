@@ -62,6 +62,12 @@ class SuspensionCables:
         return self.crown - self.low
 
     @property
+    def block_length(self) -> float:
+        """Length of an anchor block along the bridge [m]."""
+        least = max(2.6 + 4.0 * self.diameter, 0.5 * (self.crown - self.entry) * 0.6)
+        return max(least, _growth(self)[0])
+
+    @property
     def saddle_size(self) -> tuple[float, float, float]:
         """Length along the bridge, width, and depth from the cables' axis to the tower's top [m]."""
         return round(1.3 + 4.0 * self.diameter, 3), round(0.35 + 1.6 * self.diameter, 3), self.saddle_depth
@@ -200,10 +206,8 @@ def _anchorage_parts(
     station, away = cables.anchors[end], (-1.0, 1.0)[end]
     level = level_at(place, station)
     tower = cables.towers[end]
-    depth = max(2.6 + 4.0 * cables.diameter, 0.5 * (cables.crown - cables.entry) * 0.6)
-    grown, width_grown = _growth(cables)
+    depth, width_grown = cables.block_length, _growth(cables)[1]
     inner, outer = abs(left) - 0.5 * cables.diameter - 0.35, abs(left) + _BLOCK_SIDE + cables.diameter + width_grown
-    depth = max(depth, grown)
     lefts = (inner, outer) if left > 0.0 else (-outer, -inner)
     back, top = station + away * depth, cables.entry + 0.5 + cables.diameter
     low = _lowest(ground, level, sorted((station, back)), lefts) - _FOUNDED

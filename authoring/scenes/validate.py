@@ -104,10 +104,10 @@ def mesh_findings(stage: Usd.Stage) -> Iterator[str]:
         stage: Stage to check.
     """
     for prim in surfaces(stage):
-        own = _known(prim) or not str(prim.GetPath()).startswith(
-            tokens.BACKGROUND
-        )  # a world of the user's may have them
-        if own and prim.IsA(UsdGeom.Mesh) and not len(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get() or ()):
+        brought = str(prim.GetPath()).startswith(tokens.BACKGROUND) and not _known(prim)  # a world of the user's
+        if brought or not prim.IsA(UsdGeom.Mesh):
+            continue
+        if not UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(Usd.TimeCode.EarliestTime()):
             yield f"{prim.GetPath()}: a mesh without faces"
 
 

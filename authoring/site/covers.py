@@ -119,9 +119,12 @@ def covered(soup: Soup) -> list[tuple[Cover, Soup]]:
     Returns:
         Every cover that occurs, with its triangles; the rest comes last.
     """
-    pieces = []
+    pieces: list[tuple[Cover, Soup]] = []
     for column, cover in enumerate(soup.covers):
-        inside, soup = cut(soup, column)
+        inside, soup, born = cut(soup, column)
+        pieces = [
+            (earlier, split_edges(replace(piece, rows=soup.rows, plan=soup.plan), born)) for earlier, piece in pieces
+        ]
         if len(inside.faces):
             pieces.append((cover, inside))
     return [*pieces, (REMAINDER, soup)] if len(soup.faces) else pieces
@@ -152,7 +155,7 @@ def chunked(name: str, soup: Soup) -> list[tuple[str, Soup]]:
     return [(f"{name}_{number}", replace(soup, faces=soup.faces[rows])) for number, rows in enumerate(done)]
 
 
-def cut(soup: Soup, column: int) -> tuple[Soup, Soup]:
+def cut(soup: Soup, column: int) -> tuple[Soup, Soup, I64]:
     """Cut triangles where a cover's field is zero.
 
     Args:
@@ -160,19 +163,48 @@ def cut(soup: Soup, column: int) -> tuple[Soup, Soup]:
         column: Number of the cover.
 
     Returns:
-        The part inside the cover (positive) and the part outside.
+        The part inside the cover (positive), the part outside, and of each new vertex the two ends of its edge and its
+        own number, shape (N, 3), int64: the first two rising.
     """
     value = soup.rows[:, 6 + column]
     sign = np.sign(value)[soup.faces]
     above, below = (sign > 0).any(axis=1), (sign < 0).any(axis=1)
     crossing = above & below
     whole = soup.rows if soup.plan is None else np.hstack([soup.rows, soup.plan])
-    rows, plus, minus = _split(whole, soup.faces[crossing], value, soup.rows.shape[1])
+    rows, plus, minus, born = _split(whole, soup.faces[crossing], value, soup.rows.shape[1])
     plan = None if soup.plan is None else rows[:, soup.rows.shape[1] :]
     rows = rows[:, : soup.rows.shape[1]]
     inside = np.concatenate([soup.faces[above & ~below], plus])
     outside = np.concatenate([soup.faces[~above], minus])
-    return Soup(rows, inside, soup.covers, plan), Soup(rows, outside, soup.covers, plan)
+    return Soup(rows, inside, soup.covers, plan), Soup(rows, outside, soup.covers, plan), born
+
+
+def split_edges(soup: Soup, born: I64) -> Soup:
+    """Give triangles the vertices that cuts of their neighbors put on shared edges: without them, light shines through.
+
+    Args:
+        soup: Triangles with all vertices.
+        born: Both ends of an edge, rising, and the vertex on it, shape (N, 3), int64, sorted by the ends.
+
+    Returns:
+        The same surface, its triangles halved where an edge has such a vertex.
+    """
+    faces, done = soup.faces, []
+    scale = len(soup.rows)
+    keys = born[:, 0] * scale + born[:, 1]
+    while len(faces) and len(keys):
+        ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2), axis=2)
+        wanted = ends[..., 0] * scale + ends[..., 1]
+        place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        hit = keys[place] == wanted
+        some = hit.any(axis=1)
+        done.append(faces[~some])
+        which = np.argmax(hit[some], axis=1)
+        row = np.arange(len(which))
+        a, b, c = (faces[some][row, (which + step) % 3] for step in range(3))
+        middle = born[place[some][row, which], 2]
+        faces = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+    return replace(soup, faces=np.concatenate([*done, faces]))
 
 
 def drape(soup: Soup, alignment: Alignment, atlas: F64) -> Mesh:
@@ -254,8 +286,10 @@ def _unit(vectors: F64) -> F64:
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
-def _split(rows: F64, faces: I64, value: F64, fields: int) -> tuple[F64, I64, I64]:
+def _split(rows: F64, faces: I64, value: F64, fields: int) -> tuple[F64, I64, I64, I64]:
     """Split triangles that have corners on both sides; new vertices are shared by the two triangles of an edge.
+
+    The last result are the new vertices, as `cut` gives them.
 
     Columns 6 up to `fields` are those of covers.
     """
@@ -286,4 +320,6 @@ def _split(rows: F64, faces: I64, value: F64, fields: int) -> tuple[F64, I64, I6
                 far = chosen & ((value[a] > 0) != wanted)
                 side.extend(np.stack(tri, axis=1)[near] for tri in tip)
                 side.extend(np.stack(tri, axis=1)[far] for tri in rest)
-    return np.vstack([rows, born]), np.concatenate(plus), np.concatenate(minus)
+    numbered = np.column_stack([np.sort(unique, axis=1), len(rows) + np.arange(len(unique))]).astype(np.int64)
+    numbered = numbered[np.lexsort((numbered[:, 1], numbered[:, 0]))]
+    return np.vstack([rows, born]), np.concatenate(plus), np.concatenate(minus), numbered

@@ -24,8 +24,9 @@ WIRES = (0.35, 0.75, 1.12)  # [m] heights above the ground
 PITCH = 2.5  # [m] between posts
 TOE = 1.5  # [m] from the toe of a fill to the fence
 _LEAST = 5.0  # [m] least distance from the shoulder
-AT_BORDER = 0.3  # [m] from the strip's border to the posts beside it, on both of its sides
-_AT_WALL = 1.0  # [m] from a wing wall's end, along and across, to the last post
+AT_BORDER = 0.1  # [m] from the strip's border to the posts beside it, on both of its sides
+_IN_STRIP = 2.0  # [m] least distance from the side of the strip
+_AT_WALL = 1.0  # [m] from a wing wall's end, along and across, or from the rear of an anchor block, to the last post
 _STEEPEST = 1.0  # slope from which on no post stands [1]
 _POST, _STRAINER = (0.09, 0.09, 1.65), (0.15, 0.15, 1.9)  # [m] along, across, down
 _WIRE = 0.0025  # [m] radius
@@ -57,52 +58,70 @@ def fence_pieces(land: Land, ground: HeightField) -> list[Piece]:
         Leaf prim name, component kind, material recipe and mesh of each piece; none if the land is not fenced.
     """
     pieces: list[Piece] = []
-    if not land.fenced:
-        return pieces
-    for number, approach in enumerate(land.approaches):
-        for side, sign in (("L", 1.0), ("R", -1.0)):
-            posts = _post_places(land, ground, approach, sign)
-            name = f"Fence_{number}_{side}"
-            pieces += fence_meshes(name, land.layout.alignment, np.column_stack([posts, ground(*posts.T)]))
+    for number, side, offset in fence_sides(land):
+        posts = _post_places(land, ground, land.approaches[number], offset)
+        name = f"Fence_{number}_{side}"
+        pieces += fence_meshes(name, land.layout.alignment, np.column_stack([posts, ground(*posts.T)]))
     return pieces
 
 
-def fence_offset(land: Land, ground: HeightField, approach: Approach, side: float) -> float:
-    """Find the distance of a fence from the centre line of an approach: beyond the toe of its fill everywhere.
+def fence_offsets(land: Land, reach: tuple[float, float]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Find the distances of the fences from the center lines of both approaches: beyond their fills' toes everywhere.
+
+    Args:
+        land: The land, without plots.
+        reach: Distance that the site reaches beyond the abutments' back faces and to each side of the axis [m].
+
+    Returns:
+        As `Land.fences`; 0 where the fill reaches to the strip's border [m].
+    """
+    first, last = (
+        (_offset(land, approach, reach, 1.0), _offset(land, approach, reach, -1.0)) for approach in land.approaches
+    )
+    return first, last
+
+
+def _offset(land: Land, approach: Approach, reach: tuple[float, float], side: float) -> float:
+    """Find the distance of one fence [m]."""
+    station = (approach.back + approach.sign * np.arange(0.0, reach[0], PITCH))[:, None]
+    across = np.arange(approach.half_width + SHOULDER + _LEAST, reach[1] - _IN_STRIP, 0.5)[None]
+    left = approach.center(station) + side * across
+    station = np.broadcast_to(station, left.shape)
+    height = land.shape(station, left, no_hills).height
+    room = across - land.layout.width / 2 - TOE
+    room = room - FILL_SLOPE * np.abs(approach.level(land.layout, no_hills, station) - height)
+    free = np.flatnonzero((room > 0.0).all(axis=0))
+    return float(across[0, free[0]]) if len(free) else 0.0
+
+
+def fence_sides(land: Land) -> list[tuple[int, str, float]]:
+    """List the fences: number of the approach, side, and distance to the left of its center line [m].
 
     Args:
         land: The land.
-        ground: The strip.
-        approach: The approach.
-        side: 1 to the left, -1 to the right [1].
-
-    Returns:
-        Distance [m], at most to the strip's border.
     """
-    end = ground.stations[0] if approach.sign < 0 else ground.stations[-1]
-    station = np.arange(approach.back, end, approach.sign * PITCH)[:, None]
-    across = np.arange(approach.half_width + SHOULDER + _LEAST, ground.lefts[-1] - AT_BORDER, 0.5)[None]
-    left = approach.center(station) + side * across
-    crown = approach.level(land.layout, no_hills, np.broadcast_to(station, left.shape))
-    height = ground(np.broadcast_to(station, left.shape).ravel(), left.ravel()).reshape(left.shape)
-    room = across - land.layout.width / 2 - FILL_SLOPE * np.abs(crown - height) - TOE
-    free = np.flatnonzero((room > 0.0).all(axis=0))
-    return float(across[0, free[0] if len(free) else -1])
+    sides = [
+        (number, side, way * far)
+        for number, pair in enumerate(land.fences)
+        for side, way, far in zip("LR", (1.0, -1.0), pair, strict=True)
+    ]
+    return [fence for fence in sides if fence[2]]
 
 
-def fence_meshes(name: str, axis: Alignment, posts: F64) -> list[Piece]:
+def fence_meshes(name: str, axis: Alignment, posts: F64, least: int = 2) -> list[Piece]:
     """Build posts, and wires between neighbors no more than two spacings apart.
 
     Args:
         name: Begin of the leaf prim names.
         axis: Axis of the bridge.
         posts: Station, left and world height of the ground at the posts, in order [m], shape (N, 3), float64.
+        least: Posts of the shortest stretch that is built, 2 or more [1].
 
     Returns:
         Leaf prim name, component kind, material recipe and mesh of the posts and of the wires; none for lone posts.
     """
     gaps = np.flatnonzero(np.linalg.norm(np.diff(posts[:, :2], axis=0), axis=1) > 2.0 * PITCH) + 1
-    runs = [run for run in np.split(posts, gaps) if len(run) > 1]
+    runs = [run for run in np.split(posts, gaps) if len(run) >= least]
     if not runs:
         return []
     timber = merged([mesh for run in runs for mesh in _posts(axis, run)])
@@ -110,18 +129,22 @@ def fence_meshes(name: str, axis: Alignment, posts: F64) -> list[Piece]:
     return [(f"{name}_Posts", "fence", "timber", timber), (f"{name}_Wires", "fence", "galvanised_steel", steel)]
 
 
-def _post_places(land: Land, ground: HeightField, approach: Approach, side: float) -> F64:
-    """Place the posts from the strip's border along the approach and then to the wing wall, shape (N, 2)."""
-    offset = fence_offset(land, ground, approach, side)
-    corner = approach.back + approach.sign * (WING_WALL + _AT_WALL)
+def _post_places(land: Land, ground: HeightField, approach: Approach, offset: float) -> F64:
+    """Place the posts from the strip's border along the approach and then to the wing wall, shape (N, 2).
+
+    Beside anchor blocks, which stand there, the fence ends behind them.
+    """
+    anchorages = land.layout.anchorages
+    corner = approach.back + approach.sign * (max(WING_WALL, anchorages) + _AT_WALL)
     end = ground.stations[0] if approach.sign < 0 else ground.stations[-1]
     reach = np.arange(abs(end - corner) - AT_BORDER, 0.5 * PITCH, -PITCH)
     station = corner + approach.sign * np.append(reach, 0.0)
-    along = np.column_stack([station, approach.center(station) + side * offset])
-    wall = land.layout.width / 2 + _AT_WALL
-    across = np.arange(offset - PITCH, wall + 0.5 * PITCH, -PITCH)
-    left = side * np.append(across, wall) + approach.center(np.array(corner))
-    places = np.concatenate([along, np.column_stack([np.full(len(left), corner), left])])
+    places = np.column_stack([station, approach.center(station) + offset])
+    if not anchorages:
+        wall = land.layout.width / 2 + _AT_WALL
+        across = np.append(np.arange(abs(offset) - PITCH, wall + 0.5 * PITCH, -PITCH), wall)
+        left = np.sign(offset) * across + approach.center(np.array(corner))
+        places = np.concatenate([places, np.column_stack([np.full(len(left), corner), left])])
     station, left = places.T
     crossing = land.crossing
     free = crossing.distance(station, left) > crossing.half_width + SHOULDER + TOE

@@ -23,6 +23,7 @@ USES: dict[str, tuple[str, ...]] = {
 BORDER = 4.0  # from the site's border to a field [m]
 BALK = 1.1  # half the width of grass between two fields [m]
 VERGE = 6.0  # from the top of a fill, or from the deck's edge, to a field [m]
+BEHIND_FENCE = 0.5  # from a fence to what is tilled [m]
 CLEAR = 8.0  # from the deck's edge to a field beside the bridge [m]
 TOE = 2.5  # from the toe of a fill to a field [m]
 ASIDE = 37.0  # second coordinate of the bend of the border on the positive side; any length far from 0 [m]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.axis.alignment import Alignment, Layout
-from authoring.site.fields import ASIDE, CLEAR, TOE, VERGE, Plots
+from authoring.site.fields import ASIDE, BEHIND_FENCE, CLEAR, TOE, VERGE, Plots
 from authoring.site.relief import Relief, smooth_minimum, smoothstep
 from authoring.site.valley import Valley
 
@@ -238,7 +238,7 @@ class Land:
         patches: Positive where taller grass grows [m].
         valley: Rise of the land towards the abutments of a high bridge, or None.
         plots: Use of the site's land; None beyond it.
-        fenced: Whether right-of-way fences stand along the approaches.
+        fences: From the center line of either approach to the fences to its left and right, 0 for none [m].
     """
 
     layout: Layout
@@ -249,7 +249,7 @@ class Land:
     patches: Relief
     valley: Valley | None = None
     plots: Plots | None = None
-    fenced: bool = False
+    fences: tuple[tuple[float, float], tuple[float, float]] = ((0.0, 0.0), (0.0, 0.0))
 
     def shape(self, station: F64, left: F64, hills: Hills) -> Shape:
         """Compute the ground.
@@ -311,23 +311,23 @@ class Land:
             Distances, negative where there is no plot [m], the same shape (...), float64.
         """
         assert self.plots is not None
-        height, _ = self._ground(station, left, hills)
-        return self._room(self.plots, station, left, height, hills)
+        return self._room(self.plots, station, left, self._ground(station, left, hills)[0], hills)
 
     def _room(self, plots: Plots, station: F64, left: F64, height: F64, hills: Hills) -> F64:
-        behind = station > self.crossing.center(left)
         room = self.crossing.distance(station, left) - self.crossing.half_width
-        room = room - plots.aside - plots.bend(left, np.where(behind, ASIDE, -ASIDE))
+        room = room - plots.aside - plots.bend(left, np.where(station > self.crossing.center(left), ASIDE, -ASIDE))
         room = np.minimum(room, plots.within(station, left))
         room = np.minimum(room, np.abs(left) - self.layout.width / 2 - CLEAR - plots.shift(station, left))
         room = np.minimum(room, (STEEP - self.steepness(station, left, hills)) * _ROOM)
-        for approach in self.approaches:
+        for approach, fences in zip(self.approaches, self.fences, strict=True):
             along, center = approach.along(station), approach.center(station)
             across = np.abs(left - center) / approach.stretch(station)
             crown = approach.level(self.layout, hills, approach.back + approach.sign * np.maximum(along, 0.0))
             aside = np.hypot(np.maximum(across - self.layout.width / 2, 0.0), np.maximum(-along, 0.0))
             room = np.minimum(room, aside - FILL_SLOPE * np.abs(crown - height) - TOE)
             room = np.minimum(room, np.where(along > -10.0, across - approach.half_width - VERGE, 9.0))
+            beyond = np.abs(left - center) - np.where(left > center, *fences) - BEHIND_FENCE
+            room = np.minimum(room, np.where(along > WING_WALL, beyond, 9.0))
         return room
 
     def _used(self, plots: Plots, station: F64, left: F64, height: F64, hills: Hills) -> dict[str, F64]:

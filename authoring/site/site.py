@@ -12,7 +12,7 @@ from authoring.shapes.component import FIRST_SITE_ID, Component, Mesh, Scatter
 from authoring.site.covers import Soup, chunked, covered, drape, strip_atlas
 from authoring.site.crossing import CrossingKind, told_crossings
 from authoring.site.extent import Box, keep_out, strip_corners, strip_edge
-from authoring.site.fences import BESIDE_ROADS, fence_pieces, fenced
+from authoring.site.fences import BESIDE_ROADS, fence_offsets, fence_pieces, fenced
 from authoring.site.fields import DRAWN_LAND, LandUse, draw_plots
 from authoring.site.grid import HeightField
 from authoring.site.guardrails import guardrail_pieces
@@ -138,7 +138,8 @@ def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) 
     reach = (settings.run_out, settings.half_width)
     used = rng.spawn(1)[0]  # a separate stream: the use of the land changes nothing else
     land = replace(land, plots=draw_plots(settings.land, land.crossing.kind, layout, reach, used))
-    land = replace(land, fenced=fenced(settings.fences, land, used.spawn(1)[0]))
+    if fenced(settings.fences, land, used.spawn(1)[0]):
+        land = replace(land, fences=fence_offsets(replace(land, plots=None), reach))
     length = layout.supports[-1] - layout.supports[0]
     fine = (settings.fine_reach, settings.fine_spacing * max(length / LONG, 1.0), settings.coarse_spacing)
     stations, lefts = strip_lines(land, settings.run_out, settings.half_width, fine)

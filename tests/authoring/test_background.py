@@ -23,7 +23,7 @@ from authoring.shapes.component import (
 from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 from groundwork.errors import InputError
-from tests.authoring.world_parts import Pieces, along_border, runs, solids, standing_on, yards
+from tests.authoring.world_parts import Pieces, along_border, open_edges, runs, solids, standing_on, yards
 from usd_schemas.components import class_of
 
 F64 = NDArray[np.float64]
@@ -84,6 +84,15 @@ def test_terrain_has_no_gap_and_no_overlap(world: World) -> None:
     land = size[0] * size[1] - np.ptp(site.field.stations) * np.ptp(site.field.lefts)
     assert flat[:, 2].sum() / 2 == pytest.approx(land, rel=1e-3)
     assert size.min() > 2000.0
+
+
+def test_land_is_closed(world: World) -> None:
+    """Site and land have no open edge but at the land's end: a sky of one pixel would shine through."""
+    site, pieces = world
+    rim = open_edges([part for part in (*solids(site.pieces), *solids(pieces)) if part.group == "Ground"])
+    middle = site.land.layout.alignment.point(np.array([20.0]), np.zeros(1), np.zeros(1))[0, :2]
+    assert len(rim) > 100
+    assert np.abs(rim[:, :2] - middle).max(axis=1).min() > 10_000.0
 
 
 def test_atlas_tiles_end_on_the_sites_border(world: World) -> None:

@@ -9,15 +9,21 @@ from numpy.typing import NDArray
 from authoring.axis.alignment import Alignment, Layout
 from authoring.axis.road_section import RoadSection
 from authoring.backgrounds.registry import BackgroundSettings, build_background
+from authoring.families.bridge_settings import draw_layout
+from authoring.families.registry import build_bridge
+from authoring.settings import AuthoringSettings
 from authoring.shapes.component import Component, triangles
-from authoring.site.fences import HEIGHT, PITCH, TOE, WIRES, fence_meshes, fence_offset, fenced
+from authoring.site.fences import HEIGHT, PITCH, TOE, WIRES, fence_meshes, fence_offsets, fence_sides, fenced
 from authoring.site.shape import FILL_SLOPE, SHOULDER, WING_WALL
 from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
-from tests.authoring.world_parts import solids
+from falsework.scenario import scene_seed
+from groundwork.settings import parse_settings
+from tests.authoring.world_parts import runs, solids
 from usd_schemas.components import class_of
 
 F64 = NDArray[np.float64]
+TILLED = ("Ploughed", "Crop", "RipeCrop", "Hay")
 CORNERS = 8  # vertices of a post
 ROAD = Layout(Alignment(7.0, 0.02, 0.4, skew=0.3), (0.0, 30.0), 10.0, 1.9, "road", 8.0, 3.4)
 ROAD = replace(ROAD, road=RoadSection(((-3.4, False), (3.4, False)), (2.0, 3.0), 0.15, 4.5, False, 6.5))
@@ -127,18 +133,66 @@ def test_the_countryside_carries_the_fences_on(site: Site) -> None:
     pieces = build_background("countryside", BackgroundSettings(), site, stream(5, "background"))
     far = [part for part in solids(pieces) if "_Fence_" in part.name and part.name.endswith("_Posts")]
     assert len(far) >= 3
+    offsets = {(number, side): offset for number, side, offset in fence_sides(site.land)}
     for part in far:
         number, side = int(part.name.split("_")[2]), part.name.split("_")[3]
-        approach, sign = site.land.approaches[number], 1.0 if side == "L" else -1.0
+        approach, offset = site.land.approaches[number], offsets[number, side]
         middles, ends = posts(part)
         station, left = site.land.layout.alignment.locate(middles)
-        offset = fence_offset(site.land, site.field, approach, sign)
-        np.testing.assert_allclose(sign * (left - approach.center(station)), offset, atol=0.05)
+        np.testing.assert_allclose(left - approach.center(station), offset, atol=0.05)
         assert (ends[:, 1] - ends[:, 0] > 1.6).all()
     (kept,) = site.keep_out  # larger than the strip of a skewed bridge, and left empty
     first = np.concatenate([part.mesh.points for part in far])
     assert not kept.contains(first).any()
     assert kept.contains(first, margin=-PITCH).any()
+    standing = np.concatenate([posts(part)[0] for part in far])
+    trees = np.concatenate([run.positions[:, :2] for run in runs(pieces) if run.kind in ("tree", "shrub")])
+    assert np.linalg.norm(trees[:, None] - standing, axis=2).min() > 0.6
+    crops = [part for part in solids(pieces) if part.group == "Ground" and part.name.split("_")[1] in TILLED]
+    assert crops
+    middles = np.concatenate([part.mesh.points[triangles(part.mesh)].mean(axis=1) for part in crops])
+    station, left = site.land.layout.alignment.locate(middles)
+    for number, side, offset in fence_sides(site.land):
+        approach, way = site.land.approaches[number], 1.0 if side == "L" else -1.0
+        beside = (approach.along(station) > 0.0) & (way * (left - approach.center(station)) > 0.0)
+        assert (way * (left - approach.center(station)))[beside].min() > abs(offset)  # between road and fence is grass
     bare = draw_site(SiteSettings(crossing="river", fences=False), ROAD, stream(5, "site"))
     none = build_background("countryside", BackgroundSettings(), bare, stream(5, "background"))
     assert not [part for part in solids(none) if "_Fence_" in part.name]
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_no_fence_stands_in_an_anchor_block(seed: int) -> None:
+    """Beside suspension bridges the fences end behind the blocks, which stand where the wing walls are."""
+    settings = parse_settings(AuthoringSettings, {"bridge": {"family": "suspension"}, "site": {"fences": True}}, "test")
+    own = scene_seed(seed, 0)
+    layout, drawn = draw_layout(settings.bridge, stream(own, "bridge"))
+    site = draw_site(settings.site, layout, stream(own, "site"))
+    blocks = [part for part in solids(build_bridge(layout, drawn, site.ground)) if part.kind == "anchor_block"]
+    assert len(blocks) == 4
+    posted = np.concatenate([part.mesh.points for part in fences(site, "")])
+    station, left = layout.alignment.locate(posted)
+    for block in blocks:
+        along, aside = layout.alignment.locate(block.mesh.points)
+        inside = (station > along.min() - 0.5) & (station < along.max() + 0.5)
+        assert not (inside & (left > aside.min() - 0.5) & (left < aside.max() + 0.5)).any()
+
+
+def test_no_fence_where_a_fill_is_wider_than_the_strip() -> None:
+    """A high, wide road on a narrow strip has no fence: it would stand on the fill."""
+    high = Layout(Alignment(20.0), (0.0, 30.0), 30.0, 1.9, "road", 28.0, 3.4)
+    settings = SiteSettings(crossing="river", fences=True, half_width=40.0, fine_spacing=1.6, coarse_spacing=5.0)
+    site = draw_site(settings, high, stream(5, "site"))
+    assert site.land.fences == fence_offsets(replace(site.land, plots=None), (60.0, 40.0)) == ((0.0, 0.0), (0.0, 0.0))
+    assert not fences(site, "")
+
+
+def test_fields_of_the_site_lie_behind_the_fences() -> None:
+    """No post stands in a field, yard or lot of the site."""
+    settings = SiteSettings(crossing="river", land="fields", fences=True, run_out=120.0)
+    for seed in range(3):
+        site = draw_site(settings, ROAD, stream(seed, "site"))
+        land = site.land
+        for part in fences(site, "_Posts"):
+            station, left = land.layout.alignment.locate(posts(part)[0])
+            assert land.plot_room(station, left, lambda s, _: np.zeros_like(s)).max() < 0.0

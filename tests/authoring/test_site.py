@@ -20,6 +20,7 @@ from authoring.site.shape import ABUTMENT_BACK
 from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 from groundwork.errors import InputError
+from tests.authoring.world_parts import open_edges
 from usd_schemas.components import class_of
 
 F64 = NDArray[np.float64]
@@ -239,3 +240,13 @@ def test_a_road_needs_a_span() -> None:
     """A span too short for the crossing road is named in one line."""
     with pytest.raises(InputError, match=r"site\.crossing: no room"):
         draw_site(SiteSettings(crossing="road"), Layout(Alignment(5.0), (0.0, 6.0), 8.0, 1.0), stream(1, "site"))
+
+
+def test_ground_is_closed(site: Site) -> None:
+    """Every edge inside the strip belongs to two triangles: no cover's border ends on an edge of another cover."""
+    rim = open_edges(ground_parts(site))
+    station, left = site.land.layout.alignment.locate(rim)
+    field = site.field
+    away = [station - field.stations[0], field.stations[-1] - station, left - field.lefts[0], field.lefts[-1] - left]
+    assert len(rim) > 100
+    assert np.min(away, axis=0).max() < 1e-6

@@ -58,7 +58,7 @@ def test_a_cut_keeps_area_and_shares_its_border(seed: int) -> None:
     shape = Shape(field.heights, {"x": value})
     normals = surface_normals(field.nodes(), field.triangles())
     soup = soup_of(field.nodes(), normals, field.triangles(), shape, (Cover("x", "X", "ground", "grass"),))
-    inside, outside = cut(soup, 0)
+    inside, outside, _ = cut(soup, 0)
     areas = []
     for part in (soup, inside, outside):
         corner = part.rows[part.faces][:, :, :2]

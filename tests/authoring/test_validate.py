@@ -94,6 +94,19 @@ def _unknown_shader(stage: Usd.Stage) -> None:
     UsdShade.Shader.Define(stage, "/World/Bridge/BridgeLooks/Stray/Loose").CreateIdAttr("NoSuchShader")
 
 
+def test_faces_that_move_with_time_are_faces(scene: Path) -> None:
+    """A mesh whose faces are given at a time, as animations are, is not empty."""
+    stage = Usd.Stage.Open(str(scene))
+    stage.SetEditTarget(Sdf.Layer.FindOrOpen(str(scene.parent / "edits/user.usda")))
+    body = UsdGeom.Mesh(stage.GetPrimAtPath(DECK))
+    for attribute in (body.GetFaceVertexCountsAttr(), body.GetFaceVertexIndicesAttr(), body.GetPointsAttr()):
+        value = attribute.Get()
+        attribute.Set(Sdf.ValueBlock())
+        attribute.Set(value, 1.0)
+    stage.Save()
+    assert not [line for line in validate_scene(scene) if "without faces" in line]
+
+
 @pytest.mark.parametrize(
     ("spoil", "expected"),
     [

@@ -1,5 +1,7 @@
 """Parts of a world, and what all worlds are asked: what lies on the border of the site, and what stands on drives."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +22,18 @@ def solids(pieces: Pieces) -> list[Component]:
 def runs(pieces: Pieces, ending: str = "") -> list[Scatter]:
     """The scatters among some pieces whose name ends so."""
     return [piece for piece in pieces if isinstance(piece, Scatter) and piece.name.endswith(ending)]
+
+
+def open_edges(parts: Sequence[Component]) -> F64:
+    """Find the middles of the edges that only one triangle has, of several meshes together [m], shape (N, 3)."""
+    corners = np.concatenate([part.mesh.points[triangles(part.mesh)] for part in parts])
+    _, number = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    ends = number.reshape(-1, 3)
+    edges = np.sort(np.stack([ends, np.roll(ends, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    middles = (0.5 * (corners + np.roll(corners, -1, axis=1))).reshape(-1, 3)
+    _, first, count = np.unique(edges, axis=0, return_index=True, return_counts=True)
+    assert count.max() == 2
+    return middles[first[count == 1]]
 
 
 def along_border(site: Site, parts: list[Component]) -> set[bytes]:
