@@ -152,7 +152,8 @@ def write_cloud(folder: Path, cloud: Cloud) -> None:
         cloud: What to write.
 
     Raises:
-        InputError: A column is missing, unknown, or of a wrong shape or type.
+        InputError: A column is unknown, or of a wrong shape or type; or the source is unknown.
+        KeyError: A required column is missing.
     """
     _check(folder, cloud)
     kinds = _kinds(cloud.columns)

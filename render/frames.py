@@ -1,6 +1,7 @@
 """Conductor of rendering: one survey of a stage becomes a capture of photographs and ground truth.
 
-`python -m render.frames` serves one request {scene, folder, settings, seed, survey, share} of a parent process.
+`python -m render.frames` serves one request {scene, folder, settings, seed, survey, share, choices} of a parent
+process.
 """
 
 from collections import deque

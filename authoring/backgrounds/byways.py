@@ -164,7 +164,7 @@ def road_distance(byways: list[Byway], places: F64, reach: float = np.inf) -> F6
     Args:
         byways: Roads.
         places: World positions in plan [m], shape (N, 2), float64.
-        reach: Distance beyond which a result only has to lie beyond it too, which saves time [m].
+        reach: Larger distances may be inexact, but stay larger than this, which saves time [m].
 
     Returns:
         Distances minus half the width, inf without roads [m], shape (N,), float64.

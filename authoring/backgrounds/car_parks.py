@@ -79,7 +79,7 @@ def rows_of(depth: float) -> list[tuple[float, float]]:
 
     Returns:
         Lowest y of each row [m] and where the cars in it head along y [1], from the lowest on; a lot that is too narrow
-        for two rows has one, with the aisle on its far side.
+        for two rows has one, with the aisle on its far side, or none.
     """
     count = int(depth // MODULE)
     margin = 0.5 * (depth - count * MODULE)
@@ -155,7 +155,7 @@ def painted(lot: Lot, lines: F64, level: Ground) -> F64:
 
 
 def graded(lot: Lot, ground: Ground) -> HeightField:
-    """Find the surface of a lot: that of the ground, but nowhere below it, in cells that end at lines and kerbs.
+    """Find the surface of a lot, everywhere at least `RISE` above the ground, in cells that end at lines and kerbs.
 
     Args:
         lot: The lot.

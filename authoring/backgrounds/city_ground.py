@@ -12,9 +12,10 @@ from authoring.site.site import Site
 
 _WILD = ("Site_Tufts", "Site_Fringes", "Site_Stones")  # repeats that a city mows or clears
 _SHRUBS, _HEDGES, _REEDS = "Site_Shrubs", "Site_Hedges", "Site_Reeds"
-_FENCES = "Site_Fence_"  # begin of the names of what keeps cattle off
+_FENCES = "Site_Fence_"  # prefix of the names of fences
 _PLANTED = "lime"  # the shrubs that a city plants; scrub and willows are cleared
-# Plots, whose borders swing as those of fields, are lawns: what a city paves there has straight kerbs (`site_lots.py`).
+# Plots, whose borders curve like those of fields, become lawns: paved areas of a city have straight kerbs
+# (`site_lots.py`).
 _PLOTS = dict.fromkeys(("ploughed", "crop", "ripe", "hay", "lot_asphalt", "lot_paved", "lot_gravel"), "grass")
 
 
@@ -42,11 +43,11 @@ def city_surfaces(land: Land) -> dict[str, str]:
 
 
 def change_site(site: Site, rng: np.random.Generator) -> SiteChanges:
-    """Choose what a city changes on the site: lawns for fields, no fences, planted shrubs alone, none where cars park.
+    """Choose what a city changes on the site: lawns for fields, no fences, only planted shrubs, none on car parks.
 
     Args:
         site: The site.
-        rng: Random stream; nothing is drawn, so that the world finds the same car parks.
+        rng: Random stream; not used, because the background must find the same car parks.
     """
     hidden: dict[str, tuple[int, ...]] = dict.fromkeys(_WILD, ())
     hidden |= {piece.name: () for piece in site.pieces if piece.name.startswith(_FENCES)}

@@ -72,7 +72,7 @@ def draw_drives(
 
     Returns:
         Drives that cross no building, road or other drive and are not too steep; which buildings may stand, shape (N,),
-        bool: all but those that should have a drive and that none reaches.
+        bool: all but those near the site that should have a drive but get none.
     """
     away = terrain.beyond(plots.places[:, 0], plots.places[:, 1])
     order = [number for number in np.argsort(away, kind="stable") if wanted[number] and away[number] < NEAR]

@@ -123,7 +123,7 @@ def dwelling_runs(
         prefix: Put before the names of the runs.
         designs: The designs that the plots refer to.
         plots: Plots of the buildings.
-        close: Distance from the site within which they are detailed [m].
+        close: Distance from the site within which the nearest `MOST` of them are detailed [m].
         first_id: Instance id of the first wall; every wall, roof and set of windows has a separate id.
 
     Returns:
@@ -232,7 +232,7 @@ def _parts(style: Style, half: tuple[float, float], rng: np.random.Generator) ->
 
 
 def _windows(parts: list[_Part], pitch: float, rng: np.random.Generator) -> tuple[F64, NDArray[np.int64]]:
-    """Place windows on the walls of all parts that are not inside another part: middles [m], (N, 3), and faces."""
+    """Place windows on the walls of all parts where no other part covers them: middles [m], (N, 3), and faces."""
     rows, faces = [], []
     for number, part in enumerate(parts):
         spots, face = openings(part.half, part.storeys, rng)

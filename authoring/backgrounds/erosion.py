@@ -1,4 +1,4 @@
-"""Gullies that rain cuts into slopes: they run downhill, meet, and branch; computed with sums and products only."""
+"""Gullies that rain cuts into slopes: they run downhill, meet, and branch; without sines, equal on every platform."""
 
 from dataclasses import dataclass
 
@@ -40,8 +40,8 @@ class Gullies:
             slope: Slope of the land along each [1], each shape (N,), float64.
 
         Returns:
-            Height from -1 in a gully to 1 on a crest [1], and how it changes along station and left, in parts of
-            the spacing, each shape (N,), float64.
+            Height from -1 in a gully to 1 on a crest [1], and its change per spacing along station and left [1], each
+            shape (N,), float64.
         """
         steep = np.sqrt(slope[0] * slope[0] + slope[1] * slope[1]) + 1e-9
         across, along = -slope[1] / steep, slope[0] / steep  # unit vector along a contour line

@@ -115,7 +115,7 @@ def plain_balcony(wide: float, deep: float) -> Mesh:
 
 
 def plinth(half: tuple[float, float], wall: str, at: tuple[float, float]) -> Mesh:
-    """Model a plinth that projects from the wall; below the floor only where the wall is of brick.
+    """Model a plinth that projects from the wall, up to 0.3 m above the floor, or to the floor if the wall is of brick.
 
     Args:
         half: Half the length and depth of the walls [m].

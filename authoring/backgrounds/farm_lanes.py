@@ -28,7 +28,7 @@ STEEPEST = 0.14  # largest grade [1]
 FAR = 900.0  # distance from the site at which a lane begins where no road is near [m]
 STEP_AFAR = 5.0  # distance between the points of a lane from there [m]
 REACH = 300.0  # distance from the site's middle within which lanes leave roads [m]
-AT_ENDS = 95.0  # distance from the ends of a long site within which lanes and drives leave roads all the same [m]
+AT_ENDS = 95.0  # distance from the ends of a long site within which they leave roads even beyond that reach [m]
 
 
 def draw_farm_lanes(
@@ -134,7 +134,7 @@ def _passable(terrain: Terrain, path: F64) -> bool:
 
 
 def _from_afar(terrain: Terrain, count: int, rng: np.random.Generator) -> list[tuple[Mesh, Byway]]:
-    """Draw lanes beside the axis that come from far off and end near the site, one on each side at most."""
+    """Draw at most two lanes beside the axis that come from far off and end near the crossing."""
     lanes: list[tuple[Mesh, Byway]] = []
     crossing, axis = terrain.land.crossing, terrain.land.layout.alignment
     for _ in range(40):

@@ -93,7 +93,7 @@ def _grown(places: F64, kinds: NDArray[np.int64], rng: np.random.Generator, size
 
 
 def _rows(parcels: tuple[Parcel, ...], rng: np.random.Generator) -> list[F64]:
-    """Draw rows along one or two sides of about a third of the fields, and a few old trees within fields."""
+    """Draw rows along one side of about half of the fields, and a few old trees within fields."""
     groups = []
     for parcel in parcels:
         if rng.random() < SOLITARY:

@@ -16,7 +16,7 @@ from authoring.site.covers import to_world, turn
 
 F64 = NDArray[np.float64]
 FARTHEST = 360.0  # of a drive from the bridge's middle [m]
-FARMS = 0.14  # share of the buildings that are pairs of a farmhouse and a barn, half of it [1]
+FARMS = 0.14  # share of the buildings that belong to farms, each a farmhouse and a barn [1]
 TRIALS = 3  # plans of a house that are tried at each place
 ROOM = 7.5  # least distance of a lot to the ways that are not its own lane [m]
 HEDGE = 2.0  # least distance between two lots, and of a lot to a lane [m]
@@ -35,7 +35,7 @@ def draw_hamlet(
         rng: Random stream.
 
     Returns:
-        Homesteads that keep a distance from each other, of roads, river and site.
+        Homesteads that keep a distance from each other and from roads, river and site.
     """
     found: list[Homestead] = []
     farms, built = round(FARMS * count / 2), 0

@@ -16,7 +16,7 @@ PAINTS = ("painted_steel", "painted_steel_clean", "brick", "painted_metal", "whi
 
 
 def draw_sheds(count: int, rng: np.random.Generator) -> tuple[Design, ...]:
-    """Draw warehouses, their doors along the front, a band of windows under the eaves.
+    """Draw warehouses, with doors along both long sides and a band of windows under the eaves.
 
     Args:
         count: How many.
@@ -56,7 +56,7 @@ def crane(rng: np.random.Generator) -> Parts:
 
 
 def container_stacks(rng: np.random.Generator, shapes: int) -> tuple[Parts, ...]:
-    """Model blocks of containers, four long, three wide and up to four high, about the middle of their foot.
+    """Model blocks of containers, four long, three wide and up to four high, and one more at an end.
 
     Args:
         rng: Random stream.

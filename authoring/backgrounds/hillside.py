@@ -215,7 +215,7 @@ def _plots(
     half: F64,
     rng: np.random.Generator,
 ) -> Plots:
-    """Choose places: sheds behind the quay, blocks on the lower land, houses on the terraces and between them."""
+    """Choose places: sheds behind the quay, blocks on lower land, by roads and below the slope, houses on terraces."""
     terrain, sea = place.terrain, place.basin
     middle = (terrain.inner[0] + terrain.inner[1]) / 2
     front = np.pi if sea.side > 0 else 0.0

@@ -14,7 +14,7 @@ from authoring.site.shape import Hills, Land
 F64 = NDArray[np.float64]
 
 FOOT = 96.0  # distance from the axis at which the slope begins [m]
-SHORES = (275.0, 340.0)  # distance of the quay from the axis [m]
+SHORES = (275.0, 340.0)  # distance of the quay from the axis, if the site reaches 80 m to the left [m]
 QUAY = 420.0  # length of the quay on each side of the bridge's middle [m]
 BUILT = 560.0  # distance from the axis up to which the slope is even enough to build on [m]
 

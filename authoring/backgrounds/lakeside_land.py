@@ -13,7 +13,7 @@ from authoring.site.shape import Hills, Land
 F64 = NDArray[np.float64]
 
 FOOT = 112.0  # distance from the axis at which the inland slopes begin [m]
-SHORES = (205.0, 270.0)  # distance of the near shore from the axis [m]
+SHORES = (205.0, 270.0)  # distance of the near shore from the axis, if the site reaches 80 m to the left [m]
 QUAY = 300.0  # length of the quay on each side of the bridge's middle [m]
 
 
@@ -108,7 +108,7 @@ def draw_crests(rng: np.random.Generator) -> Hills:
         rng: Random stream.
     """
     one, two = draw_relief(((1300.0, 1.0),), rng), draw_relief(((520.0, 1.0), (230.0, 0.45)), rng)
-    more = rng.spawn(1)[0]  # a separate stream: the settlement stays where it was
+    more = rng.spawn(1)[0]  # a separate stream, so that later draws do not depend on it
     three = draw_relief(((260.0, 1.0),), more)
     bends = [draw_relief(((560.0, 150.0),), more) for _ in range(2)]
 

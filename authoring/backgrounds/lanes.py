@@ -18,7 +18,7 @@ STEP = 8.0  # distance between cross-sections [m]
 _CALM = 5  # cross-sections on either side over which a lane's height is smoothed
 _WALL = 0.35  # thickness of a retaining wall [m]
 GATE = 2.0  # half the width of a gap in a wall where a drive leaves the lane [m]
-_PARAPET = 0.45  # height of that wall above the lane [m]
+_PARAPET = 0.45  # height of a retaining wall above the lane [m]
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from authoring.site.fields import BEHIND_FENCE
 F64 = NDArray[np.float64]
 NEAR = 500.0  # distance from the site beyond which fields are larger, and need no finer mesh [m]
 _PAIRS = 1 << 19  # places and objects whose distances are computed at once [1]
-ROADSIDE, ROW = 24.0, 68.0  # distance from the axis between the first two rows of fields, and their widths [m]
+ROADSIDE, ROW = 24.0, 68.0  # distance from the axis to a border between the first rows of fields, and their width [m]
 BALK = 1.0  # half the width of the uncultivated strip between two fields [m]
 CROPS = (
     Cover("ploughed", "Ploughed", "ground", "furrows"),
@@ -32,7 +32,7 @@ class Parcel:
         heading: Direction of its first side from the axis [rad].
         half: Half the lengths of its sides [m].
         crop: Name of its cover, or `` for pasture.
-        side: 1 if it is only what lies to the left of the axis, -1 to the right, 0 on both sides [1].
+        side: 1 for only its part to the left of the axis, -1 for that to the right, 0 for all of it [1].
     """
 
     center: tuple[float, float]
@@ -87,13 +87,13 @@ def draw_parcels(
         reach: Extent of the blocks along the axis and to its sides [m].
 
     Returns:
-        Fields that do not overlap; roads, river and site are cut out of them.
+        Fields that do not overlap; roads, river and site may lie on them, but not on crops (`crop_fields`).
     """
     parcels: list[Parcel] = []
     middle = (terrain.inner[0] + terrain.inner[1]) / 2
     for side in (-1.0, 1.0):
         heading = rng.uniform(-0.22, 0.22)
-        # Turned rows, of which the first begin across the axis, leave no wedge beside it.
+        # The rows are turned from the axis; the first ones begin beyond it, so that no wedge beside it stays empty.
         depth = side * (ROADSIDE - ROW * np.ceil((ROADSIDE + reach[0] * np.tan(abs(heading))) / ROW))
         while abs(depth) < reach[1]:
             farther = 1.0 + max(abs(depth) - NEAR, 0.0) / NEAR

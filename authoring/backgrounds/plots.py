@@ -126,7 +126,7 @@ def downhill(terrain: Terrain, station: F64, left: F64, reach: float = 12.0) -> 
         terrain: The terrain.
         station: Distance along the axis [m], shape (N,), float64.
         left: Distance to the left of the axis [m], shape (N,), float64.
-        reach: Distance over which the slope is measured [m].
+        reach: Half the distance over which the slope is measured [m].
 
     Returns:
         Direction from the axis [rad] and slope [1], shapes (N,), float64.

@@ -83,7 +83,7 @@ def beside_roads(terrain: Terrain, span: tuple[float, float], rng: np.random.Gen
 
 
 def land_room(terrain: Terrain, basin: Basin, wanted: F64) -> F64:
-    """Compute the distance of places to roads and rivers, site and water.
+    """Compute the distance of places to roads and rivers, site and water, minus margins.
 
     Args:
         terrain: The terrain.

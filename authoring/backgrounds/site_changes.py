@@ -15,7 +15,7 @@ class SiteChanges:
 
     Attributes:
         surfaces: New surface by the name of a piece of ground.
-        hidden: Rows that are not visible by the name of a run of repeats; empty for a whole run, or a mesh.
+        hidden: Invisible rows, by the name of a run of repeats; no rows: the whole run, or a mesh, is invisible.
     """
 
     surfaces: Mapping[str, str]

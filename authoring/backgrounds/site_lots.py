@@ -84,15 +84,15 @@ class SiteLots:
 
 
 def find_lots(site: Site) -> tuple[Lot, ...]:
-    """Find the rectangles for car parks: the largest on the plots of a site that are not lawns.
+    """Find the rectangles for car parks: the largest on the plots of quarters with a cover in `PAVED`.
 
-    It depends on the site alone: the world that builds them and its changes on the site agree.
+    The result depends on the site alone, so that `build_city` and `change_site` find the same car parks.
 
     Args:
         site: The site.
 
     Returns:
-        At most `MOST`, at most one before and behind the crossing on each side of the bridge.
+        At most `MOST`, at most one in each quarter: before or behind the crossing, left or right of the bridge.
     """
     plots = site.land.plots
     if plots is None:

@@ -23,7 +23,7 @@ F64 = NDArray[np.float64]
 CRAG = Cover("crag", "Crag", "rock", "cliff")
 CLEARING = 17.0  # from a building's middle to the wood [m]
 CRAGGY, SCREE = 1.25, 0.62  # slopes above which rock is visible below the tree line, and 220 m above it [1]
-TREE_LINE = (330.0, 85.0)  # height of the tree line above the water, and how far it swings [m]
+TREE_LINE = (330.0, 85.0)  # height of the tree line above the water, and how much it varies [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Woods:
         stands: Relief of their density.
         line: Distances from the axis between which a slope becomes completely wooded [m].
         species: Broadleaved and garden species to draw from.
-        spread: Distance of solitary trees from the site's middle along the axis, standard deviation [m].
+        spread: Distance of trees from the site's middle along the axis, standard deviation [m].
         columns: Share of the gardens with a row of cypresses [1].
         bare: Width of the strip behind the shore without trees [m].
         trees: Number of trees, including those of a promenade [1].

@@ -77,5 +77,5 @@ def _plain(plan: TownPlan, spots: Spots) -> F64:
 
 
 def _facing(places: F64) -> Spots:
-    """Align lamps with their promenade."""
+    """Turn the arms of all lamps towards +x of the world."""
     return Spots(places, np.zeros(len(places)))

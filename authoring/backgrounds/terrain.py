@@ -35,7 +35,7 @@ class Terrain:
         field: Heights over grid coordinates; in its middle lies the site.
         inner: Lowest and highest station, lowest and highest left of the site [m].
         kept: Whether each node is part of the mesh, shape (S, L), bool: more and more lines end outwards.
-        keep_out: Volumes that must stay empty; they surround the site where its axis is curved.
+        keep_out: Volumes that must stay empty; they reach beyond the site where the axis is skewed or curved.
     """
 
     land: Land

@@ -14,7 +14,7 @@ GROUND_STOREY = 4.6  # height of the ground storey with its shops [m]
 WALK = 3.6  # width of the pavement before the buildings [m]
 CLEAR = 2.0  # distance of buildings to land that must stay empty [m]
 LOWEST, TALLEST = 9.0, 180.0  # heights of buildings [m]
-INSET = 0.6  # of walls behind the border of their lot, which piers and cornices may take [m]
+INSET = 0.6  # distance of walls from the border of their lot, within which piers and cornices may project [m]
 CORE = 300.0  # distance from the town's core over which heights decrease [m]
 
 

@@ -31,7 +31,7 @@ def traffic(
         rng: Random stream.
 
     Returns:
-        Runs of parked and of driving vehicles, each vehicle with a separate id; those on the site are a group.
+        Runs of parked and of driving vehicles, each vehicle with a separate id; those on the site have their own group.
     """
     models = vehicle_models()
     kerbs = kerbside(plan, -1.15, 6.3, 12.0, 380.0)
@@ -97,7 +97,7 @@ def _on_ways(terrain: Terrain, rng: np.random.Generator) -> list[Spots]:
 
 
 def _heading(axis: Alignment, rows: F64, center: Callable[[F64], F64], along: int, lane: float) -> Spots:
-    """Align vehicles with a line that curves about one coordinate."""
+    """Align vehicles with a line along one coordinate, whose other coordinate is a function of it."""
     ahead = rows.copy()
     ahead[:, along] += 2.0
     ahead[:, 1 - along] += center(ahead[:, along]) - center(rows[:, along])

@@ -15,7 +15,7 @@ from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
 MOST_NEAR = 99  # trees that are modelled in detail; the nearest
-NEAR = 165.0  # distance from the site's middle up to which trees are modelled in detail [m]
+NEAR = 165.0  # distance up to which trees are modelled in detail, from a place 80 m inside the site's border [m]
 DISTANT = 150.0  # distance from the site from which trees are the simplest [m]
 SPECIES = 5
 OAK, LIME, POPLAR, SPRUCE, BIRCH = range(SPECIES)
@@ -188,7 +188,7 @@ def tree_runs(terrain: Terrain, places: F64, rng: np.random.Generator, first_id:
 
 
 def _places(terrain: Terrain, parcels: tuple[Parcel, ...], count: int, rng: np.random.Generator) -> F64:
-    """Draw more places than needed: station, left and species, shape (N, 3), float64, in random order."""
+    """Draw more places than needed, those near the site's start rather first: station, left, species, shape (N, 3)."""
     land = terrain.land
     rows = []
     for parcel in parcels:
@@ -221,7 +221,7 @@ def spaced(places: F64, gap: float) -> NDArray[np.bool_]:
 
     Args:
         places: Positions in plan [m], shape (N, 2), float64.
-        gap: Least distance along either axis [m].
+        gap: Least distance, along at least one axis [m].
 
     Returns:
         Which places are kept, shape (N,), bool.

@@ -116,7 +116,7 @@ def _finish(color: int, body: F64, glass: F64, wheels: F64, dark: F64, lamps: tu
 
 
 def _cabin(outline: list[tuple[float, float]], below: float, above: float) -> F64:
-    """Draw a cabin whose sides lean inwards, half as wide as given at its foot and at its top [m]."""
+    """Make a cabin whose sides lean inwards, with given half widths at its foot and at its top [m]."""
     faces = prism(np.array(outline), -1.0, 1.0)
     low, high = min(z for _, z in outline), max(z for _, z in outline)
     faces[..., 1] *= below + (above - below) * (faces[..., 2] - low) / (high - low)

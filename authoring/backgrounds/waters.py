@@ -192,7 +192,7 @@ def ways_to_water(terrain: Terrain, basin: Basin) -> list[Piece]:
             points = mesh.points.copy()
             points[:, 2] -= np.round(
                 sink * smoothstep(-80.0, 2.0, inside), 4
-            )  # nothing at the site: the very same bytes
+            )  # exactly 0 at the site, so that the border's vertices stay equal
             mesh = Mesh(points, mesh.face_counts, mesh.corners, mesh.normals, mesh.st)
         elif prim.endswith(("_Left", "_Right")):  # a road or railway under the bridge ends on the quay
             station, left = terrain.land.layout.alignment.locate(mesh.points)

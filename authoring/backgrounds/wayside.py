@@ -1,4 +1,4 @@
-"""Objects along the roads: pasture fences along the crossing, fences along the approaches, cars and vans."""
+"""Objects along the roads: pasture fences along the crossing, fences along the approaches, cars, vans and trucks."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +91,7 @@ def approach_fences(terrain: Terrain, taken: F64) -> dict[str, F64]:
 
 
 def build_fences(axis: Alignment, fences: dict[str, F64]) -> list[Piece]:
-    """Build fences, without the shreds between yards.
+    """Build fences, without stretches of fewer than `_SHORTEST` posts.
 
     Args:
         axis: Axis of the bridge.

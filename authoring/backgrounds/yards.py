@@ -31,7 +31,7 @@ def yard_components(terrain: Terrain, prefix: str, homesteads: tuple[Homestead, 
         first_id: Instance id of the first component.
 
     Returns:
-        Components: for each homestead one of each surface, and of the walls, the roof and the door of its garage.
+        Components: for each homestead one of each surface, and of its garage's walls, roof and door, and its woodpile.
     """
     components: list[Component] = []
     for number, home in enumerate(homesteads):

@@ -43,7 +43,7 @@ _BALLAST = ("ballast", "ballast_basalt", "ballast_limestone", "ballast_rusty")
 # too.
 SUITS: dict[str, tuple[str, ...]] = {
     "Role_AbutmentConcrete": (*_WALLS, *_STONE),
-    "Role_PierConcrete": (*_FORMED, "coated_concrete", "granite", "brickwork"),  # no one washes a shaft 8 m high
+    "Role_PierConcrete": (*_FORMED, "coated_concrete", "granite", "brickwork"),  # shafts 8 m high are never washed
     "Role_CapConcrete": (*_FORMED, "coated_concrete"),
     "Role_GirderConcrete": (*_FORMED, "coated_concrete"),
     "Role_DeckConcrete": (*_FORMED, "soffit_concrete", "deck_concrete"),

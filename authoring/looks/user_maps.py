@@ -62,7 +62,7 @@ class Picture:
         return Path(self.member or self.file.name).name
 
     def read(self) -> bytes:
-        """Read its bytes, at most the stated number.
+        """Read its bytes; a picture of more than `MOST_PICTURE_BYTES` is refused.
 
         Raises:
             InputError: Damaged, encrypted, or too large.

@@ -26,7 +26,7 @@ class RibSection:
     """Section of a rib or ring, square to its axis.
 
     Attributes:
-        form: `concrete` or `steel`.
+        form: `concrete`, `steel` or `masonry`.
         width: Across the bridge [m].
         lines: Distance of every rib's middle to the left of the axis [m].
         chamfer: Leg of the chamfers of concrete edges [m].

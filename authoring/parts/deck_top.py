@@ -101,7 +101,7 @@ class DeckTop:
 
     @property
     def walk_level(self) -> float:
-        """Height of the surface beside the parapets: footway, verge, walkway, or bare deck [m]."""
+        """Height that parapets count from: the footway, the road where there is none, walkway, or bare deck [m]."""
         if self.roadway is not None:
             return self.roadway.kerb_height if self.roadway.footway_width else 0.0
         assert self.tracks is not None
@@ -167,7 +167,7 @@ def draw_deck_top(settings: DeckTopSettings, draws: Draws) -> DeckTop:
 
 
 def fitted_to_span(top: DeckTop, settings: DeckTopSettings, main: float, each: float, draws: Draws) -> DeckTop:
-    """Take lanes and tracks from a drawn deck that is too wide for its cables; what the user set stays.
+    """Remove lanes and tracks from a drawn deck that is too wide for its cables; what the user set stays.
 
     Args:
         top: The deck as drawn.

@@ -161,7 +161,8 @@ def option_at(
         key: Name of the field.
         share: From 0 up to 1 [1].
         profile: `default` or `paper`.
-        weights: Weights of the options that this bridge may have [1]; default: those of the field.
+        weights: Weights of the options that this bridge may have [1]; default: those of the field. Not used in the
+            profile `paper` if the field has shares for it.
     """
     fixed = getattr(settings, key)
     if fixed is not None:
@@ -179,7 +180,8 @@ def draw_option(settings: Settings, key: str, draws: Draws, weights: Mapping[Any
         settings: Model whose field `key` was declared with `chosen` or `chosen_by`.
         key: Name of the field.
         draws: Random stream and profile.
-        weights: Weights of the options that this bridge may have [1]; default: those of the field.
+        weights: Weights of the options that this bridge may have [1]; default: those of the field. Not used in the
+            profile `paper` if the field has shares for it.
     """
     return option_at(settings, key, draws.random(), draws.profile, weights)
 

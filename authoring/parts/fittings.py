@@ -17,7 +17,7 @@ from authoring.solids.sweep import Surface, joined, sweep
 from groundwork.settings import Settings
 
 _EMBEDDED = 0.005  # [m] embedment of grates in asphalt, of conduits and pipes in the deck's edge
-CLEAR = 1.0  # [m] least distance between a fitting and a joint
+CLEAR = 1.0  # [m] least distance between a lamp post and a support
 _LAMP_BASE, _LAMP_SEAT = 0.22, 0.20  # [m] side of the base plate, and from its middle to the parapet's foot
 _LEAST_VERGE = 0.33  # [m] least width beside the carriageway for a lamp post
 _WIDE = 9.0  # [m] width of carriageway from which on it is lit from both sides
@@ -150,7 +150,7 @@ def fitting_stations(pitch: float, spans: Spans) -> F64:
 
 
 def lamp_stations(pitch: float, spans: Spans, clear: float = CLEAR) -> F64:
-    """Space lamp posts evenly from end to end; one on a joint is moved beside it.
+    """Space lamp posts evenly from end to end; one too close to a support is moved away from it.
 
     Args:
         pitch: Largest distance [m].

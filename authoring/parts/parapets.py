@@ -79,7 +79,7 @@ class Parapets:
         batter: Difference of a wall's thickness between its foot and its coping [m].
         coping_height: Height of the coping [m]; 0 for none.
         coping_overhang: Coping over the parapet's faces [m].
-        joint_pitch: Largest distance between false joints [m].
+        joint_pitch: Largest distance between dummy joints [m].
         chamfer: Leg of chamfers [m].
         concrete: Top of the concrete above the way beside it [m].
         railings: Railing on the concrete, if `shape` is `railing` or `wall_rail`.

@@ -1,4 +1,4 @@
-"""From nameless surfaces to the bridge's components: ids, texture offsets and the atlas."""
+"""Parts without ids, and the bridge's components that are made from them: ids, texture offsets and the atlas."""
 
 from dataclasses import dataclass, field
 

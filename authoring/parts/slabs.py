@@ -163,7 +163,7 @@ def slab_outline(slab: Slab, top: float) -> F64:
         return mirrored([(foot, bottom), (half + _BULGE, top - 0.5 * slab.depth), (half, top)])
     tip = min(_TIP, 0.6 * slab.depth)
     root = min(tip + 0.08, 0.8 * slab.depth)  # cantilevers become thicker towards the webs
-    # A PK section's sides slope at 60 degrees at most, so that the cantilevers keep their length.
+    # A PK section's sides lean 31 degrees from the vertical at most, so that the cantilevers keep their length.
     lean = 0.0 if slab.section == "voided" else min(0.6 * (half - foot), 0.6 * (slab.depth - root))
     corners = [(foot, bottom), (foot + lean, top - root), (half, top - tip), (half, top)]
     legs = np.array([cut, 0.0, cut, 0.0])

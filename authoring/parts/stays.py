@@ -96,7 +96,8 @@ def head_heights(arrangement: str, runs: Sequence[Run], zone: HeadZone) -> tuple
 
     Args:
         arrangement: `fan`: as close as their collars allow; `semi_fan`: spread over a zone; `harp`: all stays parallel.
-        runs: Length of every stay along the bridge from the pylon's face in the main span, rising [m], and the least.
+        runs: Length of every stay along the bridge from the pylon's face, ascending [m]: in the main span, and the
+            smaller one of both spans.
         zone: Zone of the heads.
 
     Returns:

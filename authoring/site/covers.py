@@ -289,7 +289,7 @@ def _unit(vectors: F64) -> F64:
 def _split(rows: F64, faces: I64, value: F64, fields: int) -> tuple[F64, I64, I64, I64]:
     """Split triangles that have corners on both sides; new vertices are shared by the two triangles of an edge.
 
-    The last result are the new vertices, as `cut` gives them.
+    The last result holds the new vertices, as `cut` returns them.
 
     Columns 6 up to `fields` are those of covers.
     """

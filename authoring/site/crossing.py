@@ -82,8 +82,9 @@ def draw_crossing(
     apart: tuple[np.random.Generator, np.random.Generator],
     river_piers: bool | None = None,
 ) -> tuple[Crossing, Valley | None]:
-    """Place the crossing under the middle of the longest span, nearly square to the axis.
+    """Place the crossing under the longest span, nearly square to the axis.
 
+    It lies under the middle of the span; that of a high bridge nearer to the middle of the bridge.
     Some rivers are wider and lie around piers: see `widened`.
 
     Args:

@@ -37,7 +37,7 @@ class Plots:
 
     Attributes:
         land: How the land is used.
-        covers: Name of the cover of each plot, `` for grass.
+        covers: Name of the cover of each plot, empty for grass.
         splits: Distance from the axis of the border between a near plot and a far one, right and left [m].
         bounds: Lowest and highest station, largest distance from the axis [m].
         aside: From the edge of the crossing to a plot [m].

@@ -45,7 +45,7 @@ def draw_land(
         kind: What the bridge crosses; None: chosen to fit it.
         relief: Scale of the natural relief [1].
         layout: The bridge.
-        reach: Length on which the approach roads continue the bridge's axis [m].
+        reach: Distance that the site reaches beyond the abutments [m]; the approach roads are straight 10 m farther.
         rng: Random stream.
         river_piers: Whether piers stand in a river where there is room; None: by chance.
 

@@ -14,7 +14,7 @@ _HEART = 0.72  # ratio of the size of a crown's opaque core to that of the crown
 
 
 def bush(rng: np.random.Generator, count: int, kind: str = "scrub") -> Plant:
-    """Make a bush about 1 m high and wide, of three ellipsoids.
+    """Make a bush about 1 m high and wide, of four ellipsoids.
 
     Args:
         rng: Random stream.

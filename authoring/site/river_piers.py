@@ -52,7 +52,7 @@ def widened(crossing: Crossing, layout: Layout, wanted: bool | None, rng: np.ran
 
 
 def has_room(crossing: Crossing, layout: Layout) -> bool:
-    """Check that a river is deep enough inside its edges at its piers, and leaves all other supports dry.
+    """Check that the piers are far enough from the edges of a river, which is not too wide, and other supports dry.
 
     Args:
         crossing: The river.

@@ -72,7 +72,7 @@ def draw_valley(layout: Layout, station: float, floor: float, deep: bool, rng: n
         layout: The bridge.
         station: Where the crossing meets the axis [m].
         floor: Half the width that the crossing needs at the bottom [m].
-        deep: The user requires a valley: low bridges get one, too.
+        deep: Whether the crossing is a valley: low bridges then get one, too.
         rng: Random stream.
 
     Returns:

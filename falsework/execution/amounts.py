@@ -21,10 +21,10 @@ _SPARSE = 0.15  # of a sparse cloud with its labels
 
 
 def amounts(scenario: Scenario) -> dict[str, float]:
-    """Estimate how many times as long as in the demo, and as large, results of each stage are.
+    """Estimate the time and the size of each stage's results as multiples of the demo's.
 
     Args:
-        scenario: Any scenario. Of one with a stage of its own nothing is known.
+        scenario: Any scenario. Nothing is known of one that starts from an existing stage, or has no survey.
 
     Returns:
         Ratio of each stage that differs [1].

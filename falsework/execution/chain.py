@@ -144,7 +144,7 @@ def read_sources(scenario: Scenario, progress: Progress) -> Sources:
         progress: Listener.
 
     Raises:
-        InputError: The stage that it starts from cannot be rendered.
+        InputError: The stage that it starts from cannot be rendered, or a sample has the name of one of its surveys.
     """
     if scenario.stage is None:
         given = given_files(scenario)  # imported worlds and skies are identified by their content

@@ -50,7 +50,7 @@ class SceneJob:
         out: Output folder of the run, the same path on every worker.
         manner: Options of the run.
         topic: Dask topic of its events; empty if there is no listener.
-        guarded: Whether the worker watches its own memory: where it is not below the command.
+        guarded: Whether the worker limits its own memory, because it is not a child process of the command.
         memory: Limit of the memory of that worker and the processes below it [GB]; None: nine tenths of its machine's.
     """
 

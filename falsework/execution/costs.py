@@ -52,8 +52,8 @@ class Costs:
 
     Attributes:
         root: Output folder of the run.
-        amounts: How many times the demo's work results of a stage are before one has been made,
-            where that is not 1 [1].
+        amounts: Work of a result of each stage as a multiple of the demo's, used until one has been measured; 1 for
+            a stage that is absent [1].
     """
 
     root: Path

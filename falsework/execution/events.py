@@ -1,4 +1,4 @@
-"""Log of a run with times: one file for each process in `OUT/run`, the only part of a run that holds a clock."""
+"""Log of a run with times: one file for each process in `OUT/run`, the only folder of a run that holds times."""
 
 import json
 import os

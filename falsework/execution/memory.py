@@ -80,7 +80,7 @@ def processes_below(root: int) -> list[Resident]:
 
 
 def largest_child(alive: Sequence[Resident]) -> Resident | None:
-    """Find the largest child process that runs a module of ours: others, as of a notebook, are not ours to stop.
+    """Find the largest child process that runs a module of ours; others, such as those of a notebook, are not stopped.
 
     Args:
         alive: A process, then all processes below it.

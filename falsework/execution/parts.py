@@ -1,10 +1,10 @@
-"""Which scenes of a scenario one process takes: words of the command line."""
+"""Choice of the scenes that one process makes, by arguments of the command line."""
 
 from groundwork.errors import InputError
 
 
 def check_parts(scenes: str | None, shard: str | None = None) -> None:
-    """Refuse words that name no part of any scenario, before the scenario is read.
+    """Refuse arguments that name no part of any scenario, before the scenario is read.
 
     Args:
         scenes: `first:end`, either side may be empty; None for all.

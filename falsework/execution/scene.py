@@ -84,7 +84,7 @@ class SceneRun:
             if self.chain.samples:  # first, so that a rejected flight does not prevent them
                 self._sample(needed)
             for flight in self.chain.flights:
-                if not flight.variant and not self.store.has(flight.capture.task):  # and the stage is not made in vain
+                if not flight.variant and not self.store.has(flight.capture.task):  # before the stage is made
                     for step in self._wanted(flight.model, *flight.clouds):
                         self.store.raise_former_failure(step.task, self.manner.retry)
             if not self.chain.samples:

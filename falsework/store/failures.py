@@ -66,7 +66,7 @@ def failure_of(error: Exception, attempts: int, root: Path) -> Failure | None:
         root: Output folder of the run.
 
     Returns:
-        The failure; None if the process was stopped from outside.
+        The failure; None if a user stopped the process, by one of the signals `STOPPED`.
     """
 
     def plain(text: str) -> str:

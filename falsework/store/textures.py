@@ -54,7 +54,7 @@ def pool_faults(root: Path, hashes: Hashes) -> Iterator[tuple[Path, str]]:
         hashes: Cache of hashes.
 
     Yields:
-        Path of each texture whose hash differs from its name, and a line about it.
+        Path of each texture whose hash differs from its name, or of anything else there, and a line about it.
     """
     pool = root / "store" / POOL
     for path in sorted(pool.iterdir()) if pool.is_dir() else []:

@@ -1,4 +1,4 @@
-"""`OUT/work`: one locked folder for each unfinished result; folders that no process holds are removed."""
+"""`OUT/work`: one locked folder for each unfinished result; folders that no run can resume are removed."""
 
 import os
 import secrets

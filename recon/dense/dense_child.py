@@ -46,7 +46,7 @@ def serve(request: dict[str, Any], progress: Progress) -> object:
         JSON figures.
 
     Raises:
-        RejectedSceneError: `bad_lens`, or `no_depth`: enough images agree on no pixel's depth.
+        RejectedSceneError: `bad_lens`, or `no_depth`: no pixel has a depth on which enough images agree.
     """
     cv2.setNumThreads(1)  # the views are measured in parallel
     settings = ReconSettings.model_validate(request["settings"])

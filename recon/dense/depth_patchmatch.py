@@ -28,7 +28,7 @@ Mask = NDArray[np.bool_]
 _RADIUS = 4  # [px] of the window
 _STEP = 2  # [px] between its samples
 _SIDE = 2 * _RADIUS // _STEP + 1
-_SIMILAR = 14.0  # [grey levels] in which a sample's weight falls to 1/e
+_SIMILAR = 14.0  # [grey levels] difference from the pixel at which a sample's weight is 1/e
 _ROUNDS = 3
 _WORST = 2.0  # cost of a plane that is visible in no source
 _GOOD = 0.3  # 1 - correlation up to which a depth is accepted
@@ -143,7 +143,7 @@ def refine(gray: F32, views: Views, wanted: Mask, depth: F32, normal: F32) -> F3
 
 @njit(cache=True, nogil=True)
 def _vary(trial: F64, plane: F64, window: _Window, views: Views, turn: int, way: int) -> None:
-    """Write a plane a random step away, smaller in each round: in depth and normal, in one of them alone."""
+    """Write a plane a random step away, smaller in each round: in depth, in the normal, or in both."""
     reach = 0.5 ** (turn // 2 + 1)
     trial[:] = plane
     if way != 1:

@@ -37,7 +37,7 @@ class PosedImage:
 
     Attributes:
         gray: Grey values, shape (H, W), uint8.
-        pose: camera_to_world [m], shape (4, 4), float64.
+        pose: camera_to_world [model units], shape (4, 4), float64.
     """
 
     gray: U8
@@ -142,7 +142,7 @@ def match(left: U8, right: U8, pair: RectifiedPair, camera: Pinhole) -> NDArray[
 
 
 def _plane(pair: RectifiedPair) -> F64:
-    """Collect a pair's numbers for the compiled code: focal length, center, baseline, disparity of infinity."""
+    """Collect a pair's numbers for the compiled code, in the order of the argument `plane` of `depth_of_disparity`."""
     return np.array([pair.focal, *pair.left_center, pair.focal * pair.baseline, pair.infinity])
 
 
@@ -155,8 +155,8 @@ def depth_of_disparity(
     Args:
         disparity: Disparities [1/16 px], shape (H', W'), int16.
         turn: Rotation from the view's axes into the common ones [1], shape (3, 3), float64.
-        plane: Focal length [px], centre (x, y) [px], focal times baseline [px model units], disparity of infinity [px],
-            shape (5,), float64.
+        plane: Focal length [px], centre (x, y) [px], focal times baseline [px model units], disparity of infinity,
+            negated [px], shape (5,), float64.
         to_other: Transform from the view into the source [model units], shape (4, 4), float64.
         camera: fx, fy, cx, cy of the working camera [px], shape (4,), float64.
         covered: Pixels of view and source that hold a picture, shape (H, W), bool.

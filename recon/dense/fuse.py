@@ -34,7 +34,7 @@ class DepthView:
         normal: Unit normals in camera axes, towards the camera [1], shape (H, W, 3), float32.
         color: Working image, shape (H, W, 3), uint8.
         used: Pixels that are already part of a point, shape (H, W), bool; set by the fusion.
-        pose: camera_to_world [m], shape (4, 4), float64.
+        pose: camera_to_world [model units], shape (4, 4), float64.
         fate: What became of its pixels, numbers of `PIXEL_FATES`, shape (H, W), uint8; fusion sets them.
     """
 
@@ -169,7 +169,7 @@ def _agreeing(own: _Own, others: _Others, min_views: int, max_cosine: float) -> 
 
 @njit(cache=True, nogil=True)
 def _use_pixels(own: _Own, others: _Others, answer: _Answer, agreeing: int, seen: _Seen, filled: int) -> int:
-    """Mark the pixels that agree as used, and append the observations of a point; returns their number."""
+    """Mark the pixels that agree as used, and append a point's observations; returns the end of all observations."""
     height, width = own.depth.shape
     camera = others.camera
     x, y, z = answer.mean[0], answer.mean[1], answer.mean[2]

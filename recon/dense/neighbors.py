@@ -76,7 +76,7 @@ def choose_sources(view: View, poses: F64, camera: Pinhole, wanted: int) -> tupl
 
     Args:
         view: The view and its neighbours.
-        poses: camera_to_world [m] of every image, shape (I, 4, 4), float64.
+        poses: camera_to_world [model units] of every image, shape (I, 4, 4), float64.
         camera: Working camera of all of them.
         wanted: Sum of shares to reach; at most twice as many images are taken.
 
@@ -127,7 +127,7 @@ def covisibility(model: SparseModel, settings: DenseSettings) -> F64:
 
 
 def angle_weight(angle: F64, settings: DenseSettings) -> F64:
-    """Weigh the angle between two rays: 1 at the best, falling to 0 outside the limits.
+    """Weigh the angle between two rays: 1 at the best, 0 below half the lower and above 1.5 times the upper limit.
 
     Args:
         angle: Angles [deg], shape (N,), float64.

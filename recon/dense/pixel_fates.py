@@ -25,7 +25,7 @@ class PixelFates:
     Attributes:
         folder: Folder of the step.
         model: The model that it measured depths for.
-        camera: Of the depth maps.
+        camera: Working camera of the depth maps.
     """
 
     folder: Path

@@ -54,9 +54,8 @@ def rectify(camera: Pinhole, reference: F64, source: F64, near: float, far: floa
 
     The rows run along the baseline, from the reference to the source, whatever its direction: with a source above, rows
     run upwards; with one on the left, both images are upside down. Rays at more than 60 degrees to the plane's axis,
-    along
-    the rows or across them, are left out: if the camera moves partly forwards or backwards, that is the part of the
-    image along its path.
+    along the rows or across them, are left out: if the camera moves partly forwards or backwards, that is the part of
+    the image along its path.
 
     Source: Fusiello, Trucco, Verri, A compact algorithm for rectification of stereo pairs (2000).
 

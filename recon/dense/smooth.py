@@ -25,8 +25,8 @@ def smooth(depth: F32, camera: F64) -> tuple[F32, F32]:
         camera: fx, fy, cx, cy [px], shape (4,), float64.
 
     Returns:
-        Depth, 0 where it was or where no plane fits [model units], shape (H, W), float32; unit normals in camera axes,
-        towards the camera, shape (H, W, 3), float32.
+        Depth, 0 where it was, on rims, and where no plane fits [model units], shape (H, W), float32; unit normals in
+        camera axes, towards the camera, shape (H, W, 3), float32.
     """
     height, width = depth.shape
     steady, normal = np.zeros((height, width), np.float32), np.zeros((height, width, 3), np.float32)
@@ -84,9 +84,9 @@ def _at_edge(depth: F32, i: int, j: int) -> bool:
 
 @njit(cache=True, nogil=True)
 def _steps(depth: F32, i: int, j: int, di: int, dj: int) -> int:
-    """Count the pixels to where a farther surface begins, up to twice the rim.
+    """Count the pixels to where a farther surface begins, up to twice the rim; four times the rim if none begins.
 
-    Farther than the pixel's own surface, whose inverse depth is extrapolated from the other side.
+    It must be farther than the pixel's own surface, whose inverse depth is extrapolated from the other side.
     """
     height, width = depth.shape
     here = 1.0 / depth[i, j]

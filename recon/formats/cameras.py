@@ -19,7 +19,7 @@ _KEYPOINT = 24  # [bytes] position and point id
 
 
 def write_colmap(source: Path, cloud: Cloud, out: Path, photographs: Path | None) -> list[str]:
-    """Write the sparse model in world metres as COLMAP's `sparse/0`, and a dense cloud as `fused.ply`.
+    """Write the sparse model in the frame of the cloud as COLMAP's `sparse/0`, and a dense cloud as `fused.ply`.
 
     Args:
         source: Folder of a reconstructed cloud.

@@ -23,14 +23,15 @@ _COUNTS = 2**31 - 1
 
 
 def copy_las(source: Path, rows: LasRows, out: Path, labels: Iterable[Labels], classify: bool) -> None:
-    """Copy a file point by point and append three extra dimensions; the other bytes of the points do not change.
+    """Copy a file point by point and append three extra dimensions; only `classify` changes other bytes of the points.
 
     Args:
         source: LAS or LAZ file.
         rows: Its points.
         out: .las or .laz file to write.
         labels: Labels of the points, in their order, in pieces of any size.
-        classify: Write the class into `classification` too; 255 becomes 1, unclassified.
+        classify: Write the class into `classification` too; 255 becomes 1, unclassified, and so does a class above 31
+            in point formats 0 to 5.
 
     Raises:
         InputError: The header cannot be copied, or it holds predictions already.

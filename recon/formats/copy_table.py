@@ -58,7 +58,7 @@ def copy_array(source: Path, out: Path, labels: Iterable[Labels]) -> None:
         labels: Labels of the points, in their order, in pieces of any size.
 
     Raises:
-        InputError: It holds predictions already.
+        InputError: It holds predictions already, or there are labels for another number of points.
     """
     array = open_array(source)
     names = array.dtype.names

@@ -32,8 +32,8 @@ def read_scan(
 ) -> Scan:
     """Read a scan; its format is detected by its first bytes, not by its name, except for text.
 
-    Counts, sizes, finiteness and bounds are checked before anything is allocated; LAZ and E57 are unpacked in a child
-    process with limits of memory and time.
+    Counts and sizes are checked before arrays are allocated (of text only its length), finiteness and the bounds of
+    LAS afterwards; LAZ and E57 are unpacked in a child process with limits of memory and time.
 
     Args:
         path: LAS, LAZ, PLY, E57, NPY or text file, or the folder of a cloud.
@@ -80,7 +80,7 @@ def read_scan(
 
 @contextmanager
 def open_scan(path: Path, most_points: int = MOST_POINTS, progress: Progress = SILENT) -> Iterator[ScanStream]:
-    """Open a scan so that its points can be read in chunks, and more than once; labels are left out.
+    """Open a scan so that its points can be read in chunks, and more than once; only clouds of ours keep their labels.
 
     Args:
         path: As for `read_scan`.

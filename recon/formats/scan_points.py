@@ -13,7 +13,7 @@ from groundwork.errors import InputError
 F64 = NDArray[np.float64]
 
 MOST_POINTS = 100_000_000  # about 4 GB with colours and labels
-FARTHEST = 1e8  # [m] from the origin; map coordinates stay below a tenth of this
+FARTHEST = 1e8  # [m] from the origin; map coordinates stay below half of this, even eastings that begin with a zone
 
 
 @dataclass(frozen=True, eq=False)

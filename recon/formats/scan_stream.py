@@ -13,7 +13,7 @@ from recon.formats.scan_points import Scan
 
 
 class ScanStream:
-    """The points of a scan in the order of its file, without labels.
+    """The points of a scan in the order of its file, without labels unless it is a cloud of ours.
 
     Attributes:
         count: Number of points.

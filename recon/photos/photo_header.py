@@ -38,7 +38,7 @@ class PhotoHeader:
     Attributes:
         size: Width and height of the stored pixels [px].
         focal_px: Focal length [px], or None if the file does not state it.
-        place: Latitude [deg], longitude [deg], height [m] or None, or None.
+        place: Latitude [deg], longitude [deg] and height [m], the height None if not stated; None without a position.
         place_sigma: Its horizontal error as stated by the receiver [m], or None.
         quarter_turns: Turns by 90 degrees clockwise that make the stored picture upright, 0 to 3.
         drone: Further facts that drones write.

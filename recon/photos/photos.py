@@ -29,7 +29,7 @@ def open_photographs(folder: Path) -> Capture:
 
     Only the photographs in the folder itself are used; if there are none, those in its folder `images`. Positions
     become metres east, north and up of the first photograph that has one; `facts` keeps that origin. A position without
-    height gets the usual height of the others, and null as its deviation up in `gps_sigmas`.
+    height gets the median height of the others, and null as its deviation up in `gps_sigmas`.
 
     Args:
         folder: With `cameras.json`, or with JPEG or PNG files.

@@ -25,13 +25,13 @@ class Target:
     """The known or measured camera poses that a model is aligned to.
 
     Attributes:
-        kind: `truth`, `gps` or `none`.
+        kind: `truth`, `gps`, `control points`, `scale bars` or `none`.
         centers: Camera centres [m], shape (N, 3), float64, one row per image of the capture; NaN where unknown.
         rotations: Camera-to-world rotations [1], shape (N, 3, 3), float64, or None when only positions are known.
         center_limit: Distance above which a centre is an outlier [m].
         sigmas: Stated standard deviation of each centre along x, y, z [m], shape (N, 3), float64, or None; infinite for
             a height that was not measured.
-        bias: Standard deviation of the error that all centres share [m], shape (3,), float64.
+        bias: Standard deviation along x, y, z of the error that all centres share [m].
         gimbal: Up direction in each camera's axes from its gimbal [1], shape (N, 3), float64, NaN where unknown; or
             None.
         quarter_turns: Turns by 90 degrees clockwise that make each picture upright, shape (N,), int64; None for none.
@@ -66,7 +66,8 @@ class Alignment:
 
     Attributes:
         similarity: From the model into the world.
-        method: How it was found: `centres+rotations`, `centres`, `fixes+gravity`, `control points`, or `up` alone.
+        method: How it was found: `centres+rotations`, `centres`, `fixes+gravity`, `control points`,
+            `scale bars`, or `up` alone.
         status: Reason code of every image of the capture, `ok` for valid ones.
         center_errors: Distance between aligned and target centre [m], shape (N,), float64; NaN when unregistered.
         rotation_errors: Angle between aligned and target rotation [deg], shape (N,), float64; NaN when unknown.

@@ -27,7 +27,7 @@ I64 = NDArray[np.int64]
 
 POINTS, BARS = "control points", "scale bars"
 _LEAST_POINTS = 3
-_DECIMALS = -2  # [m] the origin in a plane system is rounded to this
+_DECIMALS = -2  # decimals: the origin in a plane system is rounded to 100 of its units
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,8 @@ def align_to_control(
         The alignment and its residuals.
 
     Raises:
-        InputError: A mark outside its image, or too few points that two registered photographs show and no bar.
+        InputError: A mark outside its image; points that do not determine the frame; or too few points that two
+            registered photographs show, and no bar.
     """
     places = find_places(model, capture, control)
     known = [point for point in control.points if point.position is not None and point.name in places]

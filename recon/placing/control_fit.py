@@ -1,4 +1,4 @@
-"""Fit of a similarity to surveyed points, whose positions in the model are uncertain in another way along each axis.
+"""Fit of a similarity to surveyed points, whose positions in the model are less certain along some axes than others.
 
 A point that few photographs show, or that all show from one side, is known well across the lines of sight and badly
 along them. So each point has a full covariance; weights for each axis alone would count its errors as independent.
@@ -139,7 +139,8 @@ def _variance_factor(
 ) -> float:
     """Estimate by which factor the variances are to be multiplied.
 
-    The stated errors count as some measurements, unless the residuals are larger than stated: many files state none.
+    The stated errors have the weight of `_PRIOR_FREEDOM` measurements, unless the residuals are larger than stated:
+    many files state no errors.
     """
     residual = points.goal - similarity.move(points.source)
     squares = np.einsum("nk,nkl,nl->", residual, weights, residual)

@@ -123,9 +123,10 @@ def fit_to_fixes(
 
 
 def _starts(source: F64, goal: F64, sigma: F64, levels: GravityCues, rng: np.random.Generator) -> list[Similarity]:
-    """Propose initial similarities: from all fixes, from the best triple by least median, and both upside down.
+    """Propose initial similarities: from all fixes, from the best triple by least median, and each of them rolled.
 
-    Where heights are missing, also from gravity and the horizontal positions.
+    Rolled means turned by 90, 180 and 270 degrees about the flight path. Where heights are missing, one more is
+    proposed from gravity and the horizontal positions.
     """
     count = len(source)
     keys = rng.random((_TRIPLES, count))
@@ -167,7 +168,7 @@ def _upright(source: F64, goal: F64, levels: GravityCues) -> Similarity:
 
 
 def _mirrored(similarity: Similarity, source: F64) -> Similarity:
-    """Propose the opposite slope: from above, cameras in a plane look the same on it."""
+    """Propose the opposite slope of a plane of cameras: their horizontal positions are the same on both slopes."""
     moved = similarity.move(source)
     middle = moved.mean(axis=0)
     normal = np.linalg.svd(moved - middle, full_matrices=False)[2][2]

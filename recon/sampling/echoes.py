@@ -202,7 +202,7 @@ class Target:
 
 
 def barycentric(points: F64, corners: F64) -> F64:
-    """Find points of triangles in their barycentric coordinates.
+    """Compute the barycentric coordinates of points in triangles.
 
     Args:
         points: Positions in the planes of the triangles [m], shape (N, 3), float64.

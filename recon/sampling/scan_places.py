@@ -79,7 +79,7 @@ def place_stations(
 def deck_way(scene: FlatScene, surface: SceneSurface, height: float, run_up: float) -> F64:
     """Find the path of a vehicle along the middle of the deck.
 
-    The tops of deck and track are cut into slices across the longest direction of them.
+    The tops of deck and track are cut into slices across their longest direction.
 
     Args:
         scene: The stage.
@@ -91,7 +91,7 @@ def deck_way(scene: FlatScene, surface: SceneSurface, height: float, run_up: flo
         Corners of the path [m], shape (P, 3), float64.
 
     Raises:
-        InputError: The stage has no deck.
+        InputError: The stage has no deck, or one that is too short.
     """
     carrying = np.isin(surface.instances, [row.id for row in scene.instances if row.base_class in DECK])
     top = carrying & (surface.normals[:, 2] > _FLAT) & (surface.areas > 0)

@@ -140,7 +140,7 @@ def whole(chosen: NDArray[np.bool_]) -> Fragments:
 
 
 def clip(surface: SceneSurface, box: F64) -> Fragments:
-    """Cut the part of a surface that lies in a box.
+    """Cut out the part of a surface that lies in a box.
 
     Cut by a plane, a triangle becomes itself, nothing, one triangle or two. Corners are stored as barycentric
     coordinates, so that points of a piece stay in the plane of its triangle after any number of cuts.

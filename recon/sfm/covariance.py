@@ -109,8 +109,7 @@ def _derivatives(model: SparseModel, centers: F64, points: F64, free: list[int])
 
     Returns:
         By center and rotation of its camera, shape (M, 2, 6); by the free parameters of the lens, shape (M, 2, K); by
-        its
-        point, shape (M, 2, 3); and pixel minus keypoint [px], shape (M, 2).
+        its point, shape (M, 2, 3); and pixel minus keypoint [px], shape (M, 2).
     """
     rays = points[model.obs_point] - centers[model.obs_image]
     turns = model.poses[model.obs_image, :3, :3]  # camera to world

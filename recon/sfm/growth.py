@@ -126,9 +126,9 @@ def shift(model: pycolmap.Reconstruction, grown: pycolmap.Reconstruction) -> flo
 
     Returns:
         The largest distance of a camera to its former place after the best similarity, as a share of the diagonal of
-        the bounding box of all former places [1]; 1 where all cameras coincide, 0 where fewer than three are left.
-        Runaway cameras are ignored, and so are the 5 % that moved most: at the end of one model the last camera was 11
-        m off, and growth corrected it.
+        the bounding box of the former places [1]; 1 where all cameras coincide, 0 where fewer than three are left.
+        Runaway cameras are ignored in both, and so are the 5 % that moved most: at the end of one model the last
+        camera was 11 m off, and growth corrected it.
     """
     away = set(runaways(model))  # they would make all other distances small
     numbers = sorted((set(model.reg_image_ids()) & set(grown.reg_image_ids())) - away)

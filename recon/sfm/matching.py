@@ -39,9 +39,9 @@ def match(
     """Match image pairs and verify them geometrically, in a copy of the database of features.
 
     COLMAP's linear algebra is not thread-safe: with two threads, each of 28 runs on 53 images gave other matches for 2
-    to 12 of the 547 pairs, some none at all (COLMAP 4.2.1). Therefore the pairs are split into batches, each matched by
-    a process of one thread, with as many processes at a time as `threads` states; a batch is saved as soon as it is
-    done.
+    to 12 of the 547 pairs, and none at all for some of these (COLMAP 4.2.1). Therefore the pairs are split into
+    batches, each matched by a process of one thread, with as many processes at a time as `threads` states; a batch is
+    saved as soon as it is done.
 
     Args:
         capture: Photographs.
@@ -53,7 +53,8 @@ def match(
         progress: Listener.
 
     Returns:
-        `pairing` used, number of `pairs` tried, `verified` ones, and `overlapping`: whether each image is in one.
+        `pairing` used, number of `pairs` tried, `verified` ones, and `overlapping`: whether each image is in
+        a verified pair.
 
     Raises:
         ChildError: A batch exceeded a limit or crashed; the results of the others stay.

@@ -92,9 +92,9 @@ def fit_trimmed(
     """Fit the similarity from positions to fixes by least squares, repeatedly without those with the largest residuals.
 
     Args:
-        places: Centers of cameras, in the units of their model [1], shape (N, 3), float64.
+        places: Centers of cameras [model units], shape (N, 3), float64.
         measured: Their fixes [m], shape (N, 3), float64.
-        count: Number of cameras that count.
+        count: Number of cameras that each fit after the first one uses.
         rounds: Number of fits.
 
     Returns:
@@ -115,7 +115,7 @@ def moved_by(fit: pycolmap.Sim3d, places: F64) -> F64:
 
     Args:
         fit: The similarity.
-        places: Positions in the units of a model [1], shape (N, 3), float64.
+        places: Positions [model units], shape (N, 3), float64.
 
     Returns:
         Transformed positions [m], shape (N, 3), float64.
@@ -131,6 +131,6 @@ def centers(model: pycolmap.Reconstruction, images: Sequence[int]) -> F64:
         images: Ids of its images.
 
     Returns:
-        Centers in the units of the model [1], shape (N, 3), float64.
+        Centers [model units], shape (N, 3), float64.
     """
     return np.array([model.image(number).projection_center() for number in images]).reshape(-1, 3)

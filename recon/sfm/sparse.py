@@ -133,7 +133,7 @@ def absent_reasons(
 def write_world_model(
     model: Path, out: Path, similarity: dict[str, Any], settings: ReconSettings, progress: Progress
 ) -> None:
-    """Write the COLMAP model in world metres.
+    """Write the COLMAP model in the frame of the cloud: in meters, unless nothing determines its scale.
 
     Args:
         model: Folder of the model.

@@ -97,7 +97,7 @@ def lost_classes(figures: Mapping[str, Any]) -> list[str]:
 
 
 def scarce_classes_in_words(clouds: Iterable[Mapping[str, Any]]) -> str:
-    """Name the classes that are scarce somewhere, over one cloud or several; the most frequent ones first.
+    """Name the classes that are scarce in a window, over one cloud or several; the most often scarce ones first.
 
     For dense clouds it also states how many of a class's pixels are in points, and why most others are not.
 

@@ -5,7 +5,7 @@ that do not touch are collapsed together.
 
 Our own implementation, because Open3D's `simplify_quadric_decimation` drops texture coordinates (stated by version
 0.20), which our levels keep at the corners. On a wavy sheet of 1152 triangles ours had a smaller error at each of the
-twelve levels from 805 to 14 triangles, with 14 of 0.060 m instead of 0.133 m. Also, the bytes of captures would depend
+twelve levels from 805 to 14 triangles, 0.060 m instead of 0.133 m at 14. Also, the bytes of captures would depend
 on Open3D's version.
 """
 
@@ -31,7 +31,7 @@ _FAR = 0.7  # of the greatest distance
 
 
 def coarser_levels(soup: Soup) -> Iterator[Soup]:
-    """Make successively coarser levels with 0.7 of the triangles of the one before, down to two or to a few cards.
+    """Make successively coarser levels with 0.7 of the triangles of the one before: down to two, or a few cards.
 
     Cards of two sheets that are lit alike are first replaced by cards of one.
 

@@ -20,7 +20,7 @@ from usd_schemas.pinhole import Pinhole
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-_SLACK = 0.1  # [m] [m] largest difference of a rolling shutter's positions from the frame's
+_SLACK = 0.1  # [m] largest difference of a rolling shutter's positions from the frame's
 _WIDER = 1.5  # a view for a distorting lens is wider by at most this factor
 _BLOCK = 200_000  # triangles at once
 _LARGE = 0.3  # ratio to its distance; larger objects are measured triangle by triangle, or box by box
@@ -119,7 +119,7 @@ def _draw_needs(scene: FlatScene, sight: Sight) -> F64:
 
 
 def _densities(geometry: Geometry) -> F64:
-    """UV per metre of mesh, for each triangle and UV set, as the root of the mean square over directions; (T, 2).
+    """UV per metre of mesh, for each triangle and UV set, as the root of the sum of squares over both axes; (T, 2).
 
     Triangles without area, or with one UV at all corners, need no texels: infinite.
     """

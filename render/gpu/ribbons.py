@@ -1,4 +1,4 @@
-"""Bars in OpenGL buffers: surfaces that fade out below two pixels of thickness, and the ribbons that replace them.
+"""Bars in OpenGL buffers: surfaces that fade out where they are few pixels thick, and the ribbons that replace them.
 
 A ribbon is a strip that faces the camera, drawn with the bar's coverage of each pixel.
 """

@@ -41,7 +41,7 @@ def decode_exr(path: Path) -> F32:
 
 
 def decode_float(path: Path) -> F32:
-    """Decode a floating-point picture; values that are not finite become 0.
+    """Decode a floating-point picture; NaN and -inf become 0, +inf becomes 1.
 
     Args:
         path: `.exr` or `.hdr`.

@@ -84,7 +84,7 @@ def ids_file(folder: Path, name: str) -> Path:
 
 
 def decode(path: Path, size: tuple[int, int] | None = None) -> NDArray[Any]:
-    """Decode an image file unchanged: channels, depth and values unchanged, colours in the order red, green, blue.
+    """Decode an image file without conversion, but for a grey JPEG, which gets three channels; red comes first.
 
     Args:
         path: JPEG, PNG or TIFF.
@@ -121,7 +121,7 @@ def size(path: Path) -> tuple[int, int] | None:
     """Read the size of an image from its first bytes.
 
     Args:
-        path: JPEG or PNG.
+        path: JPEG, PNG or classic TIFF.
 
     Returns:
         Width and height [px], as stored; None if it needs decoding.

@@ -40,7 +40,7 @@ class Exposure:
     """Sensor values of one frame.
 
     Attributes:
-        gain: Factor from scene radiance to exposed radiance, 1 for diffuse white [1].
+        gain: Factor from scene radiance to exposed radiance, which is 1 for diffuse white [1].
         red: Gain of the red channel [1].
         blue: Gain of the blue channel [1].
         noise_row: First row of the noise tile [px].
@@ -100,13 +100,13 @@ class Sensor:
         self._shape = shape
 
     def expose(self, frame: int, code: U16, surfaces: NDArray[np.bool_] | None = None) -> Exposure:
-        """Meter one frame and draw the sensor's flaws; frames do not depend on each other.
+        """Meter one frame and draw the sensor's random errors; frames do not depend on each other.
 
         Args:
             frame: Number of the frame.
             code: Square root of radiance over the brightest one [65535], shape (H, W, 3), uint16.
-            surfaces: Pixels that the light is metered on, like a pilot who points at the bridge and not at the sky,
-                shape (H, W), bool; None for the whole frame.
+            surfaces: Pixels that the light is metered on, as a pilot meters the bridge and not the sky, shape (H, W),
+                bool; None for the whole frame.
         """
         settings = self._settings
         if not settings.noise:

@@ -200,7 +200,7 @@ def _turn(across: Bools, beside: Bools, row: I64, column: I64) -> F32:
     """Which way edges turn where a run ends: 0.5 up, -0.5 down, 0 neither or both, shape (N,).
 
     A slanted edge that runs along rows rises by one pixel at a time: a longer turn is a corner, and is kept. Where the
-    edge that seems to go on belongs to the other side of a strip one pixel thick, it is no longer turn.
+    edge that seems to go on belongs to the other side of a strip one pixel thick, the turn does not count as longer.
     """
     height = len(beside)
     inside = (column >= 0) & (column < beside.shape[1])

@@ -294,7 +294,7 @@ def _hit(corners: F64, x: float, y: float) -> tuple[float, bool, float, float, f
 
 @njit(cache=True, nogil=True)
 def _beside(corners: F64, x: float, y: float) -> float:
-    """Depth of a ray that passes just beside a triangle: that of its plane, but no farther than its corners."""
+    """Depth of a ray that passes just beside a triangle: that of its plane, within the range of its corners."""
     depth = _hit(corners, x, y)[0]
     low, high = min(corners[0, 2], corners[1, 2], corners[2, 2]), max(corners[0, 2], corners[1, 2], corners[2, 2])
     return min(max(depth, low), high) if depth == depth else 0.5 * (low + high)

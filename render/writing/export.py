@@ -170,7 +170,10 @@ def _truth(capture: Capture) -> Truth:
 
 
 def _surface_points(capture: Capture, truth: Truth, progress: Progress) -> tuple[F64, NDArray[np.uint8]]:
-    """Sample the surface on a coarse grid of every image: positions [m], shape (N, 3), and colors, shape (N, 3)."""
+    """Sample the surface on a coarse grid of all images, or of every n-th if there are too many points.
+
+    Returns positions [m], shape (N, 3), and colors, shape (N, 3).
+    """
     camera = truth.camera
     start = _POINTS_STEP // 2
     grid = np.mgrid[start : camera.height : _POINTS_STEP, start : camera.width : _POINTS_STEP]
