@@ -61,6 +61,7 @@ SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ),
         (
             "tests/authoring/bridges/test_cables.py",
+            "tests/authoring/bridges/test_side_cables.py",
             "tests/authoring/bridges/test_fittings.py",
             "tests/authoring/bridges/test_families.py",
         ),

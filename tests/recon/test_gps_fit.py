@@ -204,3 +204,32 @@ def test_fits_of_one_place_and_of_two_fixes_are_none() -> None:
     for source, goal in ((some[:2], some[:2]), (some, np.ones((3, 3))), (np.ones((3, 3)), some)):
         assert fit_to_fixes(source, goal, np.ones(goal.shape), NO_LEVELS, rng) is None
     assert fit_to_fixes(some, some, np.ones((3, 3)), NO_LEVELS, rng) is not None
+
+
+def test_gravity_and_horizontal_positions_alone_give_a_start() -> None:
+    """Without noise it is the similarity itself, whatever the deviations of the directions: heights are not used."""
+    rng = np.random.default_rng(6)
+    for _ in range(5):
+        one, source = similarity_of(rng), rng.normal(0, 9, (7, 3))
+        directions = random_rotations(rng, 6)[:, 0]
+        heights, sigmas = directions @ one.rotation[2], rng.uniform(0.01, 3.0, 6)
+        cues = GravityCues(directions, heights, sigmas, np.zeros(6, np.int64), np.zeros(3))
+        goal = one.move(source)
+        found = gps_fit._upright(source, goal, cues)
+        np.testing.assert_allclose(found.move(source), goal, atol=1e-7)
+        flat = goal.copy()
+        flat[:, 2] = rng.normal(0, 99, 7)
+        found = gps_fit._upright(source, flat, cues)
+        np.testing.assert_allclose(found.move(source)[:, :2], goal[:, :2], atol=1e-7)
+
+
+def test_a_start_settles_without_outliers_though_fixes_are_better_than_stated() -> None:
+    """Weights follow the errors that there are: 1 cm stated as 1 m, and outliers of 5 m pull by no centimeter."""
+    rng = np.random.default_rng(7)
+    one, source = similarity_of(rng), rng.normal(0, 9, (60, 3))
+    goal = one.move(source)
+    noisy = goal + rng.normal(0, 0.01, goal.shape)
+    noisy[::5] += [5.0, -5.0, 5.0]
+    start = Similarity(one.scale * 1.01, one.rotation, one.translation + 0.3)
+    found = gps_fit._settle(source, noisy, np.ones(goal.shape), NO_LEVELS, start)
+    assert np.abs(found.move(source) - goal).max() < 0.02

@@ -103,6 +103,15 @@ def test_a_lens_that_rises_again_beyond_its_fold_is_refused(tangential: float) -
             lens.undistort(0.68 * row[None])
 
 
+def test_a_fold_is_found_off_the_axes_too() -> None:
+    """A lens that folds at 0.602, of which only the radial slope is negative there: no inverse at 0.62, any way out."""
+    lens = Distortion(-0.5, 0.1023)
+    for aside in ([1.0, 0.0], [0.6, 0.8], [np.sqrt(0.5), -np.sqrt(0.5)]):
+        assert np.linalg.norm(lens.undistort(0.6 * np.array([aside]))) < 1.0123
+        with pytest.raises(InputError, match=r"has no inverse 0.62 focal lengths from the axis"):
+            lens.undistort(0.62 * np.array([aside]))
+
+
 def test_the_default_is_no_distortion() -> None:
     """Identity both ways, to the bit."""
     xy = grid(0.7, 0.5)

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from authoring.axis.alignment import Alignment
-from authoring.parts.bearings import Bearings, BearingSettings, _askew, bearing_parts, draw_bearings, sole_thickness
+from authoring.parts.bearings import (
+    Bearings,
+    BearingSettings,
+    _askew,
+    _Row,
+    _sole_plate,
+    bearing_parts,
+    draw_bearings,
+    sole_thickness,
+)
 from authoring.parts.drawing import Draws
 from authoring.parts.part import Part
 from authoring.parts.spans import Levels, Spans
@@ -40,10 +49,23 @@ def test_a_skewed_bearing_stays_under_its_girder() -> None:
         reach = turned.pad_width * np.cos(skew) + turned.pad_length * np.sin(abs(skew))
         assert reach == pytest.approx(0.4, abs=1.5e-3)  # sizes are whole millimetres
         assert turned.pad_width / turned.pad_length == pytest.approx(4 / 3, abs=0.01)
-    steep = (0.03, -0.02)
-    assert sole_thickness(turned, steep) == pytest.approx(
-        max(0.02, 0.006 + 0.03 * (turned.pad_length / 2 + 0.015) + 0.02 * (turned.pad_width / 2 + 0.015))
+    assert sole_thickness(turned, (0.03, -0.02)) == pytest.approx(0.02)
+    assert sole_thickness(turned, (0.08, -0.06)) == pytest.approx(
+        0.006 + 0.08 * (turned.pad_length / 2 + 0.015) + 0.06 * (turned.pad_width / 2 + 0.015)
     )
+
+
+def test_texture_of_a_sole_plate_is_as_long_as_its_edges() -> None:
+    """Its top slopes with the girder: each upright edge has another length, and the texture runs over just that."""
+    plate = _sole_plate((0.3, 0.4), _Row(1.0, 1.1, (0.05, -0.02)), 1.07, 1.09)
+    faces = plate.corners.reshape(-1, 4)
+    heights, lengths = plate.points[faces][:, :, 2], plate.st[:, 0].reshape(-1, 4)
+    places = plate.points[faces][:, :, :2]
+    upright = np.linalg.norm(places - np.roll(places, 1, axis=1), axis=2) < 1e-9
+    tall = np.abs(heights - np.roll(heights, 1, axis=1))[upright]
+    assert len(tall) == 8
+    assert np.ptp(tall) > 0.015
+    np.testing.assert_allclose(np.abs(lengths - np.roll(lengths, 1, axis=1))[upright], tall, atol=1e-9)
 
 
 def built(told: Bearings, levels: Levels) -> Part:

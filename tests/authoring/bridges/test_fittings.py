@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from authoring.parts.fittings import fitting_stations, lamp_stations
+from authoring.parts.fittings import _lamp, fitting_stations, lamp_stations
 from authoring.parts.spans import Spans
 from tests.authoring.bridges.built import STRAIGHT, Bridge, make_bridge
 
@@ -58,6 +58,19 @@ def test_pipes_end_below_the_girders_and_lamps_reach_over_the_road() -> None:
             assert above.max() == pytest.approx(beam.top.fittings.lamp_height, abs=0.4)
             assert np.abs(points[above < 0.5, 1]).min() > beam.top.kerb_face - 0.02
             assert np.abs(points[:, 1]).min() < beam.top.kerb_face
+
+
+def test_the_arm_of_a_lamp_runs_from_its_column_into_its_head() -> None:
+    """Nothing at the foot's axis is above the column, and the arm ends between bottom and top of the head."""
+    points = _lamp(8.0, 1.5).points
+    column = points[np.abs(points[:, 1]) < 0.09]
+    assert column[:, 2].max() == pytest.approx(8.0)
+    top = 8.0 - 0.06 + 0.12 * 1.5
+    end = points[np.abs(points[:, 1] + 1.5) < 1e-9]
+    assert len(end) == 8
+    assert np.abs(end[:, 2] - top).max() == pytest.approx(0.025)
+    head = points[points[:, 1] < -1.9]
+    np.testing.assert_allclose([head[:, 2].min(), head[:, 2].max()], [top - 0.05, top + 0.05], atol=0.021)
 
 
 def test_railways_and_the_paper_have_none() -> None:
