@@ -68,7 +68,7 @@ def test_the_arm_of_a_lamp_runs_from_its_column_into_its_head() -> None:
     top = 8.0 - 0.06 + 0.12 * 1.5
     end = points[np.abs(points[:, 1] + 1.5) < 1e-9]
     assert len(end) == 8
-    assert np.abs(end[:, 2] - top).max() == pytest.approx(0.025)
+    assert np.abs(end[:, 2] - top).max() == pytest.approx(0.025, abs=0.002)  # an octagon
     head = points[points[:, 1] < -1.9]
     np.testing.assert_allclose([head[:, 2].min(), head[:, 2].max()], [top - 0.05, top + 0.05], atol=0.021)
 
