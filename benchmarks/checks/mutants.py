@@ -80,7 +80,7 @@ SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "light": (
         ("render/light/daylight.py", "render/light/local_lights.py"),
-        ("tests/render/test_light.py", "tests/render/test_local_lights.py"),
+        ("tests/render/test_light.py", "tests/render/test_local_lights.py", "tests/render/test_light_choices.py"),
     ),
     "store": (
         ("falsework/store/store.py", "falsework/store/artefact.py", "falsework/store/verification.py"),

@@ -94,6 +94,10 @@ def test_rejection_is_remembered(tmp_path: Path) -> None:
         with pytest.raises(RejectedSceneError, match="nothing to match") as caught:
             store.produce(TASK, make)
         assert caught.value.reason == "no_texture"
+    assert store.verify() == []
+    (record,) = (tmp_path / "failed").iterdir()
+    record.write_text('{"format_version": 2')
+    assert store.verify() == [f"failed/{record.name}: not a record of a failure"]
 
 
 def test_verify_finds_every_kind_of_damage(tmp_path: Path) -> None:
@@ -176,3 +180,14 @@ def test_links_are_relative_and_replaced(tmp_path: Path) -> None:
     moved = store.root.rename(tmp_path / "moved")
     assert (moved / "scenes" / "0000" / "stage").resolve() == Store(moved).folder(tasks[1])
     assert not list((moved / "work").iterdir())
+
+
+def test_a_name_is_removed_only_if_it_is_a_link(tmp_path: Path) -> None:
+    """A result that is let go loses its readable name; a file of the user at such a place stays."""
+    store = Store(tmp_path)
+    store.produce(TASK, _write)
+    store.link("scenes/0000/stage", TASK)
+    (tmp_path / "scenes" / "0000" / "mine").write_text("mine")
+    for name in ("scenes/0000/stage", "scenes/0000/mine", "scenes/0000/nothing"):
+        store.unlink(name)
+    assert [path.name for path in (tmp_path / "scenes" / "0000").iterdir()] == ["mine"]
