@@ -84,11 +84,7 @@ SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "store": (
         ("falsework/store/store.py", "falsework/store/artefact.py", "falsework/store/verification.py"),
-        (
-            "tests/falsework/test_store.py",
-            "tests/falsework/test_verification.py",
-            "tests/falsework/test_run_samples.py",
-        ),
+        tuple(f"tests/falsework/test_{name}.py" for name in ("store", "verification", "run_samples")),
     ),
     "files": (
         ("groundwork/files.py", "groundwork/output/swap.py"),

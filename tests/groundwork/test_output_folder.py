@@ -11,8 +11,9 @@ import pytest
 from groundwork.canonical import folder_digest
 from groundwork.errors import InputError, RejectedSceneError
 from groundwork.files import MANIFEST
-from groundwork.marks import MARK, NEXT, content_files, read_listing
+from groundwork.marks import MARK, NEXT, Listing, content_files, read_listing
 from groundwork.output import lock as output_lock
+from groundwork.output import swap
 from groundwork.output.folder import claim_run, fresh_output
 from groundwork.output.reading import reading
 
@@ -383,3 +384,15 @@ def test_a_reader_is_told_when_its_input_was_replaced(tmp_path: Path) -> None:
             read(fails)
     with reading(out):
         fresh_output(tmp_path / "other", "cloud", writes("a"))
+
+
+def test_folders_are_synced_after_files_left_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a power cut must not bring back: each folder that lost a file, and stays, is synced once."""
+    former = Listing("cloud", ("a/1", "a/2", "b/3", "4"), ("a", "b"))
+    new = Listing("cloud", ("a/2", "4"), ("a",))
+    writes(*former.files)(tmp_path)
+    synced: list[Path] = []
+    monkeypatch.setattr(swap, "sync", synced.append)
+    swap._clear_away(tmp_path, former, new)
+    assert tree(tmp_path) == ["4", "a/2"]
+    assert synced == [tmp_path / "a"]

@@ -129,7 +129,8 @@ def test_panoptic_quality_by_hand() -> None:
     assert math.isnan(result.quality[3])
     assert result.mean == pytest.approx((0.375 + 2 / 3 + 0.0) / 3)
     twice = panoptic_quality(counts + counts)  # another cloud of the same kind changes no quality
-    assert twice.quality[1:3].tolist() == result.quality[1:3].tolist()
+    for name in ("quality", "segmentation", "recognition"):
+        assert getattr(twice, name)[1:3].tolist() == getattr(result, name)[1:3].tolist(), name
 
 
 @given(SEEDS)
