@@ -22,7 +22,8 @@ OUT = "OUT"  # in a command: a folder that is made for it, from which the pictur
 NEEDS = {
     "RUN": "folder of falsework demo -o RUN",
     "CLOUD": "a cloud of that run, RUN/scenes/0000/cloud/global",
-    "SCAN": "a laser scan of that run's bridge: falsework sample lidar RUN/scenes/0000/stage/scene.usda -o SCAN",
+    "SCAN": "tripod scan bare-049 of python -m benchmarks.shipped.clouds WORK --seed 50101 --bare 46:50",
+    "OTHER": "tripod scan bare-046 of the same command",
     "FLIGHTS": "a scene with several flights: falsework author docs/gallery/flights.toml -o FLIGHTS",
     "RUNS": "a folder that keeps the runs of docs.hero_bridges; made where they are missing",
     "WORK": "a folder that keeps what Cycles drew",
@@ -65,7 +66,7 @@ RECIPES = (
     Recipe(("dense_cloud.png",), ("docs.cloud_picture", "CLOUD")),
     Recipe(("sampling.png",), ("docs.sampling_picture", "RUN")),
     Recipe(("flights.png",), ("docs.flights_picture", "FLIGHTS")),
-    Recipe(("prediction.png",), ("docs.prediction_picture", "SCAN", "CLOUD"), "the extra learn"),
+    Recipe(("prediction.png",), ("docs.prediction_picture", "SCAN", "OTHER"), "the extra learn"),
     Recipe(("real_scans.png",), ("benchmarks.shipped.real_scans", "SCANS"), "the extra learn; writes its page, too"),
     Recipe(("bench_scene.jpg",), ("benchmarks.render.speed",), "measures for its page, too: long"),
     Recipe(
