@@ -1,4 +1,4 @@
-"""What NVIDIA's validator for USD, `usd-validation-nvidia` on PyPI, says of a scene, in every variant.
+"""What NVIDIA's validator for USD, `usd-validation-nvidia[usd]` on PyPI, says of a scene, in every variant.
 
 It brings requirements that USD's own validators lack. It is run as a program of another virtual environment:
 `FALSEWORK_USD_VALIDATE=/there/bin/nvidia_usd_validate`, or where `PATH` has it; without it these tests are skipped.
