@@ -200,7 +200,7 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 
 STAGES: dict[str, Stage] = {
-    "stage": Stage(22, author),
+    "stage": Stage(23, author),
     "capture": Stage(18, capture, resumes=True),
     "model": Stage(4, model, resumes=True),
     "cloud": Stage(15, cloud, resumes=True),

@@ -152,8 +152,7 @@ def write_cloud(folder: Path, cloud: Cloud) -> None:
         cloud: What to write.
 
     Raises:
-        InputError: A column is unknown, or of a wrong shape or type; or the source is unknown.
-        KeyError: A required column is missing.
+        InputError: A column is missing, unknown, or of a wrong shape or type; or the source is unknown.
     """
     _check(folder, cloud)
     kinds = _kinds(cloud.columns)
@@ -204,8 +203,37 @@ def read_cloud(folder: Path | str) -> Cloud:
         return _read_cloud(Path(folder))
 
 
-def _read_cloud(folder: Path) -> Cloud:
-    path = folder / "cloud.json"
+def is_metric(alignment: Mapping[str, Any]) -> bool:
+    """Tell whether a cloud's coordinates are in meters; nothing brought the others to scale.
+
+    Args:
+        alignment: Facts of the alignment, as in `Cloud`.
+    """
+    return alignment.get("target") != "none"
+
+
+def cloud_unit(folder: Path) -> float | None:
+    """Find the length of one unit of a cloud's coordinates; no column is loaded.
+
+    Args:
+        folder: A cloud.
+
+    Returns:
+        The length [m]: 1, or None where nothing brought the cloud to scale.
+
+    Raises:
+        MissingError: Not a cloud.
+        InputError: Its description is damaged.
+    """
+    alignment = _read_description(folder / "cloud.json").get("alignment")
+    if not isinstance(alignment, dict):
+        raise InputError("a key is missing or of a wrong kind", where=folder / "cloud.json", field="alignment")
+    return 1.0 if is_metric(alignment) else None
+
+
+def _read_description(path: Path) -> dict[str, Any]:
+    """Read `cloud.json`, and check only that it is one."""
+    folder = path.parent
     if not path.is_file():
         raise MissingError("not a cloud: no cloud.json", where=folder, hint="Name the folder that holds cloud.json")
     stored = read_json(path)
@@ -218,6 +246,12 @@ def _read_cloud(folder: Path) -> Cloud:
             value=found,
             allowed=f"{FORMAT}, version {' or '.join(map(str, _READABLE))}",
         )
+    return stored
+
+
+def _read_cloud(folder: Path) -> Cloud:
+    path = folder / "cloud.json"
+    stored = _read_description(path)
     try:
         kinds, components, classes = _kinds(stored["columns"]), stored["components"], stored["classes"]
         count, observation_count, cameras = stored["count"], stored["observation_count"], stored["cameras"]
@@ -297,6 +331,8 @@ def _load(path: Path) -> Column:
 
 
 def _check(folder: Path, cloud: Cloud, count: int | None = None, observation_count: int | None = None) -> None:
+    _check_present(folder, COLUMNS, cloud.columns)
+    _check_present(folder / OBSERVATIONS, OBSERVATION_COLUMNS, cloud.observations)
     count = len(cloud) if count is None else count
     observation_count = len(cloud.observations["image"]) if observation_count is None else observation_count
     if cloud.source not in SOURCES:
@@ -324,6 +360,18 @@ def _check(folder: Path, cloud: Cloud, count: int | None = None, observation_cou
         raise InputError("a coordinate is not finite", where=folder / "coord.npy")
     if count and cloud.columns["component"].max() >= len(cloud.components):
         raise InputError("a component that is not listed", where=folder / "component.npy")
+
+
+def _check_present(folder: Path, kinds: Mapping[str, ColumnKind], found: Mapping[str, Column]) -> None:
+    for name, kind in kinds.items():
+        if name not in found:
+            raise InputError(
+                "a column is missing",
+                where=folder / f"{name}.npy",
+                field=name,
+                allowed=f"{kind.dtype}, {kind.width} in each row [{kind.unit}]",
+                hint="Fill this column too",
+            )
 
 
 def _check_column(path: Path, column: Column, kind: ColumnKind, rows: int) -> None:

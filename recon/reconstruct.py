@@ -11,7 +11,8 @@ from groundwork.files import write_json
 from groundwork.progress import Progress
 from recon.cloud import Cloud, write_cloud
 from recon.dense.dense import run_dense
-from recon.formats.export import write_laz, write_ply
+from recon.formats.export import write_ply
+from recon.formats.laz import check_las_classes, write_laz
 from recon.photos.photos import open_photographs
 from recon.placing.align import OK, Alignment, Target
 from recon.placing.ground_control import GroundControl
@@ -68,10 +69,11 @@ def reconstruct(
         model: Folder that holds a model of these photographs, used without change; None makes one.
 
     Raises:
-        InputError: The capture is damaged, or the ground control or the model does not fit it.
+        InputError: The capture is damaged, the ground control or the model does not fit it, or LAS cannot hold a class
+            id of its truth.
         RejectedSceneError: The images do not suffice for a cloud; its reason says why.
     """
-    photographs = open_photographs(capture)
+    photographs = _open(capture)
     surveyed = None if control is None else read_control(control, photographs, progress)
     work = enter_work(folder)
     sparse = read_stored_model(model, photographs) if model else run_sparse(photographs, work, settings, progress)
@@ -118,15 +120,25 @@ def reconstruct_cloud(
         control: File of ground control points and scale bars that the photographs show, or None.
 
     Raises:
-        InputError: The capture or the model is damaged, or the ground control does not fit.
+        InputError: The capture or the model is damaged, the ground control does not fit, or LAS cannot hold a class id
+            of the truth.
         RejectedSceneError: The model does not suffice for a cloud; its reason says why.
     """
-    photographs = open_photographs(capture)
+    photographs = _open(capture)
     surveyed = None if control is None else read_control(control, photographs, progress)
     work = enter_work(folder)
     sparse = read_stored_model(model, photographs)
     _make_cloud(photographs, sparse, surveyed, _Workplace(folder, work), settings, progress)
     leave_work(work)
+
+
+def _open(capture: Path) -> Capture:
+    """Open photographs, and refuse, before the work, class ids that `cloud.laz` could not hold."""
+    photographs = open_photographs(capture)
+    truth = read_truth(photographs)
+    if truth is not None:
+        check_las_classes([row.id for row in truth.classes])
+    return photographs
 
 
 @dataclass(frozen=True)

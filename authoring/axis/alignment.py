@@ -378,6 +378,8 @@ class Layout:
         feet: Springings of arches on a valley's sides: station and height of the land there [m].
         river_piers: Whether some of its piers may stand in a river.
         anchorages: From the abutments' back faces to the rears of anchor blocks beside the approaches [m]; 0 without.
+        wings: Length of the wing walls behind the abutments' back faces [m]; 0 when not known.
+        blocks: Rectangles of the ground beside the deck that parts cover: lowest and highest station and left [m].
     """
 
     alignment: Alignment
@@ -393,3 +395,5 @@ class Layout:
     feet: tuple[tuple[float, float], ...] = ()
     river_piers: bool = False
     anchorages: float = 0.0
+    wings: float = 0.0
+    blocks: tuple[tuple[float, float, float, float], ...] = ()

@@ -84,7 +84,7 @@ def build_countryside(
     pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in ways]
     fences = approach_fences(terrain, taken)
     pieces += [(prim, kind, role, "Ways", mesh) for prim, kind, role, mesh in build_fences(axis, fences)]
-    posts = [np.column_stack([posts[:, :2], np.full(len(posts), POST_ROOM)]) for posts in fences.values()]
+    posts = [np.column_stack([line[:, :2], np.full(len(line), POST_ROOM)]) for line in fences.values()]
     unfenced, taken = taken, np.concatenate([taken, *posts])
     paving = str(rng.choice(("asphalt", "gravel")))
     pieces += [(f"Lane_{number}", "road", paving, "Ways", mesh) for number, (mesh, _) in enumerate(laid)]

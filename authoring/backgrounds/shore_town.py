@@ -139,7 +139,7 @@ def anchored(
 
 
 def street_cars(place: Waterside, lanes: tuple[Lane, ...], rng: np.random.Generator, first_id: int) -> list[Scatter]:
-    """Place driving cars on the shore road, and parked ones beside it and on lanes.
+    """Place driving cars on the right of the shore road, and parked ones beside it and on lanes.
 
     Args:
         place: The land and its quays.
@@ -153,7 +153,7 @@ def street_cars(place: Waterside, lanes: tuple[Lane, ...], rng: np.random.Genera
     terrain, basin = place.terrain, place.basin
     shapes = tuple(model for kind, model in vehicle_models() if kind in _SMALL)
     rows = []
-    for aside, step, share, turn in ((1.6, 31.0, 0.55, 0.0), (-1.6, 34.0, 0.5, np.pi), (4.1, 6.2, 0.5, 0.0)):
+    for aside, step, share, turn in ((1.6, 31.0, 0.55, np.pi), (-1.6, 34.0, 0.5, 0.0), (4.1, 6.2, 0.5, np.pi)):
         places = street_places(terrain, basin, place.reaches, aside, step)
         places = places[rng.random(len(places)) < share]
         if abs(aside) > 3.0:
@@ -164,7 +164,7 @@ def street_cars(place: Waterside, lanes: tuple[Lane, ...], rng: np.random.Genera
         for side in (-1.0, 1.0):
             places = along_lanes((lane,), np.array([side * (lane.half - 1.1)]), 13.0, rng)
             places = places[rng.random(len(places)) < 0.3]
-            rows.append(np.column_stack([places, np.full(len(places), np.pi if side > 0 else 0.0)]))
+            rows.append(np.column_stack([places, np.full(len(places), np.pi if side * lane.uphill > 0 else 0.0)]))
     cars = rng.permutation(np.concatenate(rows))[:MOST]
     if not len(cars):
         return []

@@ -27,6 +27,7 @@ from authoring.backgrounds.streets import TownPlan, beside_ways
 from authoring.backgrounds.terrain import Terrain
 from authoring.shapes.component import Mesh, Scatter
 from authoring.site.covers import to_world
+from authoring.site.fields import Plots
 from authoring.site.grid import HeightField
 from authoring.site.land import no_hills
 from authoring.site.site import Site
@@ -100,7 +101,7 @@ def find_lots(site: Site) -> tuple[Lot, ...]:
     found = []
     for quarter in range(4):
         if any(cover in PAVED for cover in plots.covers[2 * quarter : 2 * quarter + 2]):
-            lot = _largest(site, behind=quarter >= 2, side=1.0 if quarter % 2 else -1.0)
+            lot = _largest(site, plots, behind=quarter >= 2, side=1.0 if quarter % 2 else -1.0)
             found += [] if lot is None else [lot]
     return tuple(sorted(found, key=lambda lot: -lot.size[0] * lot.size[1])[:MOST])
 
@@ -163,8 +164,8 @@ def build_lots(lots: tuple[Lot, ...], terrain: Terrain, plan: TownPlan) -> SiteL
     return SiteLots(pieces, joined(spots), np.concatenate(drives))
 
 
-def _largest(site: Site, *, behind: bool, side: float) -> Lot | None:
-    """Find the largest rectangle on a quarter of a site, its y away from the bridge, near the border."""
+def _largest(site: Site, plots: Plots, *, behind: bool, side: float) -> Lot | None:
+    """Find the largest rectangle on plots in `PAVED` of a quarter, its y away from the bridge, near the border."""
     land, axis = site.land, site.land.layout.alignment
     middle = float(land.crossing.center(np.array([side * 40.0]))[0])
     end = float(site.field.stations[-1 if behind else 0])
@@ -177,7 +178,7 @@ def _largest(site: Site, *, behind: bool, side: float) -> Lot | None:
     at = _located(site, probe.world(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)))
     free = land.plot_room(*at, no_hills) > EDGE
     free &= (land.steepness(*at, no_hills) < FLAT) & ((at[0] > land.crossing.center(at[1])) == behind)
-    free &= side * at[1] > 0.0
+    free &= (side * at[1] > 0.0) & _paved(plots, behind, *at)
     total = np.pad(np.cumsum(np.cumsum(free.reshape(len(x), len(y)), axis=0), axis=1), ((1, 0), (1, 0)))
     best = None
     for depth in DEPTHS:
@@ -193,6 +194,14 @@ def _largest(site: Site, *, behind: bool, side: float) -> Lot | None:
     _, size, (column, row) = best
     start = probe.world(np.array([x[column] + 0.5 * STEP, y[row] + 0.5 * STEP]))
     return Lot((float(start[0]), float(start[1])), heading, size)
+
+
+def _paved(plots: Plots, behind: bool, station: F64, left: F64) -> NDArray[np.bool_]:
+    """Find places on plots in `PAVED`, `EDGE` away from other plots; between two plots in `PAVED` there is no edge."""
+    paved = np.array([cover in PAVED for cover in plots.covers])
+    number = plots.number(np.full(len(left), behind), station, left)
+    other = paved[number ^ 1]  # the near and the far plot of a quarter have successive numbers
+    return paved[number] & (other | (plots.split_room(station, left) > EDGE))
 
 
 def _located(site: Site, places: F64) -> tuple[F64, F64]:

@@ -34,7 +34,7 @@ def furniture(plan: TownPlan, terrain: Terrain, rng: np.random.Generator) -> lis
         low, high = terrain.inner[2:]
         for start, sign in ((low - START, -1.0), (high + START, 1.0)):
             for bank in (-1.0, 1.0):
-                lamps.append(_facing(quay_line(terrain, start + sign * np.arange(6.0, 330.0, 30.0), bank, 1.6)))
+                lamps.append(_landward(terrain, start + sign * np.arange(6.0, 330.0, 30.0), bank, 1.6))
                 line = quay_line(terrain, start + sign * np.arange(0.0, 330.0, PANEL), bank, 0.25)
                 free = terrain.clear(*terrain.land.layout.alignment.locate(line)) > 0.3
                 rails.append(_panels(line).only(free[:-1] & free[1:]))
@@ -76,6 +76,10 @@ def _plain(plan: TownPlan, spots: Spots) -> F64:
     return (plan.land.look(plan.land.away, spots.places[:, :2], 1e4) > _DETAILED).astype(np.float64)
 
 
-def _facing(places: F64) -> Spots:
-    """Turn the arms of all lamps towards +x of the world."""
-    return Spots(places, np.zeros(len(places)))
+def _landward(terrain: Terrain, lefts: F64, bank: float, back: float) -> Spots:
+    """Place lamps along a quay, their arms across the promenade, away from the water."""
+    places, behind = (quay_line(terrain, lefts, bank, away) for away in (back, back + 1.0))
+    ahead = np.gradient(places[:, :2], axis=0)
+    aside = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    aside *= np.sign(np.sum(aside * (behind - places)[:, :2], axis=1, keepdims=True))
+    return Spots(places, np.arctan2(aside[:, 1], aside[:, 0]))

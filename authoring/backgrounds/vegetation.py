@@ -188,7 +188,7 @@ def tree_runs(terrain: Terrain, places: F64, rng: np.random.Generator, first_id:
 
 
 def _places(terrain: Terrain, parcels: tuple[Parcel, ...], count: int, rng: np.random.Generator) -> F64:
-    """Draw more places than needed, those near the site's start rather first: station, left, species, shape (N, 3)."""
+    """Draw more places than needed, those near the bridge rather first: station, left, species, shape (N, 3)."""
     land = terrain.land
     rows = []
     for parcel in parcels:
@@ -212,7 +212,7 @@ def _places(terrain: Terrain, parcels: tuple[Parcel, ...], count: int, rng: np.r
     kind = np.where(woods(spread[:, 1], spread[:, 0]) > 0.0, 3, rng.choice((0, 1, 4), len(spread)))
     rows.append(np.column_stack([spread, kind])[: 2 * count])
     places = np.concatenate(rows)
-    far = np.hypot(places[:, 0] - terrain.inner[0], places[:, 1])
+    far = np.hypot(places[:, 0] - np.clip(places[:, 0], *terrain.inner[:2]), places[:, 1])
     return places[np.argsort(far * rng.uniform(0.25, 1.0, len(places)), kind="stable")]
 
 

@@ -22,6 +22,12 @@ EDGE_RISE = 0.015  # [1] largest rise of a deck's edge relative to the axis
 RAIL_PITCH = 1.505  # [m] between the middles of two rails: crossfall is cant divided by this
 _SPAN_RADII = 5.0  # least drawn radius in spans: precast girders are not curved more
 _SQUARE = {"skewed": 0.4, "square": 0.6}
+_SIZES = {  # sizes that not every axis has: the key of the choice, and the options with this size, first the usual one
+    "radius": ("kind", ("arc", "clothoid", "s")),
+    "amplitude": ("kind", ("sine",)),
+    "wave": ("kind", ("sine",)),
+    "crest_radius": ("profile", ("crest", "sag")),
+}
 
 
 class AlignmentSettings(Settings):
@@ -38,21 +44,38 @@ class AlignmentSettings(Settings):
     )
     turn: Literal["left", "right"] | None = chosen({"left": 50, "right": 50}, "Direction of the first curve")
     radius: float | None = drawn(
-        60.0, 900.0, "Radius of the arcs [m]; drawn log-uniformly; railways at least 300", le=20_000.0
+        60.0,
+        900.0,
+        "Radius of the arcs [m]; railways at least 300; if it is set but `kind` is not, an axis that would be straight "
+        "or a sine becomes an arc; drawn log-uniformly",
+        le=20_000.0,
     )
     spiral: float | None = drawn(
         0.20, 0.35, "Length of a clothoid, as a share of the bridge's length [1]", ge=0.05, le=0.45
     )
-    amplitude: float | None = drawn(0.0, 20.0, "Amplitude a of the sine a sin(x / b) [m]")
+    amplitude: float | None = drawn(
+        0.0, 20.0, "Amplitude a of the sine a sin(x / b) [m]; if it is set but `kind` is not, the axis is a sine"
+    )
     wave: float | None = drawn(
-        60.0, 1000.0, "Scale b of the sine a sin(x / b) [m]; b^2 / a is at least 150 m", paper=(20.0, 1000.0)
+        60.0,
+        1000.0,
+        "Scale b of the sine a sin(x / b) [m]; b^2 / a is at least 150 m; if it is set but `kind` is not, the axis is "
+        "a sine",
+        paper=(20.0, 1000.0),
     )
     profile: Literal["grade", "crest", "sag"] | None = chosen(
         {"grade": 60, "crest": 30, "sag": 10},
         "Vertical alignment: a straight grade, or a parabola over the bridge",
         paper={"grade": 1},
     )
-    crest_radius: float | None = drawn(600.0, 4000.0, "Radius of the crest or sag [m]", ge=300.0, le=50_000.0)
+    crest_radius: float | None = drawn(
+        600.0,
+        4000.0,
+        "Radius of the crest or sag [m]; if it is set but `profile` is not, a profile that would be a grade becomes a "
+        "crest",
+        ge=300.0,
+        le=50_000.0,
+    )
     superelevation: float | None = drawn(0.02, 0.06, "Superelevation of a road in arcs [1]", ge=0.0, le=0.06)
     cant: float | None = drawn(0.03, 0.15, "Cant of a track in arcs, measured over 1.505 m [m]", ge=0.0, le=0.15)
     skew: float | None = drawn(
@@ -110,6 +133,7 @@ def draw_alignment(
         _refuse(settings)
         kind, profile, skew = "straight", "grade", 0.0
     else:
+        kind, profile = _with_sizes(settings, "kind", kind), _with_sizes(settings, "profile", profile)
         drawn_skew = skew_sign * sizes["skew"] if skewed and not paper else 0.0
         skew = float(np.radians(settings.skew if settings.skew is not None else drawn_skew))
     if settings.skew is None and settings.radius is not None:  # values set by the user have priority
@@ -138,16 +162,37 @@ def draw_alignment(
 
 
 def _refuse(settings: AlignmentSettings) -> None:
-    for key, plain in (("kind", "straight"), ("skew", 0.0), ("profile", "grade")):
+    for key, plain in {"kind": "straight", "skew": 0.0, "profile": "grade", **dict.fromkeys(_SIZES)}.items():
         value = getattr(settings, key)
         if value not in (None, plain):
             raise InputError(
                 "arch, suspension and cable-stayed bridges are straight and square, without crest or sag",
                 field=f"bridge.alignment.{key}",
                 value=value,
-                allowed=str(plain),
+                allowed="nothing" if plain is None else str(plain),
                 hint="Leave it out",
             )
+
+
+def _with_sizes(settings: AlignmentSettings, key: str, option: str) -> str:
+    """Replace a drawn option that has no size set by the user; refuse a size that the option set by the user lacks."""
+    chosen_already = getattr(settings, key) is not None
+    for size, (choice, options) in _SIZES.items():
+        value = getattr(settings, size)
+        if choice != key or value is None:
+            continue
+        if option not in options:
+            if chosen_already:
+                raise InputError(
+                    f"has no effect with bridge.alignment.{key} = {option!r}",
+                    field=f"bridge.alignment.{size}",
+                    value=value,
+                    allowed=f"with {key} = {' or '.join(map(repr, options))}",
+                    hint=f"Set bridge.alignment.{key} to one of these, or leave {size} out",
+                )
+            option = options[0]
+        chosen_already = True
+    return option
 
 
 def _check_grade(grade: float, service: str) -> None:

@@ -9,7 +9,7 @@ from authoring.families.arch_settings import ArchChoice
 from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.arch_axis import ArchAxis, Rib
-from authoring.parts.arches import RibSection, rib_parts, skewback_face, skewback_part, strut_parts
+from authoring.parts.arches import RibSection, rib_parts, skewback_face, skewback_part, skewback_stations, strut_parts
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
 from authoring.parts.drawing import Draws
@@ -67,6 +67,17 @@ class DrawnDeckArch:
         """Thicknesses from the finished surface down to the seats."""
         return self.slab.levels(self.top, self.bearings)
 
+    @property
+    def reach(self) -> float:
+        """Half the length of the springings' blocks across the bridge [m]."""
+        ribs, columns = (max(lines.lines) + 0.5 * lines.width for lines in (self.section, self.bents))
+        return max(ribs, columns) + 1.0
+
+    @property
+    def behind(self) -> float:
+        """Length of the springings' blocks behind their faces [m]."""
+        return 2.0 * _ROOM + self.bents.length if len(self.spans.supports) > 2 else 1.0 + 0.01
+
 
 def draw_deck_arch(choice: ArchChoice, shared: SharedSettings, draws: Draws) -> tuple[Layout, DrawnDeckArch]:
     """Draw a deck arch.
@@ -101,6 +112,9 @@ def draw_deck_arch(choice: ArchChoice, shared: SharedSettings, draws: Draws) -> 
     needs = AxisNeeds(supports, soffit, seat, abutments.wing_length, straight=True)
     layout = draw_layout_of(shared, top, needs, draws)
     drawn = replace(drawn, rib=_lowered(drawn, layout.alignment))
+    sides = -drawn.reach, drawn.reach
+    blocks = [(*skewback_stations(drawn.rib, end, drawn.behind), *sides) for end in (0, 1)]
+    layout = replace(layout, blocks=tuple(blocks))
     return with_springing_ground(raised(layout, drawn.rib, choice.springing), drawn.rib), drawn
 
 
@@ -238,18 +252,12 @@ def _bent_parts(arch: DrawnDeckArch, place: Alignment, middle: Alignment) -> lis
 
 def _pier_parts(arch: DrawnDeckArch, place: Alignment, middle: Alignment, ground: Ground) -> list[Part]:
     """Build the blocks, the piers on them, and the piers on the banks."""
-    parts = []
-    reach = (
-        max(0.5 * arch.section.width + max(arch.section.lines), max(arch.bents.lines) + 0.5 * arch.bents.width) + 1.0
-    )
+    parts, reach = [], arch.reach
     paired = 2.0 * (arch.spans.row_setback + 0.5 * arch.bearings.plinth_length + 0.10)
     count = len(arch.spans.supports)
     for end in (0, 1):
-        back = 2.0 * _ROOM + arch.bents.length
-        if count == 2:
-            back = 1.0 + 0.01
         founding = Founding(middle, ground, FOUNDING)
-        parts.append(skewback_part(arch.rib, end, f"Springing_{end}", (-reach, reach), back, founding))
+        parts.append(skewback_part(arch.rib, end, f"Springing_{end}", (-reach, reach), arch.behind, founding))
         if count == 2:
             continue
         support = 1 + end

@@ -14,7 +14,7 @@ from authoring.parts.bearings import draw_bearings
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
 from authoring.parts.drawing import Draws, draw, draw_whole
 from authoring.parts.footings import Founding
-from authoring.parts.masonry import ROLE, Viaduct, masonry_support_parts, ring_of, viaduct_parts
+from authoring.parts.masonry import ROLE, Viaduct, covered_by_piers, masonry_support_parts, ring_of, viaduct_parts
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground
 from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans, level_at
@@ -82,6 +82,7 @@ def draw_masonry(
     quarter = float(viaduct.rib(0).intrados(np.array([starts[0] + 0.25 * axis.span]))[0])
     needs = AxisNeeds(supports, quarter, base, abutments.wing_length, straight=True)
     layout = draw_layout_of(shared, top, needs, draws)
+    layout = replace(layout, blocks=tuple(covered_by_piers(viaduct)))
     # The level of the middle of the bridge gives the lowest springing the required height.
     return raised(layout, replace(viaduct.ring, start=0.5 * (total - axis.span)), springing), drawn
 

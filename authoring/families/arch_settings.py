@@ -54,7 +54,7 @@ class ArchSettings(Settings):
     )
     form: Literal["ring", "concrete", "steel"] | None = chosen_by(
         {"below a deck": _DECK_FORMS, "above a deck": _THROUGH_FORMS},
-        "Arch: one concrete ring, or ribs of concrete or steel",
+        "Arch: one concrete ring, only below a deck, or ribs of concrete or steel",
         paper={"ring": 1},
     )
     deck: Literal["slab", "beam_slab", "box"] | None = chosen(

@@ -12,7 +12,7 @@ from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.arch_axis import ArchAxis, Rib
 from authoring.parts.arch_braces import diagonal_parts
 from authoring.parts.arch_floors import Floor, brace_places, floor_beam_part, tie_parts, tie_seat_parts
-from authoring.parts.arches import EMBEDDED, RibSection, rib_parts, skewback_part, strut_parts
+from authoring.parts.arches import EMBEDDED, RibSection, rib_parts, skewback_part, skewback_stations, strut_parts
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
 from authoring.parts.decks import deck_parts
@@ -118,7 +118,6 @@ def draw_through_arch(
     total = round(choice.span + 2.0 * start, 3)
     panels = max(6, round(total / choice.hanger_pitch))
     overhang = max(0.35, round(0.5 * bearings.plinth_length + 0.02, 3))
-    lines = section.lines if tied else _lines_under_deck(top.width)
     drawn = DrawnThroughArch(
         kind=choice.arrangement,
         rib=replace(rib, start=start),
@@ -134,7 +133,7 @@ def draw_through_arch(
         spans=Spans((0.0, total), overhang, 0.05),
         top=top,
         bearings=bearings,
-        bearing_lines=lines,
+        bearing_lines=section.lines if tied else _lines_under_deck(top.width),
         abutments=abutments,
     )
     levels = drawn.levels
@@ -142,6 +141,7 @@ def draw_through_arch(
     layout = draw_layout_of(shared, top, needs, draws)
     if not tied:
         layout = with_springing_ground(raised(layout, drawn.rib, choice.springing), drawn.rib)
+        layout = replace(layout, blocks=_covered(drawn))
     return layout, drawn
 
 
@@ -323,12 +323,22 @@ def _brace_parts(arch: DrawnThroughArch, rib: Rib, place: Alignment, middle: Ali
 
 
 def _skewback_parts(arch: DrawnThroughArch, rib: Rib, middle: Alignment, ground: Ground) -> list[Part]:
-    half, line = 0.5 * arch.section.width, arch.section.lines[1]
-    back, founding = max(2.0, 0.05 * rib.axis.span), Founding(middle, ground, FOUNDING)
-    parts = []
-    for end in (0, 1):
-        for side, sign in (("L", 1.0), ("R", -1.0)):
-            left = sorted((sign * (line - half - _CLEAR + 0.02), sign * (line + half + 0.40)))
-            name = f"Springing_{end}_{side}"
-            parts.append(skewback_part(rib, end, name, (left[0], left[1]), back, founding))
-    return parts
+    founding = Founding(middle, ground, FOUNDING)
+    return [
+        skewback_part(rib, end, f"Springing_{end}_{side}", left, back, founding)
+        for end, side, left, back in _skewbacks(arch)
+    ]
+
+
+def _covered(arch: DrawnThroughArch) -> tuple[tuple[float, float, float, float], ...]:
+    """Find the rectangles on the ground under the springings' blocks, as `Layout.blocks` [m]."""
+    return tuple((*skewback_stations(arch.rib, end, back), *left) for end, _, left, back in _skewbacks(arch))
+
+
+def _skewbacks(arch: DrawnThroughArch) -> list[tuple[int, str, tuple[float, float], float]]:
+    """List the blocks at the springings: end, side, from and to the left of the axis, length behind the face [m]."""
+    half, line, back = 0.5 * arch.section.width, arch.section.lines[1], max(2.0, 0.05 * arch.rib.axis.span)
+    inner, outer = line - half - _CLEAR + 0.02, line + half + 0.40
+    return [
+        (end, side, left, back) for end in (0, 1) for side, left in (("L", (inner, outer)), ("R", (-outer, -inner)))
+    ]

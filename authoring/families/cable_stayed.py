@@ -4,7 +4,7 @@ Source: side span about 0.40 of the main span by Jorquera 2016; pylon heights, p
 common practice, as listed in Shi, Kim, Narazaki; profile `paper` by the public Random Bridge Generator.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from authoring.parts.gangways import draw_gangways
 from authoring.parts.medians import median_parts
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers
-from authoring.parts.pylons import Pylon
+from authoring.parts.pylons import Pylon, covered_by_pylon
 from authoring.parts.spans import Levels, Spans
 from authoring.parts.stays import Stays, stay_parts
 from groundwork.errors import InputError
@@ -127,7 +127,9 @@ def draw_cable_stayed(
     layout, piers, walls = draw_supports(settings, shared, hung, spans, draws, main=choice.main, walls=strip + 0.5)
     gangways = draw_gangways(settings, deck, choice.main, draws)
     record = DrawnCableStayed(choice, spans, top, deck, strip, pylon, stays, bearings, piers, walls, gangways)
-    return layout, record
+    heights = ((at, float(layout.alignment.height(np.array(at)))) for _, at, _ in record.pylons)
+    blocks = (covered_by_pylon(pylon, at, height) for at, height in heights)
+    return replace(layout, blocks=tuple(blocks)), record
 
 
 def _pier_stations(settings: CableStayedSettings, choice: Choice, draws: Draws) -> tuple[float, ...]:

@@ -94,6 +94,7 @@ def draw_layout_of(shared: SharedSettings, top: DeckTop, needs: AxisNeeds, draws
         track=None if top.tracks is None else top.tracks.section,
         road=road_section(top, needs.walls) if draws.profile == "default" else None,
         river_piers=needs.river_piers and draws.profile == "default",
+        wings=needs.walls,
     )
 
 

@@ -28,7 +28,7 @@ from authoring.parts.drawing import Draws, draw
 from authoring.parts.gangways import draw_gangways
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers
-from authoring.parts.pylons import Pylon
+from authoring.parts.pylons import Pylon, covered_by_pylon
 from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans
 from authoring.parts.suspension_cables import SuspensionCables, cable_parts, saddle_depth
 
@@ -110,7 +110,9 @@ def draw_suspension(
     spans = Spans(tuple(sorted((*choice.supports, *piers_at))), overhang, gap, continuous=True, one_row=True)
     hung = CableSupportedDeck(top, deck, bearings, abutments)
     layout, piers, walls = draw_supports(settings, shared, hung, spans, draws, main=choice.main, walls=_STRIP + 0.45)
-    layout = replace(layout, anchorages=_BEHIND + cables.block_length)
+    towers = tuple(covered_by_pylon(tower, at, float(layout.alignment.height(np.array(at)))) for at in cables.towers)
+    blocks = (*towers, *cables.blocks)
+    layout = replace(layout, anchorages=_BEHIND + cables.block_length, blocks=blocks)
     gangways = draw_gangways(settings, deck, choice.main, draws)
     record = DrawnSuspension(choice, spans, top, deck, tower, cables, bearings, piers, walls, gangways)
     return layout, record

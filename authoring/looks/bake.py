@@ -167,7 +167,7 @@ def _recipe(surface: str, detail: str, macro: str, sheets: dict[int, SheetFiles]
         roughness_file=first.roughness,
         roughness=first.mean_roughness,
         normal_file=first.normal,
-        sheet=recipe.metres,
+        sheet=recipe.meters,
         detail_file=detail,
         periods=DETAIL_PERIODS if detail else (),
         amplitudes=recipe.detail if detail else (),

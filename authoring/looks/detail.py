@@ -1,4 +1,4 @@
-"""The fine detail that multiplies every surface: one tileable grey picture at three sizes."""
+"""The fine detail that multiplies the color of every surface: one tileable gray image, repeated at three scales."""
 
 import numpy as np
 

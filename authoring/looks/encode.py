@@ -38,18 +38,18 @@ def encode_raw(values: Floats) -> U8:
     return np.clip(values * np.float32(255) + np.float32(0.5), 0, 255).astype(np.uint8)
 
 
-def encode_normals(height: Floats, metres: float) -> U8:
+def encode_normals(height: Floats, meters: float) -> U8:
     """Turn relief into tangent-space normals at half the resolution: red along u, green along v (up the image).
 
     Args:
         height: Relief [m], shape (H, W), float32.
-        metres: Length of the sheet's sides [m].
+        meters: Length of the sheet's sides [m].
 
     Returns:
         (n + 1) / 2, shape (H / 2, W / 2, 3), uint8.
     """
     half = halved(height)
-    run = np.float32(2 * metres / len(half))
+    run = np.float32(2 * meters / len(half))
     along = (np.roll(half, 1, 1) - np.roll(half, -1, 1)) / run
     up = (np.roll(half, -1, 0) - np.roll(half, 1, 0)) / run
     length = np.sqrt(along * along + up * up + 1)

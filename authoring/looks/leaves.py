@@ -1,4 +1,4 @@
-"""The sheet of sprays: leaves, needles, blades and reeds, cut out, one plant's piece in each cell."""
+"""The texture of leaf cards: a grid of cells, each with the cut-out image of a twig, a tuft or a stalk of one plant."""
 
 from dataclasses import dataclass
 
@@ -91,11 +91,11 @@ class _Cell:
 
 
 def leaves(tile: Tile, season: Season = SUMMER) -> Sheet:
-    """Sprays of broad leaves, branches with needles, tufts of grass, herbs, reed: a chart of 4 x 4 cells.
+    """Draw the texture of leaf cards: leafy twigs, branches with needles, tufts of grass, herbs, reed, in 4 x 4 cells.
 
     Args:
         tile: Its size; it does not repeat.
-        season: What color they have; what is cut out is the same in each.
+        season: The season of the colors; the outlines are the same in every season.
     """
     import cv2
 

@@ -159,7 +159,7 @@ def draw_sheet(name: SheetName, bank: Bank | None) -> tuple[dict[str, bytes], di
     """
     recipe = RECIPES[name.surface]
     rng = np.random.default_rng([int.from_bytes(name.surface.encode(), "little"), name.number])
-    tile = Tile(name.pixels, recipe.metres, rng, bank)
+    tile = Tile(name.pixels, recipe.meters, rng, bank)
     sheet = recipe.draw(tile) if name.season == SUMMER else SEASONAL[name.surface](tile, name.season)
     albedo = soften(sheet.albedo, recipe.contrast)
     color, name_of = encode_srgb(albedo), "albedo.jpg"
@@ -170,7 +170,7 @@ def draw_sheet(name: SheetName, bank: Bank | None) -> tuple[dict[str, bytes], di
         "roughness.png": png(encode_raw(halved(sheet.roughness))),
     }
     if recipe.relief and sheet.height is not None:
-        files["normal.png"] = png(encode_normals(sheet.height, recipe.metres))
+        files["normal.png"] = png(encode_normals(sheet.height, recipe.meters))
     means = [round(float(np.mean(albedo[..., k], dtype=np.float64)), 4) for k in range(3)]
     roughness = round(float(np.mean(sheet.roughness, dtype=np.float64)), 3)
     return files, {**asdict(name), "color": means, "mean_roughness": roughness}

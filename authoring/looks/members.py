@@ -176,10 +176,10 @@ def read_spots(
     place = across * (column + 0.5).astype(np.float32)[:, None]
     place += charts.down[triangle] * (row + 0.5).astype(np.float32)[:, None]
     place += charts.place[triangle]
-    metres = np.sqrt((charts.across * charts.across).sum(axis=1))[triangle]  # of a texel
+    meters = np.sqrt((charts.across * charts.across).sum(axis=1))[triangle]  # of a texel
     owner, normal = charts.owner[triangle], charts.normal[triangle]
     dry = np.full(len(place), np.inf, np.float32) if waterline is None else place[:, 2] - np.float32(waterline)
-    return Spots(owner, normal, place, edges * metres, *_look_up(fields, members, owner, normal, place), dry=dry)
+    return Spots(owner, normal, place, edges * meters, *_look_up(fields, members, owner, normal, place), dry=dry)
 
 
 def _look_up(fields: Fields, members: Members, owner: I32, normal: Floats, place: Floats) -> tuple[Floats, ...]:

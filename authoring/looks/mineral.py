@@ -59,7 +59,7 @@ def panel_concrete(tile: Tile, age: float, color: Color = _CEMENT, ties: bool = 
     broken = ramp(fractal(tile, 1.0, 0.1), -2.0, -0.2)
     seam = np.maximum(joints(tile, 1.25, 0.010, "u"), joints(tile, 2.5, 0.010, "v")) * broken
     grout = np.maximum(joints(tile, 1.25, 0.07, "u"), joints(tile, 2.5, 0.07, "v")) * (1.2 - broken)
-    rows, columns = max(1, round(tile.metres / 1.25)), max(1, round(tile.metres / 2.5))
+    rows, columns = max(1, round(tile.meters / 1.25)), max(1, round(tile.meters / 2.5))
     panel = draw(tile.rng, (rows, columns))
     row = np.arange(tile.pixels) * rows // tile.pixels
     column = np.arange(tile.pixels) * columns // tile.pixels
@@ -252,7 +252,7 @@ def roof_tile(tile: Tile, color: Color = (0.275, 0.120, 0.072)) -> Sheet:
         tile: Where it repeats.
         color: Linear colour of the tiles, of clay when not given [1].
     """
-    rows, columns = max(1, round(tile.metres / 0.32)), max(1, round(tile.metres / 0.20))
+    rows, columns = max(1, round(tile.meters / 0.32)), max(1, round(tile.meters / 0.20))
     steps = (np.arange(tile.pixels, dtype=np.float32) + 0.5) / tile.pixels
     down, across = (steps * rows)[:, None], (steps * columns)[None, :]
     drawn = draw(tile.rng, (rows, columns))
@@ -328,13 +328,13 @@ def hairlines(tile: Tile, albedo: Floats, age: float) -> Floats:
 
 def _boards(tile: Tile, height: float, length: float) -> tuple[Floats, Floats]:
     """Boards along u with butt joints at random: a value of its own for each board, and 1 on the seams."""
-    rows, columns = max(1, round(tile.metres / height)), max(1, round(tile.metres / length))
+    rows, columns = max(1, round(tile.meters / height)), max(1, round(tile.meters / length))
     shift = draw(tile.rng, (rows,))
     steps = (np.arange(tile.pixels, dtype=np.float32) + np.float32(0.5)) / tile.pixels
     row = (steps * rows).astype(np.int32)
     across = steps[None, :] * columns + shift[row][:, None]
     column = across.astype(np.int32) % columns
-    aside = np.abs(across - np.round(across)) * np.float32(tile.metres / columns)
+    aside = np.abs(across - np.round(across)) * np.float32(tile.meters / columns)
     butt = ramp(aside, 0.006, 0.002)
     return draw(tile.rng, (rows, columns))[row[:, None], column], np.maximum(joints(tile, height, 0.009, "u"), butt)
 
@@ -342,8 +342,8 @@ def _boards(tile: Tile, height: float, length: float) -> tuple[Floats, Floats]:
 def _tie_holes(tile: Tile, rows: int, columns: int) -> tuple[Floats, Floats]:
     """Two pairs of holes in each panel, and the lighter rims that their plugs leave."""
     steps = (np.arange(tile.pixels, dtype=np.float32) + 0.5) / tile.pixels
-    down = np.abs((steps * 2 * rows) % 1 - 0.5)[:, None] * np.float32(tile.metres / (2 * rows))
-    across = np.abs((steps * 2 * columns) % 1 - 0.5)[None, :] * np.float32(tile.metres / (2 * columns))
+    down = np.abs((steps * 2 * rows) % 1 - 0.5)[:, None] * np.float32(tile.meters / (2 * rows))
+    across = np.abs((steps * 2 * columns) % 1 - 0.5)[None, :] * np.float32(tile.meters / (2 * columns))
     far = np.sqrt(down * down + across * across).astype(np.float32)
     holes = ramp(far, 0.016, 0.009)
     return holes, ramp(far, 0.040, 0.030) - holes
@@ -351,16 +351,16 @@ def _tie_holes(tile: Tile, rows: int, columns: int) -> tuple[Floats, Floats]:
 
 def _courses(tile: Tile, length: float, height: float, joint: float) -> tuple[Floats, Floats, Floats]:
     """Running bond: 1 on the faces of the units and 0 in the joints; a tone and a hue of its own for each unit."""
-    rows, columns = 2 * max(1, round(tile.metres / height / 2)), max(1, round(tile.metres / length))
+    rows, columns = 2 * max(1, round(tile.meters / height / 2)), max(1, round(tile.meters / length))
     wobble = fractal(tile, 0.3, 0.03)
-    texel = tile.metres / tile.pixels
+    texel = tile.meters / tile.pixels
     steps = (np.arange(tile.pixels, dtype=np.float32) + np.float32(0.5)) / tile.pixels
     down = (steps * rows)[:, None]
     row = down.astype(np.int32)
     across = (steps * columns)[None, :] + np.float32(0.5) * (row % 2)
     column = np.floor(across).astype(np.int32) % columns
-    aside = (0.5 - np.abs(across - np.floor(across) - 0.5)) * np.float32(tile.metres / columns)
-    above = (0.5 - np.abs(down - np.floor(down) - 0.5)) * np.float32(tile.metres / rows)
+    aside = (0.5 - np.abs(across - np.floor(across) - 0.5)) * np.float32(tile.meters / columns)
+    above = (0.5 - np.abs(down - np.floor(down) - 0.5)) * np.float32(tile.meters / rows)
     inside = np.minimum(aside, above) + np.float32(0.0012) * wobble
     drawn = draw(tile.rng, (2, rows, columns))
     face = ramp(inside, joint / 2 - texel / 2, joint / 2 + texel / 2)

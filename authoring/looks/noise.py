@@ -65,13 +65,13 @@ class Tile:
 
     Attributes:
         pixels: Texels along a side.
-        metres: Length of a side [m].
+        meters: Length of a side [m].
         rng: Random stream of this tile.
         bank: Fields shared with other tiles; None draws every field afresh.
     """
 
     pixels: int
-    metres: float
+    meters: float
     rng: np.random.Generator
     bank: Bank | None = None
 
@@ -103,7 +103,7 @@ def fractal(
     Returns:
         Values with mean 0 and standard deviation 1 [1], shape (pixels, pixels), float32.
     """
-    key = (tile.pixels, tile.metres, longest, shortest, slope, *stretch)
+    key = (tile.pixels, tile.meters, longest, shortest, slope, *stretch)
     if tile.bank is None:
         return _filtered(key, tile.rng)
     return _moved(tile.bank.field(key), tile.rng)
@@ -197,8 +197,8 @@ def cells(tile: Tile, pitch: float, stretch: float = 1.0, jitter: float = 0.8) -
         stretch: Seeds stand this much further apart along u [1].
         jitter: How far a seed leaves the middle of its square [1].
     """
-    rows = max(1, round(tile.metres / pitch))
-    columns = max(1, round(tile.metres / (pitch * stretch)))
+    rows = max(1, round(tile.meters / pitch))
+    columns = max(1, round(tile.meters / (pitch * stretch)))
     seed_v, seed_u = 0.5 + (draw(tile.rng, (2, rows, columns)) - 0.5) * np.float32(jitter)
     count = tile.pixels
     near, second = np.empty((2, count, count), np.float32)
@@ -259,10 +259,10 @@ def spots(tile: Tile, pitch: float, radius: float, share: float) -> Floats:
     Returns:
         1 inside a spot, 0 outside [1], shape (pixels, pixels), float32.
     """
-    places = max(1, round(tile.metres / pitch))
+    places = max(1, round(tile.meters / pitch))
     offset_v, offset_u, size, chance = draw(tile.rng, (4, places, places))
     row, column = np.nonzero(chance < np.float32(share))
-    texels = np.float32(tile.pixels / tile.metres)
+    texels = np.float32(tile.pixels / tile.meters)
     step = np.float32(tile.pixels / places)
     center_v, center_u = (row + offset_v[row, column]) * step, (column + offset_u[row, column]) * step
     own = np.float32(radius) * texels * (np.float32(0.4) + np.float32(0.6) * size[row, column])
@@ -305,10 +305,10 @@ def joints(tile: Tile, pitch: float, width: float, along: Literal["u", "v"]) -> 
     Returns:
         1 on a line, 0 beside it [1], shape (pixels, 1) or (1, pixels), float32.
     """
-    count = max(1, round(tile.metres / pitch))
+    count = max(1, round(tile.meters / pitch))
     place = (np.arange(tile.pixels, dtype=np.float32) + np.float32(0.5)) * np.float32(count / tile.pixels)
-    aside = np.abs(place - np.round(place)) * np.float32(tile.metres / count)
-    texel = tile.metres / tile.pixels
+    aside = np.abs(place - np.round(place)) * np.float32(tile.meters / count)
+    texel = tile.meters / tile.pixels
     line = ramp(aside, width / 2 + texel / 2, max(width / 2 - texel / 2, 0.0))
     return line[:, None] if along == "u" else line[None, :]
 
@@ -319,12 +319,12 @@ def _white_spectrum(rng: np.random.Generator, shape: tuple[int, int]) -> NDArray
 
 
 def _filtered(key: FieldKey, rng: np.random.Generator) -> Floats:
-    count, metres, longest, shortest, slope, *stretch = key
+    count, meters, longest, shortest, slope, *stretch = key
     across = np.arange(count // 2 + 1, dtype=np.float32) * np.float32(stretch[0])
     down = np.fft.fftfreq(count, 1 / count).astype(np.float32) * np.float32(stretch[1])
     cycles = np.sqrt(across[None, :] ** 2 + down[:, None] ** 2)
-    lowest = metres / longest
-    highest = min(metres / shortest if shortest else count / 2, count / 2)
+    lowest = meters / longest
+    highest = min(meters / shortest if shortest else count / 2, count / 2)
     table = np.arange(int(cycles.max()) + 2, dtype=np.float64)
     gain = snap(np.maximum(table, 0.5) ** -slope / (1 + (0.7 * lowest / np.maximum(table, 0.5)) ** 6))
     gain *= snap(1 / (1 + (table / (1.1 * highest)) ** 8))

@@ -31,7 +31,7 @@ class Recipe:
 
     Attributes:
         draw: Draws the sheet.
-        metres: Length of the sheet's sides [m].
+        meters: Length of the sheet's sides [m].
         detail: Contrast of the fine detail at each of `DETAIL_PERIODS` [1].
         patchy: On the site's ground: carries the patchy macro texture on `st1`.
         relief: Write a normal map.
@@ -44,7 +44,7 @@ class Recipe:
     """
 
     draw: Callable[[Tile], Sheet]
-    metres: float
+    meters: float
     detail: tuple[float, float, float]
     patchy: bool = False
     relief: bool = False

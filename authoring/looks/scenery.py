@@ -74,30 +74,6 @@ SCENERY: dict[str, Recipe] = {
     ),
 }
 
-SURFACES = (
-    "grass",
-    "meadow",
-    "soil",
-    "hay",
-    "furrows",
-    "crop",
-    "ripe_crop",
-    "gravel",
-    "rock",
-    "asphalt",
-    "road_marking",
-    "water",
-    "brick",
-    "plaster",
-    "concrete",
-    "roof_tile",
-    "window",
-    "bark",
-    "foliage",
-    "leaves",
-    "painted_metal",
-)
-
 
 def _woodland(tile: Tile, season: Season) -> Sheet:
     return organic.woodland(tile, seasons.WOODS[season], seasons.TURF[season])

@@ -27,7 +27,7 @@ def _ages(
     *,
     details: tuple[tuple[float, float, float], ...] = (NEW_GRAIN, GRAIN, GRAIN),
     years: tuple[float, float, float] = (0.1, 0.8, 1.2),
-    metres: float = SIDE,
+    meters: float = SIDE,
     relief: bool = False,
     contrasts: tuple[float, float, float] = (1.0, 1.0, _WORN),
 ) -> dict[str, Recipe]:
@@ -35,7 +35,7 @@ def _ages(
     return {
         f"{name}{suffix}": Recipe(
             partial(draw, age=age, **(own or {})),
-            metres,
+            meters,
             detail,
             relief=relief,
             pixels=FULL,
@@ -113,7 +113,7 @@ STRUCTURAL: dict[str, Recipe] = {
         _OLD_BITUMEN,
         details=(_STONY, _STONY, _STONY),
         years=(0.1, 0.7, 1.2),
-        metres=_ROAD,
+        meters=_ROAD,
         contrasts=(1.0, _WORN, 0.75),
     ),
     **_ages(

@@ -111,7 +111,7 @@ def far_facade(tile: Tile, wall: Color, pane: tuple[float, float], opening: tupl
     steps = (np.arange(tile.pixels, dtype=np.float32) + np.float32(0.5)) / np.float32(tile.pixels)
     inside = []
     for size, share in zip(pane, opening, strict=True):
-        at = np.abs((steps * np.float32(max(1, round(tile.metres / size)))) % 1 - np.float32(0.5))
+        at = np.abs((steps * np.float32(max(1, round(tile.meters / size)))) % 1 - np.float32(0.5))
         inside.append(ramp(at, share / 2 + 0.02, share / 2 - 0.02))
     # Rows of the sheet run against `v`, which does not matter to a pattern that is even about its middle.
     glass = inside[1][:, None] * inside[0][None, :]
@@ -127,7 +127,7 @@ def far_facade(tile: Tile, wall: Color, pane: tuple[float, float], opening: tupl
 
 def _per_pane(tile: Tile, wide: float, high: float) -> Floats:
     """Draw a value for each pane of a grid, shape (H, W), float32."""
-    rows, columns = max(1, round(tile.metres / high)), max(1, round(tile.metres / wide))
+    rows, columns = max(1, round(tile.meters / high)), max(1, round(tile.meters / wide))
     steps = (np.arange(tile.pixels, dtype=np.float32) + 0.5) / tile.pixels
     drawn = draw(tile.rng, (rows, columns))
     return drawn[(steps * rows).astype(np.int32)[:, None], (steps * columns).astype(np.int32)[None, :]]

@@ -78,13 +78,13 @@ def read_sets(folders: Iterable[Path]) -> dict[str, tuple[MapSet, ...]]:
     return suitable(sets)
 
 
-def place_set(one: MapSet, folder: Path, metres: float, texels: int) -> tuple[SheetFiles, float]:
+def place_set(one: MapSet, folder: Path, meters: float, texels: int) -> tuple[SheetFiles, float]:
     """Write a user's surface beside a look's layer, as square images with a power of two as side.
 
     Args:
         one: The surface.
         folder: Folder of the look; receives `textures/`.
-        metres: Length of the pictures' sides [m].
+        meters: Length of the pictures' sides [m].
         texels: Largest side; larger ones are reduced [px].
 
     Returns:
@@ -108,7 +108,7 @@ def place_set(one: MapSet, folder: Path, metres: float, texels: int) -> tuple[Sh
         files["normal.png"] = png(_squared(_decode(one.maps["normal"]), texels // 2))
     elif "height" in one.maps:
         relief = _squared(_gray(_decode(one.maps["height"])), texels).astype(np.float32)
-        files["normal.png"] = png(encode_normals(relief * np.float32(_RELIEF / 255), metres))
+        files["normal.png"] = png(encode_normals(relief * np.float32(_RELIEF / 255), meters))
     shine = _gray(_decode(one.maps["metallic"])) if "metallic" in one.maps else None
     shine = arm[..., 2] if shine is None and arm is not None else shine
     stem = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in f"{one.family}_{one.name}")

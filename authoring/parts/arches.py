@@ -186,6 +186,19 @@ def skewback_face(rib: Rib, end: int) -> tuple[F64, F64]:
     return nodes[k] + reach * ways[k], nodes[k] - reach * ways[k]
 
 
+def skewback_stations(rib: Rib, end: int, back: float) -> tuple[float, float]:
+    """Find the stations between which a block for the thrust of a rib lies [m], the smaller first.
+
+    Args:
+        rib: Axis and depths.
+        end: 0 for the first springing, 1 for the last.
+        back: Length of its top behind the face [m].
+    """
+    upper, lower = skewback_face(rib, end)
+    behind = upper[0] + (-1.0 if end == 0 else 1.0) * back
+    return min(behind, lower[0]), max(behind, lower[0])
+
+
 def skewback_part(rib: Rib, end: int, name: str, left: tuple[float, float], back: float, founding: Founding) -> Part:
     """Build a block with an inclined face for the thrust of a rib; it extends into the ground.
 
@@ -198,9 +211,8 @@ def skewback_part(rib: Rib, end: int, name: str, left: tuple[float, float], back
         founding: Depth of its foundation, in the level frame at mid-span.
     """
     upper, lower = skewback_face(rib, end)
-    away = -1.0 if end == 0 else 1.0
-    behind = upper[0] + away * back
-    stations = (min(behind, lower[0]), max(behind, lower[0]))
+    behind = upper[0] + (-1.0 if end == 0 else 1.0) * back
+    stations = skewback_stations(rib, end, back)
     bottom = founding.bottom(stations, left, lower[1] - 0.5)
     outline = np.array([(behind, bottom), (lower[0], bottom), lower, upper, (behind, upper[1])])
     surface = Prism(outline if end == 0 else outline[::-1], left[0], left[1], "left", founding.place, 0.025)

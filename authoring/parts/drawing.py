@@ -161,15 +161,17 @@ def option_at(
         key: Name of the field.
         share: From 0 up to 1 [1].
         profile: `default` or `paper`.
-        weights: Weights of the options that this bridge may have [1]; default: those of the field. Not used in the
-            profile `paper` if the field has shares for it.
+        weights: Weights of the options that this bridge may have [1]; default: those of the field. The profile `paper`
+            draws among these options by its own shares, if the field has shares for it and one of them is above 0.
     """
     fixed = getattr(settings, key)
     if fixed is not None:
         return fixed
     extra: Any = type(settings).model_fields[key].json_schema_extra or {}
     if profile == "paper" and "paper" in extra:
-        return weighted_choice(dict(extra["paper"]), share)
+        shares = {option: part for option, part in extra["paper"] if weights is None or weights.get(option, 0.0) > 0.0}
+        if any(shares.values()):
+            return weighted_choice(shares, share)
     return weighted_choice(dict(extra["chosen"]) if weights is None else weights, share)
 
 
@@ -180,8 +182,8 @@ def draw_option(settings: Settings, key: str, draws: Draws, weights: Mapping[Any
         settings: Model whose field `key` was declared with `chosen` or `chosen_by`.
         key: Name of the field.
         draws: Random stream and profile.
-        weights: Weights of the options that this bridge may have [1]; default: those of the field. Not used in the
-            profile `paper` if the field has shares for it.
+        weights: Weights of the options that this bridge may have [1]; default: those of the field. The profile `paper`
+            draws among these options by its own shares, if the field has shares for it and one of them is above 0.
     """
     return option_at(settings, key, draws.random(), draws.profile, weights)
 

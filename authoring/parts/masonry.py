@@ -216,6 +216,27 @@ class _Cutwater:
         return np.array(corners) + np.array([self.middle, 0.0])
 
 
+def covered_by_piers(viaduct: Viaduct) -> list[tuple[float, float, float, float]]:
+    """List the rectangles on the ground round the piers and their cutwaters.
+
+    Args:
+        viaduct: Dimensions.
+
+    Returns:
+        Lowest and highest station, lowest and highest distance to the left of the axis of each [m].
+    """
+    found = [_cutwater(viaduct, number) for number in range(len(viaduct.starts) - 1)]
+    return [(one.middle - one.thick, one.middle + one.thick, -one.nose, one.nose) for one in found]
+
+
+def _cutwater(viaduct: Viaduct, number: int) -> _Cutwater:
+    """Find the plan of the pier behind an arch."""
+    before, after = viaduct.rib(number).edge(-1.0)[-1], viaduct.rib(number + 1).edge(-1.0)[0]
+    thick, middle = 0.5 * viaduct.pier + _OFFSET, 0.5 * float(before[0] + after[0])
+    half = 0.5 * viaduct.width + _OFFSET
+    return _Cutwater(middle, thick, half, half + viaduct.cutwater * thick)
+
+
 def _pier_parts(viaduct: Viaduct, number: int, founding: Founding) -> list[Part]:
     v, half, place = viaduct, 0.5 * viaduct.width, founding.place
     before, after = v.rib(number), v.rib(number + 1)
@@ -225,9 +246,8 @@ def _pier_parts(viaduct: Viaduct, number: int, founding: Founding) -> list[Part]
     outline = np.array([(left_low[0], under), (right_low[0], under), right_low, right_up, left_up, left_low])
     reach = half + 0.5 * _OFFSET
     springer = Prism(outline, -reach, reach, "left", place).surface
-    thick, middle = 0.5 * v.pier + _OFFSET, 0.5 * float(left_low[0] + right_low[0])
-    nose = half + _OFFSET + v.cutwater * thick
-    cutwater = _Cutwater(middle, thick, half + _OFFSET, nose)
+    cutwater = _cutwater(v, number)
+    middle, thick, nose = cutwater.middle, cutwater.thick, cutwater.nose
     bottom = founding.bottom((middle - thick, middle + thick), (-nose, nose), under - 0.5)
     shaft = Prism(cutwater.plan(), bottom, under + 0.010, "above", place).surface
     support = number + 1

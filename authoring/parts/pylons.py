@@ -17,7 +17,6 @@ from authoring.solids.sweep import Surface, sweep, turned
 PylonShape = Literal["a", "h", "portal", "diamond", "mast"]
 
 EMBEDDED = 0.010  # [m] embedment of members in each other
-_APART = 0.02  # [m] gap between two legs where they meet
 _HEAD_TAPER = 0.25  # [1] share of its width by which a head tapers on each side towards its top
 _FLUSH = 0.015  # [m] distance of cross beams behind the legs' faces
 _TAPER = 0.010  # growth of a leg along the bridge towards its foot, each side [1]
@@ -233,6 +232,21 @@ def _cap_half(pylon: Pylon, foot: float) -> F64:
     margin = 0.4 + 0.25 * pylon.width
     across = 0.5 * pylon.knee_line if pylon.shape == "mast" else pylon.line(foot) + 0.5 * pylon.width
     return np.array([pylon.face(foot) + margin, across + margin])
+
+
+def covered_by_pylon(pylon: Pylon, station: float, datum: float) -> tuple[float, float, float, float]:
+    """Find the rectangle on the ground that a pylon and its pile cap cover.
+
+    Args:
+        pylon: Its elevation.
+        station: Its axis [m].
+        datum: Height of the finished surface there over z = 0 [m].
+
+    Returns:
+        Lowest and highest station, lowest and highest distance to the left of the axis [m].
+    """
+    along, across = (float(value) for value in _cap_half(pylon, -datum))
+    return station - along, station + along, -across, across
 
 
 def _cap_heights(pylon: Pylon, station: float, level: Alignment, ground: Ground, rise: float) -> tuple[float, float]:

@@ -68,6 +68,21 @@ class SuspensionCables:
         return max(least, _growth(self)[0])
 
     @property
+    def block_sides(self) -> tuple[float, float]:
+        """Distances of an anchor block's inner and outer face from the axis [m]."""
+        return self.plane - 0.5 * self.diameter - 0.35, self.plane + _BLOCK_SIDE + self.diameter + _growth(self)[1]
+
+    @property
+    def blocks(self) -> tuple[tuple[float, float, float, float], ...]:
+        """Lowest and highest station, lowest and highest distance left of the four anchor blocks [m]."""
+        (first, last), (inner, outer), length = self.anchors, self.block_sides, self.block_length
+        return tuple(
+            (low, high, *lefts)
+            for low, high in ((first - length, first), (last, last + length))
+            for lefts in ((-outer, -inner), (inner, outer))
+        )
+
+    @property
     def saddle_size(self) -> tuple[float, float, float]:
         """Length along the bridge, width, and depth from the cables' axis to the tower's top [m]."""
         return round(1.3 + 4.0 * self.diameter, 3), round(0.35 + 1.6 * self.diameter, 3), self.saddle_depth
@@ -206,8 +221,7 @@ def _anchorage_parts(
     station, away = cables.anchors[end], (-1.0, 1.0)[end]
     level = level_at(place, station)
     tower = cables.towers[end]
-    depth, width_grown = cables.block_length, _growth(cables)[1]
-    inner, outer = abs(left) - 0.5 * cables.diameter - 0.35, abs(left) + _BLOCK_SIDE + cables.diameter + width_grown
+    depth, (inner, outer) = cables.block_length, cables.block_sides
     lefts = (inner, outer) if left > 0.0 else (-outer, -inner)
     back, top = station + away * depth, cables.entry + 0.5 + cables.diameter
     low = _lowest(ground, level, sorted((station, back)), lefts) - _FOUNDED

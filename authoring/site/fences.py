@@ -12,7 +12,7 @@ from authoring.site.covers import to_world
 from authoring.site.grid import HeightField
 from authoring.site.land import no_hills
 from authoring.site.shape import FILL_SLOPE, SHOULDER, WING_WALL, Approach, Land
-from authoring.site.ways import Line, boxes, merged, ribbon
+from authoring.site.ways import Line, boxes, merged, tube
 from authoring.streams import weighted_choice
 
 F64 = NDArray[np.float64]
@@ -179,7 +179,7 @@ def _wire(axis: Alignment, run: F64, height: float) -> Mesh:
     """Make a wire of square section through the posts; its open ends lie in the strainers."""
     ahead = _headings(np.column_stack([run[:, :2], np.zeros(len(run))]))
     line = Line(run[:, 0], run[:, 1], np.column_stack([-ahead[:, 1], ahead[:, 0]]))
-    ring = ((_WIRE, 0.0), (0.0, _WIRE), (-_WIRE, 0.0), (0.0, -_WIRE), (_WIRE, 0.0))
+    ring = ((_WIRE, 0.0), (0.0, _WIRE), (-_WIRE, 0.0), (0.0, -_WIRE))
     rows = [np.column_stack([line.offset(left), run[:, 2] + height + up]) for left, up in ring]
-    girth = tuple(float(_WIRE * np.sqrt(2.0) * number) for number in range(len(ring)))
-    return ribbon(axis, rows, line.length(), girth)
+    girth = tuple(float(_WIRE * np.sqrt(2.0) * number) for number in range(len(ring) + 1))
+    return tube(axis, rows, line.length(), girth)

@@ -11,7 +11,7 @@ from authoring.shapes.component import Mesh
 from authoring.site.covers import to_world
 from authoring.site.land import no_hills
 from authoring.site.shape import Approach, Land, crossfall
-from authoring.site.ways import Line, boxes, merged, ribbon
+from authoring.site.ways import Line, boxes, merged, tube
 
 F64 = NDArray[np.float64]
 Piece = tuple[str, str, str, Mesh]
@@ -91,9 +91,9 @@ def _guardrail(land: Land, road: RoadSection, approach: Approach, side: float) -
     front = [(face + _DEPTH * back, down) for back, down in _FOLDS]
     ring = [*front, *((left + _SHEET, down) for left, down in front[::-1])]
     ring = ring if side > 0.0 else ring[::-1]  # counter-clockwise seen along the line, so that it faces outward
-    ring.append(ring[0])
-    girth = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(np.array(ring), axis=0), axis=1))])
-    beam = ribbon(axis, [row(*corner) for corner in ring], line.length(), tuple(girth.tolist()))
+    sides = np.diff([*ring, ring[0]], axis=0)
+    girth = np.concatenate([[0.0], np.cumsum(np.linalg.norm(sides, axis=1))])
+    beam = tube(axis, [row(*corner) for corner in ring], line.length(), tuple(girth.tolist()))
     middle = face + _DEPTH + _SHEET + 0.5 * _POST[1]
     places = np.arange(begin + 0.5 * _PITCH + (0.0 if road.footway else LAP), road.walls + LENGTH, _PITCH)
     places = places[beam_tops(places, road) > _LEAST]

@@ -12,7 +12,7 @@ from authoring.axis.track_section import APPROACH_TRACK, GAUGE, TrackSection
 from authoring.shapes.component import Mesh
 from authoring.site.covers import to_world
 from authoring.site.shape import RAIL_UNDERLAY, Land
-from authoring.site.ways import Line, boxes, merged, ribbon
+from authoring.site.ways import Line, boxes, merged, ribbon, tube
 
 F64 = NDArray[np.float64]
 Piece = tuple[str, str, str, Mesh]
@@ -112,10 +112,10 @@ def _railway(
     rails = []
     for left in track.rails:
         ring = track.rail_outline(left)
-        ring = np.concatenate([ring, ring[:1]])
-        girth = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ring, axis=0), axis=1))])
+        sides = np.diff(ring, axis=0, append=ring[:1])
+        girth = np.concatenate([[0.0], np.cumsum(np.linalg.norm(sides, axis=1))])
         rows = [_row(land, line, crown, float(x), float(z)) for x, z in ring]
-        rails.append(ribbon(axis, rows, along, tuple(girth.tolist())))
+        rails.append(tube(axis, rows, along, tuple(girth.tolist())))
     timber = "timber" if track.sleeper == "timber" else "deck_concrete"
     return [
         (names[0], "rail_bed", "ballast", bed),

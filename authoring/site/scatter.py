@@ -220,8 +220,12 @@ def clear(land: Land, station: F64, left: F64, bridge_gap: float, edge_gap: floa
     half = land.layout.width / 2
     first, last = (approach.back for approach in land.approaches)
     beside = np.maximum(np.abs(left) - half, 0.0)
-    beyond = np.maximum(np.maximum(first - WING_WALL - station, station - last - WING_WALL), 0.0)
+    wings = max(WING_WALL, land.layout.wings)
+    beyond = np.maximum(np.maximum(first - wings - station, station - last - wings), 0.0)
     free = np.hypot(beside, beyond) > bridge_gap
+    for low, high, right, leftmost in land.layout.blocks:
+        aside = np.maximum(right - left, left - leftmost)
+        free &= np.maximum(np.maximum(low - station, station - high), aside) > bridge_gap
     verge = SHOULDER if land.crossing.kind == "road" else 0.5
     free &= land.crossing.distance(station, left) > land.crossing.half_width + verge + edge_gap
     for approach in land.approaches:

@@ -53,7 +53,8 @@ class SiteSettings(Settings):
     )
     fences: bool | None = Field(
         default=None,
-        description="Fence both approaches off from the land, along the toes of their fills and up to the wing walls; "
+        description="Fence both approaches off from the land, along the toes of their fills and up to the wing walls, "
+        "or to the anchor blocks of a suspension bridge; "
         f"always along railways, drawn {told_shares(BESIDE_ROADS)} along roads, and none in a town",
     )
     half_width: float = Field(

@@ -55,20 +55,45 @@ def ribbon(alignment: Alignment, rows: list[F64], along: F64, across: tuple[floa
     Returns:
         A sheet of quads.
     """
-    count, lines = len(along), len(rows)
-    points = np.concatenate(rows)
-    numbers = np.arange(len(points)).reshape(lines, count)
-    quads = np.stack([numbers[:-1, :-1], numbers[1:, :-1], numbers[1:, 1:], numbers[:-1, 1:]], axis=-1).reshape(-1, 4)
+    numbers = np.arange(len(rows) * len(along)).reshape(len(rows), len(along))
+    return _quads(alignment, np.concatenate(rows), numbers, along, across)
+
+
+def tube(alignment: Alignment, rows: list[F64], along: F64, girth: tuple[float, ...]) -> Mesh:
+    """Mesh a tube with open ends: as `ribbon`, and the last line is joined to the first, whose vertices it shares.
+
+    Args:
+        alignment: Axis of the bridge.
+        rows: Lines counter-clockwise seen along the tube: station, left and world height [m], each of shape (N, 3),
+            float64.
+        along: First coordinate of `st` at the points of a line [m], shape (N,), float64.
+        girth: Second coordinate of `st` of each line, and of the first line once more after the last [m].
+
+    Returns:
+        A sheet of quads that closes round its section.
+    """
+    numbers = np.arange(len(rows) * len(along)).reshape(len(rows), len(along))
+    return _quads(alignment, np.concatenate(rows), np.concatenate([numbers, numbers[:1]]), along, girth)
+
+
+def _quads(
+    alignment: Alignment, points: F64, numbers: NDArray[np.int64], along: F64, across: tuple[float, ...]
+) -> Mesh:
+    """Mesh the quads between lines of vertices, whose numbers have shape (L, N)."""
+    lines, count = numbers.shape
+    quads, places = (
+        np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=-1).reshape(-1, 4)
+        for grid in (numbers, np.arange(lines * count).reshape(lines, count))
+    )
     diagonal, other = points[quads[:, 2]] - points[quads[:, 0]], points[quads[:, 3]] - points[quads[:, 1]]
-    flat = np.cross(diagonal, other)
+    normals = _corner_normals(quads, np.cross(diagonal, other))
     st = np.stack([np.tile(along, lines), np.repeat(across, count)], axis=1)
-    normals = _corner_normals(quads, flat)
     return Mesh(
         points=to_world(alignment, points),
         face_counts=np.full(len(quads), 4, np.int32),
         corners=quads.reshape(-1).astype(np.int32),
         normals=turn(alignment, points[quads.reshape(-1)], normals).astype(np.float32),
-        st=st[quads.reshape(-1)].astype(np.float32),
+        st=st[places.reshape(-1)].astype(np.float32),
     )
 
 

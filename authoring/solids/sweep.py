@@ -68,7 +68,7 @@ def sweep(
 def closed(
     sections: F64, rings: F64, lengths: F64, girth_of: I32 | None, twisted: list[bytes], axis: Axis
 ) -> list[Surface]:
-    """Close solids of one make, each round its own rings.
+    """Close several solids of the same kind, each from its own rings.
 
     Args:
         sections: Outlines of each, counter-clockwise [m], shape (N, S, P, 2), float64.

@@ -7,7 +7,7 @@ from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdRender
 
 from authoring.backgrounds.registry import BACKGROUNDS
 from authoring.foreign.asset_paths import localize
-from authoring.foreign.mending import mend
+from authoring.foreign.corrections import correct
 from authoring.foreign.usd_file import adopt, flatten_foreign, holder_of, open_foreign, safe_name
 from authoring.layers.identity import name_asset
 from authoring.layers.layer import export, new_layer
@@ -67,7 +67,7 @@ def stage_background(scene: Path, file: Path, warn: Warn, origin: Point = HERE) 
     try:
         layer = _background(stage, name, origin, warn)
         localize(layer, fresh, file, partial(holder_of, stage), warn)
-        mend(layer)
+        correct(layer)
         export(layer, fresh / "world.usdc")
         export(_root(name, file, origin), fresh / f"{name}.usda")
         check_asset(scene, "background", fresh / f"{name}.usda", file, warn)

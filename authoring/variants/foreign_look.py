@@ -6,7 +6,7 @@ from pathlib import Path
 from pxr import Sdf, Usd, UsdShade
 
 from authoring.foreign.asset_paths import localize
-from authoring.foreign.mending import mend
+from authoring.foreign.corrections import correct
 from authoring.foreign.usd_file import flatten_foreign, holder_of, open_foreign, safe_name
 from authoring.layers.layer import export, new_layer
 from authoring.layers.provenance import author_provenance
@@ -56,7 +56,7 @@ def stage_look(scene: Path, file: Path, warn: Warn) -> Staged:
     try:
         layer = _look(flatten_foreign(stage), materials, file)
         localize(layer, fresh, file, partial(holder_of, stage), warn)
-        mend(layer)
+        correct(layer)
         for sheet, role in sorted(sheets.items()):
             spec = Sdf.CreatePrimInLayer(layer, f"/Look/{sheet}")
             spec.specifier, spec.typeName = Sdf.SpecifierDef, "Material"

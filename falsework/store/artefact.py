@@ -114,7 +114,7 @@ def read_manifest(path: Path) -> dict[str, Any]:
     if said != (None if manifest["format_version"] == 1 else digest(manifest)):
         raise InputError("changed", where=path)
     if manifest["key"] != task_key(*(manifest[name] for name in ("stage", "version", "settings", "inputs"))):
-        raise InputError("its key does not fit its contents", where=path)
+        raise InputError("its key is not the hash of its contents", where=path)
     return manifest
 
 

@@ -58,11 +58,11 @@ class Frame:
         return (normal @ self.turn.T).astype(np.float32)
 
 
-def choose_frame(said: float | None, settings: ScanUnits, where: object) -> Frame:
+def choose_frame(unit: float | None, settings: ScanUnits, where: object) -> Frame:
     """Choose the unit: the user's setting takes precedence over the scan's record; one of them is required.
 
     Args:
-        said: Length of a unit as the scan states [m]; None if it does not, 0 if its coordinates are angles.
+        unit: Length of a unit as the scan states [m]; None if it does not, 0 if its coordinates are angles.
         settings: The user's settings.
         where: Scan, for the error.
 
@@ -71,7 +71,7 @@ def choose_frame(said: float | None, settings: ScanUnits, where: object) -> Fram
     """
     if settings.unit is not None and settings.scale is not None:
         raise InputError("both a unit and a scale are given", where=where, field="--scale", hint="Give one of them")
-    meters = settings.scale if settings.scale is not None else said
+    meters = settings.scale if settings.scale is not None else unit
     if settings.unit is not None:
         meters = UNITS[settings.unit]
     if meters == 0.0:
@@ -91,13 +91,13 @@ def choose_frame(said: float | None, settings: ScanUnits, where: object) -> Fram
     return Frame(meters, np.array(_TURNS[settings.up], np.float64))
 
 
-def contradiction(said: float | None, frame: Frame) -> str:
+def contradiction(unit: float | None, frame: Frame) -> str:
     """Describe a difference between the user's unit and the scan's; empty if both agree or the scan states none.
 
     Args:
-        said: Length of a unit as the scan states [m]; None if it does not.
+        unit: Length of a unit as the scan states [m]; None if it does not.
         frame: Of `choose_frame`.
     """
-    if not said or abs(frame.meters / said - 1.0) < _SAME:
+    if not unit or abs(frame.meters / unit - 1.0) < _SAME:
         return ""
-    return f"the scan states a unit of {said:g} m, and you gave {frame.meters:g} m: yours is used"
+    return f"the scan states a unit of {unit:g} m, and you gave {frame.meters:g} m: yours is used"

@@ -90,6 +90,9 @@ def write_piece(folder: Path, patch: Patch) -> None:
     Args:
         folder: Folder to make, inside one that the caller writes atomically.
         patch: The piece.
+
+    Raises:
+        InputError: An instance id is too large for int32.
     """
     segment = patch.labels.astype(np.int32)
     arrays = {
@@ -99,6 +102,14 @@ def write_piece(folder: Path, patch: Patch) -> None:
         "segment": np.where(segment == UNLABELED, _IGNORED, segment),
     }
     if patch.row is not None and patch.instance is not None:
+        if patch.instance.max(initial=0) > np.iinfo(np.int32).max:
+            raise InputError(
+                "an instance id is too large for int32",
+                field="instance",
+                value=int(patch.instance.max()),
+                allowed=f"up to {np.iinfo(np.int32).max}",
+                hint="Give the instances of the source smaller ids",
+            )
         arrays |= {"row": patch.row, "instance": np.where(patch.instance > 0, patch.instance, _IGNORED)}
     folder.mkdir(parents=True)
     with space_errors(folder):
@@ -116,7 +127,7 @@ def read_piece(folder: Path, row: PieceRow, inputs: Sequence[str], *, identified
         identified: Whether to read rows and instances too.
 
     Raises:
-        InputError: A column is missing, damaged, or of a wrong length or type.
+        InputError: A column is missing, damaged, or of a wrong length or type, or holds an invalid class id.
     """
     place = folder / row.split / row.name
     columns = {
@@ -124,6 +135,15 @@ def read_piece(folder: Path, row: PieceRow, inputs: Sequence[str], *, identified
         for name in ("coord", "segment", "uncertainty", *inputs, *(("row", "instance") if identified else ()))
     }
     segment = columns["segment"]
+    wrong = segment[(segment < _IGNORED) | (segment >= UNLABELED)]
+    if len(wrong):
+        raise InputError(
+            "not a class id",
+            where=place / "segment.npy",
+            value=int(wrong[0]),
+            allowed=f"{_IGNORED} to {UNLABELED - 1}",
+            hint="Make the data set again",
+        )
     labels = np.where(segment == _IGNORED, UNLABELED, segment).astype(np.uint8)
     return Patch(
         columns["coord"],

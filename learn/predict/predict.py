@@ -27,7 +27,7 @@ from learn.predict.class_sum import sum_classes
 from learn.predict.model import PointModel
 from learn.predict.settings import PredictSettings
 from learn.sample import Sample
-from recon.formats.scan import Labels, Scan, ScanStream, check_copy, open_scan, write_labeled_copy
+from recon.formats.scan import Labels, Scan, ScanStream, check_copy, open_scan, stated_unit, write_labeled_copy
 
 F32 = NDArray[np.float32]
 
@@ -78,14 +78,14 @@ def predict_scan(
     Raises:
         InputError: The scan cannot be read, states no unit, lacks a channel of the model, or needs too much memory.
     """
-    file, said = _file_of(source, out)
+    file = _file_of(source, out)
     former = _boxes_record(out.with_suffix(BOXES))
     _check_outputs(source, out, former)
     check_copy(file, out)
     link, ids = _link_of(settings, model), tuple(getattr(model, "ids", ()))  # a user's own classes have own numbers
     summing = sum_classes(model.classes, model.table, settings.table, settings.classes, ids)
     with open_scan(file, progress=progress) as stream:
-        told = stream.unit if said is None else said or None
+        told = stated_unit(source) if source.is_dir() else stream.unit
         frame = choose_frame(told, settings, source)
         cloud = thin_stream(stream, frame, model, settings.chunk, source)
         check_memory(len(cloud), len(summing.names), available_memory(), source)
@@ -333,13 +333,10 @@ def _inputs(scan: Scan, frame: Frame) -> dict[str, NDArray[Any]]:
     return found
 
 
-def _file_of(source: Path, out: Path) -> tuple[Path, float | None]:
-    """Return the file to copy, and its unit if known: a cloud's folder holds its points as LAZ and PLY too.
-
-    A cloud that is not aligned to the world has no unit: then 0.
-    """
+def _file_of(source: Path, out: Path) -> Path:
+    """Return the file to copy: a cloud's folder holds its points as LAZ and PLY too."""
     if not source.is_dir():
-        return source, None
+        return source
     if not (source / "cloud.json").is_file():
         raise InputError("not a cloud: no cloud.json", where=source, hint="Name a scan, or the folder of a cloud")
     name = _OWN_FILES.get(out.suffix.lower())
@@ -354,5 +351,4 @@ def _file_of(source: Path, out: Path) -> tuple[Path, float | None]:
     if not (source / name).is_file():
         hint = f"Make it with falsework export {source} --to {Path(name).suffix[1:]} -o DIR, and label that file"
         raise MissingError(f"this cloud has no {name} to copy", where=source, hint=hint)
-    alignment = read_json(source / "cloud.json").get("alignment", {})
-    return source / name, 0.0 if alignment.get("target") == "none" else 1.0
+    return source / name

@@ -64,10 +64,10 @@ class _Ballot:
         self._votes, self._label, self._instance = np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.int64)
         self._uncertainty, self._coord = np.zeros(0, np.float32), np.zeros((0, 3))
 
-    def add(self, truth: Truth, labels: I64, told: F32) -> None:
+    def add(self, truth: Truth, labels: I64, probabilities: F32) -> None:
         """Add the predictions of a sample; a point that a filled-up draw holds twice counts twice."""
         self._reach(int(truth.row.max(initial=-1)) + 1)
-        np.add.at(self._total, truth.row, told)
+        np.add.at(self._total, truth.row, probabilities)
         np.add.at(self._votes, truth.row, 1)
         self._label[truth.row], self._instance[truth.row] = labels, truth.instance
         self._uncertainty[truth.row], self._coord[truth.row] = truth.uncertainty, truth.coord
@@ -111,13 +111,13 @@ def scored_clouds(model: Predicting, source: ScoredSource, progress: Progress) -
     for first in range(0, len(source), _BATCH):
         rows = range(first, min(first + _BATCH, len(source)))
         samples = [source.sample(row, 0) for row in rows]
-        for row, sample, told in zip(rows, samples, model.probabilities(samples), strict=True):
+        for row, sample, probabilities in zip(rows, samples, model.probabilities(samples), strict=True):
             truth = source.truth(row)
             if ballot is None or truth.cloud != now:
                 if ballot is not None:
                     yield ballot.close()
-                ballot, now = _Ballot(source.bridge(row), told.shape[1]), truth.cloud
-            ballot.add(truth, sample.labels, told)
+                ballot, now = _Ballot(source.bridge(row), probabilities.shape[1]), truth.cloud
+            ballot.add(truth, sample.labels, probabilities)
         progress.advance(rows[-1] + 1)
     if ballot is not None:
         yield ballot.close()

@@ -14,9 +14,12 @@ from groundwork.files import whole_file
 from recon.formats.labels import DTYPES, NAMES, Labels, refuse_labeled
 from recon.formats.read_las import LasRows
 from recon.formats.scan_points import Scan
+from usd_schemas.components import NOISY_POINT, UNLABELED
 
 _DESCRIPTIONS = ("class id, 255 for none", "confidence of the class", "connected part of a class")
-_NEW_FORMATS = 6
+_NEW_FORMATS = 6  # first point format with a separate byte for the class
+_LARGEST_OLD_CODE = 31  # of the five bits in the formats before
+_UNCLASSIFIED, _NOISE = 1, 7  # LAS codes; its 16 is a part of a power line
 _STEP = 0.0001  # [m] of a new file
 _CREATED = date(2000, 1, 1)
 _COUNTS = 2**31 - 1
@@ -30,11 +33,12 @@ def copy_las(source: Path, rows: LasRows, out: Path, labels: Iterable[Labels], c
         rows: Its points.
         out: .las or .laz file to write.
         labels: Labels of the points, in their order, in pieces of any size.
-        classify: Write the class into `classification` too; 255 becomes 1, unclassified, and so does a class above 31
-            in point formats 0 to 5.
+        classify: Write the class into `classification` too; 255 becomes 1, unclassified, and 16, a
+            noisy point in every table, becomes 7, noise.
 
     Raises:
-        InputError: The header cannot be copied, or it holds predictions already.
+        InputError: The header cannot be copied, it holds predictions already, or `classify` meets a class above 31 in
+            point formats 0 to 5, which have five bits for it; then no file is left.
     """
     import laspy
     from laspy.vlrs.vlrlist import VLRList
@@ -66,7 +70,7 @@ def copy_las(source: Path, rows: LasRows, out: Path, labels: Iterable[Labels], c
             for name, values in part.columns.items():
                 table[name] = values
             if classify:
-                _set_classification(table, part.classes, rows.header.format)
+                _set_classification(source, table, part.classes, rows.header.format)
             writer.write_points(_record(table, writer.header))
         if appended:
             writer.write_evlrs(VLRList(appended))
@@ -138,10 +142,20 @@ def _pieces(labels: Iterable[Labels]) -> Iterator[tuple[int, Labels]]:
         first += len(part.classes)
 
 
-def _set_classification(table: np.ndarray, classes: np.ndarray, number: int) -> None:
+def _set_classification(source: Path, table: np.ndarray, classes: np.ndarray, number: int) -> None:
     """Set the class; old point formats keep it in the lower five bits of a byte that also holds three flags."""
-    codes = np.where(classes == 255, 1, classes).astype(np.uint8)
+    codes = np.where(classes == UNLABELED, _UNCLASSIFIED, classes).astype(np.uint8)
+    codes[classes == NOISY_POINT] = _NOISE
     if number >= _NEW_FORMATS:
         table["classification"] = codes
-    else:
-        table["raw_classification"] = (table["raw_classification"] & 0xE0) | np.where(codes > 31, 1, codes)
+        return
+    if codes.max(initial=0) > _LARGEST_OLD_CODE:
+        raise InputError(
+            f"point format {number} has five bits for the class",
+            where=source,
+            field="classification",
+            value=int(codes.max()),
+            allowed=f"0 to {_LARGEST_OLD_CODE}",
+            hint="Convert the file to point format 6 or a later one first, or choose a table with smaller numbers",
+        )
+    table["raw_classification"] = (table["raw_classification"] & 0xE0) | codes

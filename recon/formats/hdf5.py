@@ -9,7 +9,16 @@ from numpy.typing import NDArray
 from groundwork.canonical import canonical_json
 from groundwork.errors import InputError
 from groundwork.files import space_errors
-from recon.cloud import COLUMNS, FORMAT, FORMAT_VERSION, OBSERVATION_COLUMNS, OPTIONAL_COLUMNS, Cloud, ColumnKind
+from recon.cloud import (
+    COLUMNS,
+    FORMAT,
+    FORMAT_VERSION,
+    OBSERVATION_COLUMNS,
+    OPTIONAL_COLUMNS,
+    Cloud,
+    ColumnKind,
+    is_metric,
+)
 
 _LEVEL = 4  # deflate level: most of the possible compression at half the time
 
@@ -34,7 +43,7 @@ def write_hdf5(path: Path, cloud: Cloud) -> None:
         file.attrs["classes"] = canonical_json([vars(row) for row in cloud.classes])
         file.attrs["components"] = canonical_json(list(cloud.components))
         kinds = {**COLUMNS, **OPTIONAL_COLUMNS}
-        metric = cloud.alignment.get("target") != "none"  # a cloud that was not placed has no unit of length
+        metric = is_metric(cloud.alignment)
         for name in sorted(cloud.columns):
             _put(file, name, cloud.columns[name], kinds[name], metric)
         group = file.create_group("observations", track_order=False)

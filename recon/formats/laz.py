@@ -1,17 +1,20 @@
 """A cloud as LAS 1.4 or LAZ: point format 7 with extra dimensions, and the class table in the header."""
 
+from collections.abc import Iterable
 from datetime import date
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from groundwork.errors import InputError
 from groundwork.files import space_errors
-from recon.cloud import Cloud
+from recon.cloud import Cloud, is_metric
 from usd_schemas.components import UNLABELED
 
 LAZ_SCALE = 0.0001  # [m] coordinates are rounded to this, unless the cloud is too large for it
 FIRST_USER_CLASS = 64  # LAS reserves the codes from here on for users
+LAST_CLASS = 255 - FIRST_USER_CLASS  # largest class id that has a code of its own in a byte
 _UNCLASSIFIED = 1
 _CREATED = date(2000, 1, 1)
 _COUNTS = 2**31 - 1  # largest integer coordinate
@@ -34,16 +37,22 @@ EXTRA = {
 def write_laz(path: Path, cloud: Cloud, compress: bool = True) -> None:
     """Write LAS 1.4, point format 7, compressed or not.
 
-    The field `classification` holds 64 + class id, in the range that LAS reserves for users, and 1 for no class.
+    The field `classification` holds 64 + class id, in the range that LAS reserves for users, and 1 for no class; the
+    dimension `segment` holds the class id itself. A larger class id than 191 would share its code with another class.
     Intensity and the number of the station, from 1, go into the fields that LAS has for them.
 
     Args:
         path: File to write, in a folder that the caller writes atomically.
         cloud: What to write.
         compress: LAZ instead of LAS.
+
+    Raises:
+        InputError: A point or the class table has a class id above 191; then no file is written.
     """
     import laspy
 
+    check_las_classes([row.id for row in cloud.classes])
+    check_las_classes(np.unique(cloud.columns["segment"]).tolist())
     header = _header(cloud)
     backend = laspy.LazBackend.Lazrs if compress else None
     with (
@@ -54,6 +63,26 @@ def write_laz(path: Path, cloud: Cloud, compress: bool = True) -> None:
     ):
         for first in range(0, len(cloud), _CHUNK):
             writer.write_points(_records(cloud, slice(first, first + _CHUNK), writer.header))
+
+
+def check_las_classes(ids: Iterable[int]) -> None:
+    """Refuse class ids that have no code of their own in LAS.
+
+    Args:
+        ids: Class ids of a table or of points; 255, for no class, has a code.
+
+    Raises:
+        InputError: One is above 191.
+    """
+    beyond = [number for number in ids if number > LAST_CLASS and number != UNLABELED]
+    if beyond:
+        raise InputError(
+            "LAS has no code for a class",
+            field="class id",
+            value=min(beyond),
+            allowed=f"0 to {LAST_CLASS}, and {UNLABELED} for no class",
+            hint="Give the class a smaller id on the stage; a cloud that has it can be exported as ply or hdf5",
+        )
 
 
 def _header(cloud: Cloud) -> Any:
@@ -75,9 +104,10 @@ def _header(cloud: Cloud) -> Any:
     table = ClassificationLookupVlr()
     for row in cloud.classes:
         if row.id != UNLABELED:
-            table[FIRST_USER_CLASS + row.id] = row.name[:15]
+            # The standard has room for 15 ASCII characters; cloud.json has the whole name.
+            table[FIRST_USER_CLASS + row.id] = row.name[:15].encode("ascii", "replace").decode("ascii")
     header.vlrs.append(table)
-    if cloud.alignment.get("target") != "none":  # such a cloud has no unit
+    if is_metric(cloud.alignment):
         header.vlrs.append(WktCoordinateSystemVlr(FRAME))
     return header
 
@@ -92,7 +122,9 @@ def _records(cloud: Cloud, part: slice, header: Any) -> Any:
     for name, values in zip(("red", "green", "blue"), columns["color"].T, strict=True):
         record[name] = values.astype(np.uint16) * 257
     segment = columns["segment"]
-    record["classification"] = np.where(segment == UNLABELED, _UNCLASSIFIED, FIRST_USER_CLASS + segment % 128)
+    record["classification"] = np.where(
+        segment == UNLABELED, _UNCLASSIFIED, FIRST_USER_CLASS + segment.astype(np.uint16)
+    )
     record["return_number"] = record["number_of_returns"] = np.ones(len(segment), np.uint8)
     if "intensity" in columns:
         record["intensity"] = np.rint(np.clip(columns["intensity"], 0.0, 1.0) * 65535).astype(np.uint16)

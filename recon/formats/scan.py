@@ -6,7 +6,7 @@ from pathlib import Path
 
 from groundwork.errors import InputError, MissingError
 from groundwork.progress import SILENT, Progress
-from recon.cloud import read_cloud
+from recon.cloud import cloud_unit, read_cloud
 from recon.formats import read_e57, read_las, read_numpy, read_ply, read_text
 from recon.formats.crs_unit import meters_per_unit
 from recon.formats.labeled_copy import check_copy, write_labeled_copy
@@ -108,13 +108,15 @@ def stated_unit(path: Path) -> float | None:
         path: As for `read_scan`.
 
     Returns:
-        The length [m]; None if the file does not state it, 0 where the coordinates are angles.
+        The length [m]; None if the file does not state it, or nothing brought the cloud to scale; 0 where the
+        coordinates are angles.
 
     Raises:
-        InputError: A damaged header.
+        MissingError: A folder without a cloud.
+        InputError: A damaged header or description.
     """
     if path.is_dir():
-        return 1.0
+        return cloud_unit(path)
     magic = magic_of(path)
     if magic == read_las.MAGIC:
         return meters_per_unit(read_las.read_header(path).records)

@@ -37,8 +37,8 @@ class SurveyedPoints:
     sigma: F64
     spread: F64
 
-    def of(self, rows: NDArray[np.bool_]) -> "SurveyedPoints":
-        """Take some of them.
+    def subset(self, rows: NDArray[np.bool_]) -> "SurveyedPoints":
+        """Select some of the points.
 
         Args:
             rows: Which, shape (N,), bool.
@@ -78,7 +78,7 @@ def fit_to_points(points: SurveyedPoints, levels: GravityCues, rng: np.random.Ge
         return None
     each = np.sqrt(np.diagonal(points.covariances(rough.similarity), axis1=1, axis2=2))
     robust = fit_to_fixes(points.source, points.goal, each, levels, rng, flown=False)
-    return None if robust is None else _adjust(robust, points.of(robust.agreeing), levels)
+    return None if robust is None else _adjust(robust, points.subset(robust.agreeing), levels)
 
 
 def _adjust(start: Fit, points: SurveyedPoints, levels: GravityCues) -> Fit:

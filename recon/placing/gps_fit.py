@@ -75,8 +75,8 @@ class _Fixes:
     goal: F64
     sigma: F64
 
-    def of(self, rows: Mask) -> "_Fixes":
-        """Take some of them."""
+    def subset(self, rows: Mask) -> "_Fixes":
+        """Select some of the fixes."""
         return _Fixes(self.source[rows], self.goal[rows], self.sigma[rows])
 
 
@@ -219,7 +219,7 @@ def _step(
 
 def _adjust(start: Similarity, fixes: _Fixes, levels: GravityCues, agreeing: Mask, flown: bool) -> Fit:
     """Fit to the agreeing fixes, and estimate their horizontal and vertical accuracy."""
-    fixes = fixes.of(agreeing)
+    fixes = fixes.subset(agreeing)
     source, goal, stated = fixes.source, fixes.goal, fixes.sigma
     similarity, factors, serial_correlation = start, np.ones(2), 0.0
     freedom = np.ones(2)

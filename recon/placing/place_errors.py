@@ -47,7 +47,7 @@ class PlaceErrors:
             if not value <= limit
         ]
         if self.twofold and not wide:
-            wide = ["two ways round fit alike"]
+            wide = ["two orientations fit equally well"]
         return ", ".join(wide)
 
     def in_words(self) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from groundwork.errors import InputError
 from groundwork.progress import Progress
 from recon.cloud import LIDAR_AIRBORNE, LIDAR_MOBILE, LIDAR_TERRESTRIAL, Cloud, write_cloud
-from recon.formats.laz import write_laz
+from recon.formats.laz import check_las_classes, write_laz
 from recon.formats.ply import write_ply
 from recon.sampling.airborne import airborne_rays, pulses_on, strips_over
 from recon.sampling.echoes import Target
@@ -47,8 +47,10 @@ def sample_lidar(scene: FlatScene, folder: Path, settings: AnyScanner, progress:
         progress: Listener.
 
     Raises:
-        InputError: No place for the scanner, an unknown path, too many rays, or no return.
+        InputError: No place for the scanner, an unknown path, too many rays, no return, or a class id that LAS cannot
+            hold.
     """
+    check_las_classes([row.id for row in scene.classes])
     progress.stage("places", 0)
     surface = lay_out(scene)
     look = SurfaceLook(scene, surface)

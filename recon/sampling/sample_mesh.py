@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from groundwork.errors import InputError
 from groundwork.progress import Progress
 from recon.cloud import MESH, Cloud, write_cloud
-from recon.formats.laz import write_laz
+from recon.formats.laz import check_las_classes, write_laz
 from recon.formats.ply import write_ply
 from recon.sampling.camera_views import count_views
 from recon.sampling.sampled_cloud import Samples, annotate_samples
@@ -55,8 +55,10 @@ def sample_mesh(scene: FlatScene, folder: Path, settings: MeshSettings, progress
         progress: Listener.
 
     Raises:
-        InputError: No surface, no camera although views are required, or no point that enough cameras see.
+        InputError: No surface, no camera although views are required, no point that enough cameras see, or a class id
+            that LAS cannot hold.
     """
+    check_las_classes([row.id for row in scene.classes])
     progress.stage("sample", 0)
     surface = lay_out(scene)
     look = SurfaceLook(scene, surface)

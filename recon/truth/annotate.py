@@ -6,7 +6,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from groundwork.errors import InputError
 from recon.points.observations import Observations
 from recon.truth.label_margin import edge_distance
 from recon.truth.noise_figures import THRESHOLD
@@ -81,16 +80,6 @@ def gather(truth: Truth, observations: Observations, threads: int = 1) -> Observ
         pixel = np.clip(pixel, 0, [width - 1, height - 1])  # a keypoint may lie exactly on the image's edge
         column, row = np.ascontiguousarray(pixel.T)
         labels, instances, depth = truth.semantic(image), truth.instance(image), truth.depth(image)
-        for kind, values in (("semantic", labels), ("instance", instances), ("depth", depth)):
-            if values.shape != (height, width):
-                where = truth.folder / kind / truth.names[image]
-                raise InputError(
-                    "not the size of its photograph",
-                    where=where,
-                    value=values.shape,
-                    allowed=f"{height} rows, {width} columns",
-                    hint="Render the survey again",
-                )
         found.label[rows] = labels[row, column]
         found.instance[rows], found.depth[rows] = instances[row, column], depth[row, column]
         found.margin[rows] = edge_distance(labels, row, column)

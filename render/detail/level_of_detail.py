@@ -66,7 +66,7 @@ def level_of_detail(scene: FlatScene, track: CameraTrack, camera: Pinhole, sight
         return scene
     lower, upper = draw_boxes(scene)
     crowd = _Crowd.find(scene, [visible_boxes(lower, upper, camera, pose) for pose in track.poses], budget)
-    if not crowd.full(crowd.as_authored, budget):
+    if not crowd.views_over(crowd.as_authored, budget):
         return scene
     rows = crowd.rows
     pixels = _pixels(scene, rows, least_distances(lower[rows], upper[rows], sight) * sight.pixel)
@@ -150,7 +150,7 @@ class _Crowd:
         rest = tuple(int(triangles[view][number[view] < 0].sum()) for view in seen)
         return cls(rows, triangles[rows], inside, rest)
 
-    def full(self, counts: I64, budget: int) -> list[I64]:
+    def views_over(self, counts: I64, budget: int) -> list[I64]:
         """List what may be simplified in each view with too many triangles, given the triangles of `rows`."""
         views = zip(self.rest, self.inside, strict=True)
         return [view for rest, view in views if len(view) and rest + int(counts[view].sum()) > budget]
@@ -159,7 +159,7 @@ class _Crowd:
         """Choose a step of the errors for each of `rows`; also return the number of triangles in the fullest view."""
         steps, every = np.zeros(len(self.rows), np.int64), np.arange(len(self.rows))
         for step in range(1, len(counts)):
-            for view in self.full(counts[steps, every], budget):
+            for view in self.views_over(counts[steps, every], budget):
                 steps[view] = step
         chosen = counts[steps, every]
         return steps, max(rest + int(chosen[view].sum()) for rest, view in zip(self.rest, self.inside, strict=True))

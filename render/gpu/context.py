@@ -11,7 +11,7 @@ from groundwork.errors import InputError
 from render.gpu.gl_functions import GlFunctions
 from render.gpu.osmesa import OsmesaContext, osmesa_folder
 
-MEND = "apt-get install libegl1 libgl1 libgl1-mesa-dri, or pip install --no-deps lavavu-osmesa"
+INSTALL_HINT = "apt-get install libegl1 libgl1 libgl1-mesa-dri, or pip install --no-deps lavavu-osmesa"
 _GL_VERSION = 450
 _LIBRARIES = {"libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
 _EGL_EXTENSIONS = 0x3055
@@ -85,11 +85,11 @@ def open_context(device: str = "auto") -> Gl:
             raise InputError("no OpenGL 4.5 on this device", field="device", value=device, hint="Set device = 'auto'")
     folder = osmesa_folder()
     if folder is None:
-        raise InputError("no OpenGL 4.5: neither EGL nor the OSMesa wheel is available", hint=MEND)
+        raise InputError("no OpenGL 4.5: neither EGL nor the OSMesa wheel is available", hint=INSTALL_HINT)
     try:
         return _finish(OsmesaContext(folder), "osmesa", device)
     except OSError as error:
-        raise InputError(f"the OSMesa wheel does not work: {error}", where=folder, hint=MEND) from None
+        raise InputError(f"the OSMesa wheel does not work: {error}", where=folder, hint=INSTALL_HINT) from None
 
 
 def egl_devices() -> tuple[bool, ...]:

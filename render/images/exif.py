@@ -1,5 +1,8 @@
 """EXIF for simulated photographs: the data that a reconstruction reads, without data about this computer.
 
+Our own: what Pillow writes depends on its version, and photographs have the same bytes on every machine; and it is not
+one of the core packages.
+
 Source: CIPA DC-008 (Exif 2.32), TIFF 6.0 structure in an APP1 segment.
 """
 

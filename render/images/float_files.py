@@ -10,6 +10,7 @@ from groundwork.foreign_file import check_regular
 from render.images import image_files
 
 F32 = NDArray[np.float32]
+_BRIGHTEST = 65504.0  # [any unit] largest 16-bit float: programs write +inf in OpenEXR for what is brighter
 
 
 def decode_exr(path: Path) -> F32:
@@ -41,7 +42,7 @@ def decode_exr(path: Path) -> F32:
 
 
 def decode_float(path: Path) -> F32:
-    """Decode a floating-point picture; NaN and -inf become 0, +inf becomes 1.
+    """Decode a floating-point picture; NaN and -inf become 0, +inf 65504 or the largest finite value if that is more.
 
     Args:
         path: `.exr` or `.hdr`.
@@ -55,4 +56,6 @@ def decode_float(path: Path) -> F32:
     pixels = decode_exr(path) if path.suffix.lower() == ".exr" else image_files.decode(path)
     if pixels.ndim != 3 or pixels.dtype != np.float32:
         raise InputError("not a floating-point color picture", where=path)
-    return np.nan_to_num(pixels[..., :3], nan=0.0, posinf=1.0, neginf=0.0)
+    colors = pixels[..., :3]
+    brightest = float(colors.max(where=np.isfinite(colors), initial=_BRIGHTEST))
+    return np.nan_to_num(colors, nan=0.0, posinf=brightest, neginf=0.0)

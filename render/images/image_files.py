@@ -84,7 +84,7 @@ def ids_file(folder: Path, name: str) -> Path:
 
 
 def decode(path: Path, size: tuple[int, int] | None = None) -> NDArray[Any]:
-    """Decode an image file without conversion, but for a grey JPEG, which gets three channels; red comes first.
+    """Decode an image file without conversion: a grey one keeps its one channel, in every format; red comes first.
 
     Args:
         path: JPEG, PNG or TIFF.
@@ -189,7 +189,7 @@ def _reaches_its_end(jpeg: bytes) -> bool:
 
 def _decode(data: bytes, *, jpeg: bool) -> NDArray[Any] | None:
     # EXIF orientation is ignored: the calibration belongs to the stored pixels.
-    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION if jpeg else cv2.IMREAD_UNCHANGED
+    flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION if jpeg else cv2.IMREAD_UNCHANGED
     former = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # replaced by our own error message
     try:
         return cv2.imdecode(np.frombuffer(data, np.uint8), flags)

@@ -25,7 +25,7 @@ SURFACE = {
     "draw_label": ("uint8", ()),
 }
 MOST_TRIANGLES = 100_000_000  # of a surface, including copies: 7 GB of corners; a scene has some millions
-_MEND = "Render the survey again"
+_HINT = "Render the survey again"
 _RIGID = 1e-5  # greatest error of a rotation's products [1]; files hold 17 digits
 
 
@@ -42,14 +42,14 @@ def check_camera(camera: Pinhole, size: tuple[int, int], where: Path) -> None:
     """
     numbers = (camera.fx, camera.fy, camera.cx, camera.cy)
     if not all(isinstance(number, float | int) and np.isfinite(number) for number in numbers):
-        raise InputError("a number that is not finite", where=where, field="pinhole", value=numbers, hint=_MEND)
+        raise InputError("a number that is not finite", where=where, field="pinhole", value=numbers, hint=_HINT)
     if min(camera.fx, camera.fy) <= 0.0:
         raise InputError(
             "a focal length that is not positive",
             where=where,
             field="pinhole",
             value=(camera.fx, camera.fy),
-            hint=_MEND,
+            hint=_HINT,
         )
     if (camera.width, camera.height) != size:
         raise InputError(
@@ -58,7 +58,7 @@ def check_camera(camera: Pinhole, size: tuple[int, int], where: Path) -> None:
             field="pinhole",
             value=(camera.width, camera.height),
             allowed=str(size),
-            hint=_MEND,
+            hint=_HINT,
         )
 
 
@@ -73,12 +73,12 @@ def check_poses(poses: F64, where: Path) -> None:
         InputError: A number that is not finite, or a rotation that scales, shears or mirrors.
     """
     if not np.isfinite(poses).all():
-        raise InputError("a pose that is not finite", where=where, field="poses", hint=_MEND)
+        raise InputError("a pose that is not finite", where=where, field="poses", hint=_HINT)
     turn = poses[..., :3, :3]
     square = np.abs(turn @ np.swapaxes(turn, -1, -2) - np.eye(3)).max(initial=0.0)
     last = np.abs(poses[..., 3, :] - [0.0, 0.0, 0.0, 1.0]).max(initial=0.0)
     if max(square, last) > _RIGID or (np.linalg.det(turn) < 0.0).any():
-        raise InputError("a pose that is not a rigid motion", where=where, field="poses", hint=_MEND)
+        raise InputError("a pose that is not a rigid motion", where=where, field="poses", hint=_HINT)
 
 
 def check_tables(instances: list[Any], classes: list[Any], where: Path) -> None:
@@ -98,11 +98,11 @@ def check_tables(instances: list[Any], classes: list[Any], where: Path) -> None:
     if not (
         texts and facts and all(type(one) is int and 0 <= one < 2**32 for one in ids) and len(set(ids)) == len(ids)
     ):
-        raise InputError("an invalid row, or a duplicate id", where=where, field="instances", hint=_MEND)
+        raise InputError("an invalid row, or a duplicate id", where=where, field="instances", hint=_HINT)
     numbers = [number for row in classes for number in (row["id"], *row["color"])]
     names = all(isinstance(row["name"], str) and row["name"].isprintable() for row in classes)
     if not (names and all(type(one) is int and 0 <= one < 256 for one in numbers)):
-        raise InputError("an invalid row", where=where, field="classes", hint=_MEND)
+        raise InputError("an invalid row", where=where, field="classes", hint=_HINT)
 
 
 def check_bands(bands: tuple[tuple[int, int], ...], height: int, where: Path) -> None:
@@ -119,7 +119,7 @@ def check_bands(bands: tuple[tuple[int, int], ...], height: int, where: Path) ->
     edges = [0, *(end for _, end in bands)]
     rises = all(first < end for first, end in bands)
     if not rises or [first for first, _ in bands] != edges[:-1] or edges[-1] != height:
-        raise InputError("bands that do not cover all rows", where=where, field="shutter", hint=_MEND)
+        raise InputError("bands that do not cover all rows", where=where, field="shutter", hint=_HINT)
 
 
 def check_image(pixels: NDArray[Any], kinds: tuple[str, ...], size: tuple[int, int], where: Path) -> None:
@@ -140,10 +140,10 @@ def check_image(pixels: NDArray[Any], kinds: tuple[str, ...], size: tuple[int, i
             where=where,
             value=f"{pixels.dtype} {pixels.shape}",
             allowed=f"{' or '.join(kinds)} {size[::-1]}",
-            hint=_MEND,
+            hint=_HINT,
         )
     if kinds == ("float32",) and not (pixels > 0).all():
-        raise InputError("a depth that is not positive", where=where, hint=_MEND)
+        raise InputError("a depth that is not positive", where=where, hint=_HINT)
 
 
 def read_surface(path: Path) -> tuple[F64, U32, U8]:
@@ -165,7 +165,7 @@ def read_surface(path: Path) -> tuple[F64, U32, U8]:
     parts = stored["draw_part"].astype(np.int64)
     counts = stored["part_count"].astype(np.int64)[parts]
     if int(counts.sum()) > MOST_TRIANGLES:
-        raise InputError(f"draws {int(counts.sum())} triangles", where=path, allowed=str(MOST_TRIANGLES), hint=_MEND)
+        raise InputError(f"draws {int(counts.sum())} triangles", where=path, allowed=str(MOST_TRIANGLES), hint=_HINT)
     draw = np.repeat(np.arange(len(parts)), counts)
     within = np.arange(len(draw)) - np.repeat(np.cumsum(counts) - counts, counts)
     rows = stored["part_first"].astype(np.int64)[parts][draw] + within
@@ -194,4 +194,4 @@ def _check_indices(stored: dict[str, NDArray[Any]], path: Path) -> None:
     }
     for name, is_wrong in wrong.items():
         if is_wrong:
-            raise InputError("values out of range", where=path, field=name, hint=_MEND)
+            raise InputError("values out of range", where=path, field=name, hint=_HINT)

@@ -83,7 +83,7 @@ class CoverageLayer:
         self._away.use(AWAY_UNIT)
 
     def covered(self, first: int, end: int, rows: int) -> NDArray[np.bool_]:
-        """Find the pixels of the photograph that ribbons cover, be it by a trace; shape (end - first, W), bool.
+        """Find the pixels of the photograph that ribbons cover, even slightly; shape (end - first, W), bool.
 
         Args:
             first: First row.

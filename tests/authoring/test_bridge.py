@@ -387,7 +387,7 @@ def test_bad_input_names_the_field(settings: dict[str, Any], field: str) -> None
     assert "\n" not in str(caught.value)
 
 
-def test_texture_offsets_differ_between_neighbours() -> None:
+def test_texture_offsets_differ_between_neighbors() -> None:
     """No two girders show the same stretch of texture."""
     starts = [c.mesh.st.min(axis=0) for c in make(0)[2] if c.kind == "concrete_girder"]
     apart = np.linalg.norm(np.array(starts)[:, None] - np.array(starts)[None], axis=2)

@@ -18,6 +18,7 @@ from authoring.backgrounds.streets import Block, beside_ways
 from authoring.backgrounds.traffic import traffic
 from authoring.shapes.component import Component, Scatter, triangles
 from authoring.site.crossing import CrossingKind
+from authoring.site.fields import LandUse
 from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 
@@ -92,6 +93,25 @@ def test_a_site_with_fields_has_car_parks(kind: CrossingKind) -> None:
     """Each site has one or two, on quarters with a plot that is no lawn."""
     assert any(cover in PAVED for cover in site_of(kind).land.plots.covers)  # type: ignore[union-attr]
     assert 1 <= len(lots_of(kind)) <= 2
+
+
+@pytest.mark.parametrize("land", ["fields", "town"])
+def test_lots_lie_on_paved_plots_only(land: LandUse) -> None:
+    """Every half metre of each lot lies on a plot whose cover becomes paved; no corner is on a lawn beside it."""
+    found = 0
+    for seed in range(5):
+        settings = SiteSettings(crossing="road", land=land, fine_spacing=2.0, coarse_spacing=8.0)
+        site = draw_site(settings, LAYOUTS["road"], stream(seed, "site"))
+        plots, crossing = site.land.plots, site.land.crossing
+        assert plots is not None
+        for lot in find_lots(site):
+            steps = (np.linspace(0.0, side, int(2.0 * side) + 1) for side in lot.size)
+            places = lot.world(np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2))
+            station, left = site.land.layout.alignment.locate(places)
+            number = plots.number(station > crossing.center(left), station, left)
+            assert {plots.covers[row] for row in np.unique(number)} <= set(PAVED)
+            found += 1
+    assert found > 4
 
 
 def test_asphalt_lies_on_the_ground(kind: CrossingKind) -> None:

@@ -16,6 +16,7 @@ from authoring.backgrounds.pavements import KERB
 from authoring.backgrounds.quads import boxes, placed, prism, quad_mesh, ring
 from authoring.backgrounds.registry import BackgroundSettings, build_background
 from authoring.backgrounds.site_lots import GROUP as LOTS
+from authoring.backgrounds.street_furniture import furniture
 from authoring.backgrounds.towers import Tower
 from authoring.backgrounds.vehicles import vehicle_models
 from authoring.looks.recipes import RECIPES
@@ -133,7 +134,7 @@ def test_keep_out_is_empty(kind: CrossingKind) -> None:
         assert deep.max() < (0.2 if "Sleepers" in piece.name else 1e-3), piece.name
 
 
-def test_ground_has_no_gap_and_reaches_four_kilometres(kind: CrossingKind) -> None:
+def test_ground_has_no_gap_and_reaches_four_kilometers(kind: CrossingKind) -> None:
     """The plan areas of the ground's covers add up to the land less the site; every triangle faces up."""
     site = site_of(kind)
     corners, _ = triangle_corners(tuple(part for part in solids(city_of(kind)) if part.group == "Ground"))
@@ -178,6 +179,26 @@ def test_ways_beyond_the_site_stay_free(kind: CrossingKind) -> None:
         for approach in land.approaches:
             aside = np.abs(left - approach.center(station)) / approach.stretch(station)
             assert (aside[approach.along(station) > 0.0] > approach.half_width).all(), piece.name
+
+
+def test_arms_of_lamps_reach_over_roads_and_promenades() -> None:
+    """Lamps on quays turn their arms away from the water, those beside an approach road towards it."""
+    site, town = site_of("river"), town_of("river")
+    axis, crossing = site.land.layout.alignment, site.land.crossing
+    (lamps,) = (run for run in furniture(town.plan, town.terrain, stream(7, "lamps")) if run.name == "City_Lamps")
+    arms = lamps.positions + 2.0 * np.column_stack([np.cos(lamps.yaw), np.sin(lamps.yaw), np.zeros(len(lamps.yaw))])
+    (station, left), (over, aside) = axis.locate(lamps.positions), axis.locate(arms)
+    water = crossing.distance(station, left) - crossing.half_width
+    quay = water < 2.0
+    assert quay.sum() > 30
+    np.testing.assert_allclose((crossing.distance(over, aside) - crossing.half_width - water)[quay], 2.0, atol=0.01)
+    for approach in site.land.approaches:
+        away, under = (
+            np.abs(y - approach.center(x)) - approach.half_width for x, y in ((station, left), (over, aside))
+        )
+        beside = (approach.along(station) > 0.0) & (away < 3.5) & ~quay
+        assert beside.sum() > 4
+        assert (under - away)[beside].max() < -1.9
 
 
 def test_windows_lie_in_walls() -> None:
@@ -292,7 +313,7 @@ def test_triangles_are_sound(kind: CrossingKind) -> None:
         np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-5)
 
 
-def test_a_square_kilometre_is_light() -> None:
+def test_a_square_kilometer_is_light() -> None:
     """The default city covers over 1 km2; with its site it keeps to 1.4 million triangles."""
     site = site_of("river")
     pieces = build_background("city", BackgroundSettings(), site, stream(7, "background"))

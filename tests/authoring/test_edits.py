@@ -237,7 +237,7 @@ def test_values_of_any_interpolation_are_spread_over_the_corners(interpolation: 
     np.testing.assert_array_equal(flat_normals(surface), np.tile(np.array([0, 0, 1], np.float32), (6, 1)))
 
 
-def test_a_disconnected_colour_is_an_edit_inside_the_look(scene: Path, other: Usd.Stage) -> None:
+def test_a_disconnected_color_is_an_edit_inside_the_look(scene: Path, other: Usd.Stage) -> None:
     """The selected look has it; every other look is as it was."""
     stage = Usd.Stage.Open(str(scene))
     material = next(prim for prim in other.Traverse() if prim.IsA(UsdShade.Material) and "Role_" in prim.GetName())

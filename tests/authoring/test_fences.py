@@ -101,6 +101,9 @@ def test_wires_leave_gaps_and_lone_posts_nothing() -> None:
     station = np.array([0.0, 2.5, 5.0, 20.0, 22.5, 60.0])
     posts, wires = (part[3] for part in fence_meshes("A", axis, np.column_stack([station, 0 * station, 0 * station])))
     assert len(posts.points) == 5 * CORNERS
+    assert len(wires.points) == 5 * 4 * len(WIRES)  # four corners of the section: the fourth side ends at the first
+    edges = np.sort(np.stack([wires.corners, np.roll(wires.corners.reshape(-1, 4), -1, axis=1).reshape(-1)]), axis=0)
+    assert set(np.unique(edges, axis=1, return_counts=True)[1]) == {1, 2}
     assert set(np.unique(np.round(wires.points[:, 0], 1))) == {0.0, 2.5, 5.0, 20.0, 22.5}
     spans = np.ptp(wires.points[triangles(wires)][..., 0], axis=1)
     assert spans.max() == pytest.approx(2.5)

@@ -169,7 +169,7 @@ def test_an_asset_is_validated_before_it_moves_in(
     own_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Were the kinds of a world not mended, the scene would not take it, and would stay as it is."""
-    monkeypatch.setattr(foreign_background, "mend", lambda layer: None)
+    monkeypatch.setattr(foreign_background, "correct", lambda layer: None)
     before, folders = file_bytes(own_scene.parent), sorted(own_scene.parent.rglob("*"))
     with pytest.raises(InputError, match=r"would make the scene invalid.*kind 'assembly' below a prim"):
         set_choices(own_scene, {"background": str(write_model(tmp_path / "mine"))}, print)

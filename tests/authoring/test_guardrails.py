@@ -40,6 +40,7 @@ def test_guardrails_lead_to_the_parapets(footway: bool) -> None:
     for rail in rails:
         assert class_of(rail.kind) == "background"
         points = rail.mesh.points
+        assert len(np.unique(points, axis=0)) == len(points)  # no seam of doubled vertices along the beam
         station, left = site.land.layout.alignment.locate(points)
         approach = site.land.approaches[0 if station.mean() < 0.0 else 1]
         along, aside = approach.along(station), np.abs(left - approach.center(station))

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from authoring.axis.alignment import Alignment, Layout
 from authoring.backgrounds.harbour import crane
@@ -105,6 +106,19 @@ def heights_below(soup: F64, places: F64) -> F64:
         if under.any():
             found[row] = (a[:, 2] + first * one[2] + second * two[2])[under][-1]
     return found
+
+
+@pytest.mark.parametrize("name", ["lakeside", "hillside"])
+def test_cars_keep_to_the_right_of_the_shore_road(name: str) -> None:
+    """The middle line of the road lies on the left of every car that drives on it, and so do those parked beside it."""
+    _, _, pieces = small_world(name, 7)
+    (cars,) = runs(pieces, "_Vehicles")
+    line = np.concatenate([part.mesh.points[:, :2] for part in solids(pieces) if "ShoreMarking" in part.name])
+    away = line[KDTree(line).query(cars.positions[:, :2])[1]] - cars.positions[:, :2]
+    beside = np.cos(cars.yaw) * away[:, 1] - np.sin(cars.yaw) * away[:, 0]
+    road = np.linalg.norm(away, axis=1) < 6.0
+    assert road.sum() > 8
+    assert beside[road].min() > 1.0
 
 
 @pytest.mark.parametrize("group", ["Ground", "Ways"])

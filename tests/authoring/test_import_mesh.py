@@ -81,7 +81,7 @@ def test_town_comes_back_in_every_format(tmp_path: Path, kind: str, turned: bool
     check_town(read_mesh(file, quiet, "y" if turned else "z", 0.01 if turned else 1.0), volume, count)
 
 
-def test_projected_coordinates_keep_millimetres(tmp_path: Path) -> None:
+def test_projected_coordinates_keep_millimeters(tmp_path: Path) -> None:
     """Text with UTM coordinates: what counts is subtracted in float64, and remembered."""
     meshes, volume, count = town(UTM)
     file = tmp_path / "town.obj"
@@ -158,7 +158,7 @@ def test_attribution_is_kept(tmp_path: Path) -> None:
     assert read(usd(tmp_path)).attribution["license"] == "CC0"
 
 
-def test_vertex_colours_become_a_palette(tmp_path: Path) -> None:
+def test_vertex_colors_become_a_palette(tmp_path: Path) -> None:
     """Each triangle keeps its colour, looked up in the middle of one texel."""
     meshes, _, count = town()
     rng = np.random.default_rng(1)

@@ -146,7 +146,7 @@ def test_seeds_take_different_routes(subject: Subject, proof_count: Count) -> No
 def test_limited_gimbal_never_looks_higher(subject: Subject, proof_count: Count) -> None:
     """At every frame, those on great arcs as well; a free gimbal under the same deck does look up."""
     free, limited = [], []
-    seeds = (3, 4)[: proof_count(1, 2)]  # both look up by more than 60 degrees where they may; those of 0 to 2 do not
+    seeds = (0, 4)[: proof_count(1, 2)]  # both look up by more than 60 degrees where they may; most do not
     for seed in seeds:
         free.append(pitch_of(flown_freely(seed)[:, :3, :3]).max())
         limited.append(pitch_of(fly(subject, seed, pitch="limited", pitch_limit=10.0)[:, :3, :3]).max())

@@ -114,7 +114,7 @@ def test_library_moves_with_the_environment(monkeypatch: pytest.MonkeyPatch, tmp
     assert library.cache_folder() == tmp_path / "x/falsework/sheets"
 
 
-def test_neighbours_wear_different_sheets() -> None:
+def test_neighbors_wear_different_sheets() -> None:
     """All three sheets are in use, the first component wears the first, hardly any two neighbours the same."""
     numbers = list(sheet_numbers(_columns(60)).values())
     assert numbers[0] == 0

@@ -13,8 +13,8 @@ from authoring.looks.roles import SUITS
 from authoring.looks.walls import washed_concrete
 
 
-def _tile(pixels: int = 128, metres: float = 4.0, seed: int = 1) -> Tile:
-    return Tile(pixels, metres, np.random.default_rng(seed))
+def _tile(pixels: int = 128, meters: float = 4.0, seed: int = 1) -> Tile:
+    return Tile(pixels, meters, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize(("longest", "shortest"), [(2.0, 0.25), (1.0, 0.1), (0.5, 0.125)])

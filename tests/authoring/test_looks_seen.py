@@ -94,11 +94,11 @@ def _wall(role: str, side: float = _SIDE) -> Component:
     return Component("Wall", "abutment_wall", role, "Superstructure", replace(mesh, st1=st1), 1)
 
 
-def _look_up(image: F32, metres: float) -> F32:
+def _look_up(image: F32, meters: float) -> F32:
     """An orthographic view of 30 x 30 m of a tiled picture, 3 cm a pixel, averaged over each."""
-    count = max(4, round(metres / _PIXEL))
+    count = max(4, round(meters / _PIXEL))
     small = cv2.resize(image, (count, count), interpolation=cv2.INTER_AREA)
-    steps = (np.arange(round(_SIDE / _PIXEL), dtype=np.float32) * _PIXEL) / metres * count % count - 0.5
+    steps = (np.arange(round(_SIDE / _PIXEL), dtype=np.float32) * _PIXEL) / meters * count % count - 0.5
     u, v = np.meshgrid(steps, steps)
     return np.asarray(cv2.remap(small, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.float32)
 
@@ -143,13 +143,13 @@ def _pairs(side: int) -> F32:
     return _overlaps(np.ones((side, side), np.float32))
 
 
-def _blurred(shown: F32, metres: float) -> F32:
+def _blurred(shown: F32, meters: float) -> F32:
     """A Gaussian blur of so much standard deviation over a picture that is mirrored at its edges.
 
     The cosines of a picture are those of its blur but for a factor, which takes a tenth of the time of a wide kernel.
     """
     count = len(shown)
-    kept = np.exp(-0.5 * (np.pi * metres / _PIXEL / count * np.arange(count, dtype=np.float32)) ** 2)
+    kept = np.exp(-0.5 * (np.pi * meters / _PIXEL / count * np.arange(count, dtype=np.float32)) ** 2)
     return np.asarray(fft.idctn(fft.dctn(shown) * kept[:, None] * kept), np.float32)
 
 
@@ -167,13 +167,13 @@ def peak(shown: F32) -> float:
 
 def broad_contrast(shown: F32) -> float:
     """RMS contrast of what is 0.5 to 15 m large [1]."""
-    fine, broad = (_blurred(shown, metres / 4) for metres in (0.5, 15.0))
+    fine, broad = (_blurred(shown, meters / 4) for meters in (0.5, 15.0))
     return float(np.asarray(fine - broad, np.float64).std() / shown.mean())
 
 
 @pytest.mark.proof_only
 @pytest.mark.parametrize("role", ["Role_DeckConcrete", "Role_PierConcrete", "Role_DeckAsphalt", "Role_GirderSteel"])
-def test_nothing_repeats_over_thirty_metres(tmp_path: Path, role: str, record_proof: RecordProof) -> None:
+def test_nothing_repeats_over_thirty_meters(tmp_path: Path, role: str, record_proof: RecordProof) -> None:
     """Sheet, grain and weather together: no autocorrelation over 0.25 beyond 1 m, and the contrast of real concrete.
 
     What is 0.5 to 15 m large on a wall of concrete has an RMS contrast of 6 to 12 %, and more where it is older.

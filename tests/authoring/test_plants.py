@@ -7,6 +7,8 @@ import pytest
 from pxr import Usd
 
 from authoring.axis.alignment import Alignment, Layout
+from authoring.backgrounds.terrain import grow_terrain
+from authoring.backgrounds.vegetation import plant_trees
 from authoring.looks.bake import bake_surface
 from authoring.looks.leaves import leaves
 from authoring.looks.library import SheetName
@@ -144,3 +146,16 @@ def test_borders_of_fields_bend() -> None:
         assert shift.min() >= 0.0
         assert shift.max() <= 3.2
         assert np.ptp(shift) > 0.5
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_trees_of_imported_surroundings_are_nearest_the_whole_bridge(seed: int) -> None:
+    """They are taken by their distance from the site's stretch of the axis, times 0.25 to 1, not from its start."""
+    layout = Layout(Alignment(7.0), (0.0, 150.0, 300.0), 11.5, 1.9)
+    site = draw_site(SiteSettings(crossing="road", fine_spacing=2.0, coarse_spacing=8.0), layout, stream(3, "site"))
+    terrain = grow_terrain(site, no_hills, 900.0)
+    for run in plant_trees(terrain, (), np.zeros((0, 3)), 260, stream(seed, "trees"), 1):
+        station, left = layout.alignment.locate(run.positions)
+        away = np.hypot(station - np.clip(station, *site.field.stations[[0, -1]]), left)
+        before = np.maximum.accumulate(away)[:-1]
+        assert (0.25 * before <= away[1:] + 1e-6).all()

@@ -100,7 +100,7 @@ def test_ids_of_their_own_come_after_all_others() -> None:
     ]
 
 
-def test_each_lamp_is_a_labelled_prim_of_its_own(original: Path) -> None:
+def test_each_lamp_is_a_labeled_prim_of_its_own(original: Path) -> None:
     """An instance of a shared shape, with kind, component id, labels and stable id on its root."""
     stage = Usd.Stage.Open(str(original / "scene.usda"))
     (lamps,) = [piece for piece in town() if isinstance(piece, Scatter) and piece.name == "Town_Lamps"]

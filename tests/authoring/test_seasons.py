@@ -37,7 +37,7 @@ def _leaves(season: Season = SUMMER) -> Sheet:
 @cache
 def _drawn(surface: str, season: Season, pixels: int = 256) -> Sheet:
     recipe = SCENERY[surface]
-    tile = Tile(pixels, recipe.metres, np.random.default_rng(5))
+    tile = Tile(pixels, recipe.meters, np.random.default_rng(5))
     return recipe.draw(tile) if season == SUMMER else SEASONAL[surface](tile, season)
 
 

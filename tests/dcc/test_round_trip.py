@@ -148,7 +148,7 @@ def test_edits_have_the_values_of_blender(original: Path, home: Path) -> None:
     assert row.id not in {other.id for other in read_stage(original).instances}
 
 
-def test_colour_belongs_to_the_look(home: Path, original: Path) -> None:
+def test_color_belongs_to_the_look(home: Path, original: Path) -> None:
     """Another look shows its own concrete; switching back shows the edit again."""
     stage, plain = Usd.Stage.Open(str(home)), Usd.Stage.Open(str(original))
     look = stage.GetPrimAtPath("/World/Bridge").GetVariantSet("look")

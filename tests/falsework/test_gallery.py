@@ -35,7 +35,7 @@ def test_a_sheet_has_a_row_for_each_bridge() -> None:
         np.testing.assert_allclose(image[50, 50 + 100 * number, ::-1], color, atol=12)
 
 
-def test_a_look_is_seen_from_half_a_metre() -> None:
+def test_a_look_is_seen_from_half_a_meter() -> None:
     """The last camera of a row goes straight up to the surface before it and looks at it."""
     square = np.array([[[0, -5, -5], [0, 5, -5], [0, 5, 5]], [[0, -5, -5], [0, 5, 5], [0, -5, 5]]], np.float64)
     builder = SceneBuilder()

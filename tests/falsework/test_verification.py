@@ -154,7 +154,7 @@ def test_every_field_of_the_key_is_held(field: str, store: Store) -> None:
     manifest[field] = {"stage": "capture", "version": 2, "settings": {}, "inputs": {"stage": "0"}}[field]
     del manifest["digest"]
     write_json(path, {**manifest, "digest": digest(manifest)})
-    assert any("its key does not fit its contents" in line for line in store.verify())
+    assert any("its key is not the hash of its contents" in line for line in store.verify())
     assert task_key(*(manifest[name] for name in ("stage", "version", "settings", "inputs"))) != STAGE.key
 
 

@@ -242,7 +242,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "bake_down.bake_down",
         "additions._label",
         "foreign_background._dropped",
-        "mending.mend",  # layers in memory
+        "corrections.correct",  # layers in memory
         "labels.write_replicator_layer",
         "geometry.geometry_layer",
         "layer.new_stage",
@@ -310,8 +310,8 @@ FORMATS: dict[str, set[str]] = {
     "dome": {"daylight._decode_panorama", "float_files.decode_float"},
     "tga": {"tga.decode_tga"},
     "mtlx": {"mtlx.read_document"},
-    "cloud": {"cloud._read_cloud"},
-    "column": {"cloud._read_cloud"},
+    "cloud": {"cloud._read_description"},
+    "column": {"cloud._read_description"},
     "las": {"scan.read_scan"},
     "laz": {"scan.read_scan"},
     "ply scan": {"scan.read_scan"},
@@ -373,7 +373,6 @@ READ_SAFELY_ANYHOW = {
     "steps.take_step",
     "labeled_cloud.identify",
     "layout.read_facts",
-    "predict._file_of",
     "predict._boxes_record",
     "given_files.need_scenario",
     "train_verbs._is_evaluation",

@@ -12,11 +12,18 @@ from tests.house.test_files import WRITER, raw_writes
 from tests.house.test_folders import FLOORS, wrong_arrows
 from tests.house.test_imports import a_cycle, forgetful_kernels, wrong_imports
 from tests.house.test_sizes import crowded_functions, long_functions, long_modules, unannotated
+from tests.house.test_spelling import british
 
 
 def broken_everywhere(source: str) -> list[str]:
-    """Find what breaks the rules for rooms, tests, benchmarks and set-up scripts: small, annotated, documented."""
-    return [*long_modules(source), *long_functions(source), *unannotated(source), *undocumented(source)]
+    """Find what breaks the rules for rooms, tests, benchmarks and scripts: small, annotated, documented, American."""
+    return [
+        *long_modules(source),
+        *long_functions(source),
+        *unannotated(source),
+        *undocumented(source),
+        *british(source),
+    ]
 
 
 def broken_in_room(room: str, path: Path) -> list[str]:

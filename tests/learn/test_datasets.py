@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import sys
 from pathlib import Path
@@ -15,7 +16,8 @@ from groundwork.errors import InputError
 from learn.datasets.build import Source, build_dataset
 from learn.datasets.class_tables import class_table, labels_of_cloud
 from learn.datasets.labeled_cloud import SourceFacts, read_labeled
-from learn.datasets.layout import MANIFEST, read_facts, read_piece
+from learn.datasets.layout import MANIFEST, PieceRow, read_facts, read_piece, write_piece
+from learn.datasets.patch import Patch
 from learn.datasets.settings import DatasetSettings, dataset_settings
 from learn.datasets.split import split_bridges
 from learn.datasets.stored import StoredSplit
@@ -117,6 +119,33 @@ def test_inputs_are_a_whitelist(clouds: list[Path], metric: Path, tmp_path: Path
             np.testing.assert_array_equal(a.features, b.features)
             moved += int((a.labels != b.labels).sum())
         assert moved > 0  # the labels did change
+
+
+def test_ids_that_a_piece_cannot_hold_are_refused(tmp_path: Path) -> None:
+    """An instance id beyond int32 is not written, and a class id beyond a byte not read: neither turns into another."""
+    piece = Patch(
+        np.zeros((2, 3), np.float32),
+        {},
+        np.array([3, 255], np.uint8),
+        np.zeros(2, np.float32),
+        np.zeros(3),
+        0,
+        np.arange(2),
+        np.array([1, 2**31 - 1]),
+    )
+    row = PieceRow("a", "train", "b", 0, 2, 1, 0, (0.0, 0.0, 0.0))
+    write_piece(tmp_path / "train" / "a", piece)
+    back = read_piece(tmp_path, row, (), identified=True)
+    assert back.labels.tolist() == [3, 255]
+    assert back.instance is not None
+    assert back.instance.tolist() == [1, 2**31 - 1]
+    with pytest.raises(InputError, match=r"2147483648.*up to 2147483647"):
+        write_piece(tmp_path / "train" / "b", dataclasses.replace(piece, instance=np.array([1, 2**31])))
+    assert not (tmp_path / "train" / "b").exists()
+    for number in (-2, 255, 259):
+        np.save(tmp_path / "train" / "a" / "segment.npy", np.array([3, number], np.int32))
+        with pytest.raises(InputError, match=rf"segment\.npy.*{number}.*-1 to 254"):
+            read_piece(tmp_path, row, ())
 
 
 WATCHED: list[set[str]] = []  # where the paths that are opened go while a test watches

@@ -167,14 +167,14 @@ def test_the_command_scores_training_samples_as_they_are(overlapping: Path) -> N
 
 
 def test_a_model_that_knows_the_truth_has_panoptic_quality_one(overlapping: Path) -> None:
-    """Against the connected parts of the true classes every instance matches; those modelled are one a class here."""
+    """Against the connected parts of the true classes every instance matches; those modeled are one a class here."""
     source = StoredSplit(overlapping, "test")
     record = evaluate_model(Knowing(), source, SILENT, _voxel(source))
     assert record["panoptic"]["link"] == 0.6  # its points are up to two cubes of 0.3 m apart
     assert record["panoptic"]["parts"]["mean"] == record["mean_iou"] == 1.0
     assert record["calibration_error"] == 0.0
-    modelled = record["panoptic"]["modelled"]["classes"]
-    assert {name: row["true"] for name, row in modelled.items()} == {
+    modeled = record["panoptic"]["modelled"]["classes"]
+    assert {name: row["true"] for name, row in modeled.items()} == {
         "background": 2,
         "column": 2,
         "pier_cap": 2,

@@ -210,7 +210,7 @@ def test_a_prediction_killed_between_copy_and_boxes_is_repeated_without_ado(
         assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_a_cloud_is_labelled_by_the_unit_it_says(
+def test_a_cloud_is_labeled_by_the_unit_it_says(
     chain: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Our own LAZ needs no --unit; a cloud's folder without one says how to make it; a run without clouds fails."""

@@ -103,7 +103,7 @@ def test_lovasz_softmax_equals_its_definition(seed: int) -> None:
     assert math.isclose(float(lovasz_softmax(logits, labels)), slow, rel_tol=1e-9)
 
 
-def test_unlabelled_points_pull_nowhere() -> None:
+def test_unlabeled_points_pull_nowhere() -> None:
     """The gradient of every loss is zero in the rows without a label, and where all are unlabelled it is zero."""
     logits, labels = drawn(5)
     for loss in (cross_entropy, lovasz_softmax, lambda a, b: noise_loss(a, b, 3)):

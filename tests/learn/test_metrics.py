@@ -47,7 +47,7 @@ def test_scores_equal_those_of_scikit_learn(seed: int, classes: int) -> None:
     assert math.isclose(float(mean_iou(matrix[None])[0]), iou.mean())
 
 
-def test_absent_classes_are_left_out_and_unlabelled_points_do_not_count() -> None:
+def test_absent_classes_are_left_out_and_unlabeled_points_do_not_count() -> None:
     """Class 2 occurs nowhere; class 3 is only called; class 1 is never called; the point of class 255 is nobody's."""
     truth, found = np.array([0, 0, 0, 1, 255]), np.array([0, 0, 3, 0, 2])
     result = scores(confusion(truth, found, 4))

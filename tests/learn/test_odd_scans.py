@@ -1,7 +1,9 @@
-"""Scans whose colours or labels are not the usual ones are read right, and predicted all the same."""
+"""Scans whose colours, labels, classes or units are not the usual ones are read right, and predicted or refused."""
 
 from __future__ import annotations
 
+import dataclasses
+import json
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +14,16 @@ import pytest
 from groundwork.errors import InputError
 from learn.predict.predict import predict_scan
 from learn.predict.settings import PredictSettings
+from recon.cloud import write_cloud
+from recon.formats.copy_las import copy_las
+from recon.formats.labels import Labels
+from recon.formats.ply import write_ply
+from recon.formats.read_las import open_las
 from recon.formats.scan import read_scan
 from tests.learn.oracle_model import ColorModel
 from tests.learn.test_predict import lattice, write_las
+from tests.learn.toy_bridge import toy_cloud
+from usd_schemas.taxonomies import taxonomy
 
 
 def test_e57(tmp_path: Path) -> None:
@@ -43,9 +52,7 @@ def test_e57(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("most", "kind"), [(65535, "u2"), (1, "f4")])
-def test_e57_with_colours_of_other_ranges(
-    most: int, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_e57_with_colors_of_other_ranges(most: int, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Colours of 16 bits and from 0 to 1 are brought to 8 bits; the package alone reads them wrong."""
     pye57 = pytest.importorskip("pye57")
     library = pye57.libe57
@@ -97,3 +104,46 @@ def test_labels_that_are_none_hinder_no_prediction(tmp_path: Path) -> None:
         (tmp_path / "out.instances.json").unlink()
     np.testing.assert_array_equal(np.load(tmp_path / "out.npy")[:, 6:8], np.column_stack([odd, color[:, 0] // 64]))
     np.testing.assert_array_equal(laspy.read(tmp_path / "out.las")["label"], odd)
+
+
+@pytest.mark.parametrize("kind", [3, 7])
+def test_a_class_that_a_point_format_cannot_hold_is_refused(kind: int, tmp_path: Path) -> None:
+    """Formats 0 to 5 have five bits: 31 is written beside the flags, 32 leaves no file; later ones hold it.
+
+    The only table that is written into `classification` needs no more.
+    """
+    header = laspy.LasHeader(point_format=kind, version="1.4")
+    record = laspy.LasData(header)
+    record.x = record.y = record.z = np.arange(5.0)
+    record.withheld = np.array([1, 0, 1, 0, 1])
+    record.write(str(tmp_path / "a.las"))
+    for largest in (31, 32):
+        classes, out = np.array([0, 255, 2, largest, 16], np.uint8), tmp_path / f"{largest}.las"
+        labels = Labels(classes, np.ones(5, np.float32), np.zeros(5, np.uint32))
+        with open_las(tmp_path / "a.las", 10) as rows:
+            if kind < 6 and largest > 31:
+                with pytest.raises(InputError, match=r"point format 3 has five bits.*32.*0 to 31.*point format 6"):
+                    copy_las(tmp_path / "a.las", rows, out, [labels], classify=True)
+                assert sorted(path.name for path in tmp_path.iterdir()) == ["31.las", "a.las"]
+                continue
+            copy_las(tmp_path / "a.las", rows, out, [labels], classify=True)
+        back = laspy.read(out)
+        assert np.asarray(back.classification).tolist() == [0, 1, 2, largest, 7]  # 16 is a wire's in LAS
+        assert np.asarray(back.withheld).tolist() == [1, 0, 1, 0, 1]
+        assert np.asarray(back["predicted_class"]).tolist() == classes.tolist()
+    assert max(row.id for row in taxonomy("asprs").rows if row.id != 255) <= 31
+
+
+def test_a_cloud_without_a_scale_is_asked_for_its_unit(tmp_path: Path) -> None:
+    """Nothing brought it to meters: its folder is refused until a scale is given, and that one is used."""
+    coord, color = lattice(400)
+    cloud = toy_cloud(1, 400, coord=coord, color=color)
+    free = dataclasses.replace(cloud, alignment={"target": "none"})
+    (tmp_path / "cloud").mkdir()
+    write_cloud(tmp_path / "cloud", free)
+    write_ply(tmp_path / "cloud" / "cloud.ply", free)
+    source, out = tmp_path / "cloud", tmp_path / "out.ply"
+    with pytest.raises(InputError, match=r"does not state the unit of its coordinates.*--scale"):
+        predict_scan(source, out, ColorModel(), PredictSettings())
+    predict_scan(source, out, ColorModel(), PredictSettings(scale=2.0))
+    assert json.loads((tmp_path / "out.instances.json").read_text())["meters_per_unit"] == 2.0

@@ -121,7 +121,7 @@ def test_the_head_learns_other_classes_and_the_encoder_stays(office: Path) -> No
     assert not torch.equal(before["up.0.0.linear.weight"], after["up.0.0.linear.weight"])
 
 
-def test_another_scan_is_labelled_with_the_users_numbers(office: Path, tmp_path: Path) -> None:
+def test_another_scan_is_labeled_with_the_users_numbers(office: Path, tmp_path: Path) -> None:
     """Eight points in ten of a bridge that neither training saw have the office's number; boxes name its classes."""
     codes = write_patch(tmp_path / "scan.laz", 8)
     words = ("predict", tmp_path / "scan.laz", "-o", tmp_path / "out.laz", "--model", office / "mine", "--unit", "m")

@@ -57,7 +57,7 @@ def test_the_test_bridges_of_the_card_were_not_trained_on() -> None:
 
 
 @pytest.mark.parametrize("table", ["", *TAXONOMIES])
-def test_a_scan_is_labelled_without_a_model_named(
+def test_a_scan_is_labeled_without_a_model_named(
     table: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Every point gets a class of the table that is asked for, that of the components where none is."""

@@ -177,7 +177,7 @@ def test_forty_percent_is_the_limit(invalid: int, count: int, passes: bool) -> N
     assert rejected.value.reason == "too_few_cameras"
 
 
-def test_centre_limits() -> None:
+def test_center_limits() -> None:
     """0.25 m for a local survey; else half a percent of the diagonal, at most 0.5 m; or what the user says."""
     corners = np.array([[0.0, 0, 0], [30.0, 40.0, 0]])
     free = AlignmentSettings()

@@ -94,12 +94,16 @@ def test_half_a_pixel_changes_the_label(three_views: Truth) -> None:
         assert gather(three_views, moved).label.tolist() != labels
 
 
-def test_truth_of_another_size_is_refused(three_views: Truth, tmp_path: Path) -> None:
-    """Labels must share the photograph's pixels: anything else would be silently wrong."""
+@pytest.mark.parametrize("kind", ["semantic", "instance", "depth"])
+def test_truth_of_another_size_is_refused(three_views: Truth, tmp_path: Path, kind: str) -> None:
+    """Each kind must share the photograph's pixels: anything else would be silently wrong."""
     small = np.zeros((6, 8), np.uint8)
     frame = FrameTruth(np.ones((6, 8), np.float32), small, small.astype(np.uint32))
-    write_frame_truth(tmp_path, "000001", frame, wide_ids=False)
-    with pytest.raises(InputError, match="000001"):
+    make_folders(tmp_path / "other")
+    write_frame_truth(tmp_path / "other", "000001", frame, wide_ids=False)
+    file = next((tmp_path / "other" / "truth" / kind).iterdir())
+    file.replace(three_views.folder / kind / file.name)
+    with pytest.raises(InputError, match=rf"{kind}/000001.*\(8, 6\)"):
         gather(three_views, observations([0, 0], [0, 1], [(1.0, 1.0), (1.0, 1.0)]))
 
 

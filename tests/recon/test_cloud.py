@@ -7,6 +7,7 @@ import struct
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import laspy
 import numpy as np
@@ -252,6 +253,18 @@ def test_ply_holds_the_points(cloud: Cloud, tmp_path: Path) -> None:
     for name in ("segment", "instance", "uncertainty", "n_views", "displacement"):
         np.testing.assert_array_equal(rows[:, names.index(name)], cloud.columns[name].astype(float))
     assert names[3:9] == ["nx", "ny", "nz", "red", "green", "blue"]
+
+
+@pytest.mark.parametrize("part", ["columns", "observations"])
+def test_a_cloud_without_a_column_is_not_written(cloud: Cloud, tmp_path: Path, part: str) -> None:
+    """Whichever column or observation is left out, the error names its file, and nothing reaches the disk."""
+    kinds = {"columns": COLUMNS, "observations": OBSERVATION_COLUMNS}[part]
+    for name in kinds:
+        left = {other: values for other, values in getattr(cloud, part).items() if other != name}
+        changed: dict[str, Any] = {part: left}
+        with pytest.raises(InputError, match=rf"{name}\.npy.*a column is missing"):
+            write_cloud(tmp_path, dataclasses.replace(cloud, **changed))
+    assert not list(tmp_path.iterdir())
 
 
 def test_an_odd_cloud_is_not_written(cloud: Cloud, tmp_path: Path) -> None:

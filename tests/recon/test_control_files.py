@@ -12,7 +12,7 @@ from recon.placing.map_projection import MapSystem, read_system
 from tests.recon.test_ground_control import CORNERS, flown, marked
 
 
-def test_degrees_are_not_metres(tmp_path: Path) -> None:
+def test_degrees_are_not_meters(tmp_path: Path) -> None:
     """Degrees under the name of a plane system are refused before anything is computed; short headers name degrees."""
     path = tmp_path / "gcp.txt"
     for name in ("EPSG:25832", "EPSG:32632", "WGS84 UTM 32N", "+proj=utm +zone=32 +ellps=GRS80 +units=m"):

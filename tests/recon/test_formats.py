@@ -17,8 +17,8 @@ from recon.cloud import COLUMNS, Cloud, read_cloud, without_observations, write_
 from recon.formats.export import EXPORTS, export_cloud
 from recon.formats.hdf5 import write_hdf5
 from recon.formats.laz import write_laz
-from recon.formats.scan import open_scan
-from usd_schemas.components import class_rows
+from recon.formats.scan import open_scan, read_scan, stated_unit
+from usd_schemas.components import ClassRow, class_rows
 from usd_schemas.raycast import load_open3d
 
 F64 = NDArray[np.float64]
@@ -119,6 +119,51 @@ def test_las_says_its_unit_where_there_is_one(source: Path) -> None:
         assert stream.unit is None
     write_laz(source.parent / "again.laz", sampled_cloud())
     assert (source.parent / "again.laz").read_bytes() == first.read_bytes()
+
+
+def test_every_class_id_has_its_own_code_in_las(tmp_path: Path) -> None:
+    """Ids 0 to 191 come back from `segment` and, as 64 + id, from `classification` and the table; 255 is 1."""
+    ids = np.array([*range(192), 255], np.uint8)
+    cloud = sampled_cloud()
+    columns = {**cloud.columns, "segment": np.resize(ids, COUNT)}
+    rows = tuple(ClassRow(int(i), f"brücke_{i}", (0, 0, 0)) for i in ids)
+    write_laz(tmp_path / "a.las", dataclasses.replace(cloud, columns=columns, classes=rows), compress=False)
+    scan = read_scan(tmp_path / "a.las")
+    np.testing.assert_array_equal(scan.segment, columns["segment"])
+    expected = np.where(columns["segment"] == 255, 1, 64 + columns["segment"].astype(int))
+    np.testing.assert_array_equal(scan.classification, expected)
+    assert scan.class_names == {64 + i: f"br?cke_{i}" for i in range(192)}
+
+
+@pytest.mark.parametrize("number", [192, 254])
+def test_las_refuses_a_class_without_a_code(tmp_path: Path, number: int) -> None:
+    """A larger id, of a point or of the table alone, would share its code: the error names it, and no file is left."""
+    cloud = sampled_cloud()
+    segment = cloud.columns["segment"].copy()
+    segment[7] = number
+    points = dataclasses.replace(cloud, columns={**cloud.columns, "segment": segment})
+    table = dataclasses.replace(cloud, classes=(*class_rows(), ClassRow(number, "lamp", (0, 0, 0))))
+    for odd in (points, table):
+        with pytest.raises(InputError, match=f"class id.*{number}.*0 to 191.*ply or hdf5"):
+            write_laz(tmp_path / "a.laz", odd)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_cloud_states_its_unit_only_where_it_has_one(source: Path, tmp_path: Path) -> None:
+    """The folder of a cloud that nothing brought to scale states no unit, from its description alone."""
+    assert stated_unit(source) == 1.0
+    (tmp_path / "free").mkdir()
+    write_cloud(tmp_path / "free", dataclasses.replace(sampled_cloud(), alignment={"target": "none"}))
+    with open_scan(tmp_path / "free") as stream:
+        assert stream.unit is None
+    for file in (tmp_path / "free").glob("*.npy"):
+        file.unlink()
+    assert stated_unit(tmp_path / "free") is None
+    (tmp_path / "free" / "cloud.json").write_text('{"format": "falsework.cloud", "format_version": 3, "alignment": 5}')
+    with pytest.raises(InputError, match="alignment"):
+        stated_unit(tmp_path / "free")
+    with pytest.raises(InputError, match=r"no cloud\.json"):
+        stated_unit(tmp_path)
 
 
 def test_las_of_a_wide_cloud_takes_a_coarser_scale(source: Path, tmp_path: Path) -> None:

@@ -181,7 +181,7 @@ def test_a_point_surveyed_wrongly_is_named() -> None:
     assert found.alignment.similarity.scale == pytest.approx(known.scale, rel=1e-5)
 
 
-def test_scale_bars_alone_give_metres() -> None:
+def test_scale_bars_alone_give_meters() -> None:
     """Two bars between marked points, no coordinates and no GPS: the scale is right."""
     _, _, known, true = flown()
     points = tuple(replace(point, position=None) for point in marked(CORNERS, true))
@@ -234,7 +234,7 @@ def test_one_wrong_mark_leaves_the_limits_of_the_others() -> None:
 @pytest.mark.parametrize(
     "system", ["+proj=lcc +lat_1=35 +units=us-ft +no_defs", 'PROJCS["x",UNIT["US survey foot",0.3048006096]]']
 )
-def test_feet_become_metres(system: str) -> None:
+def test_feet_become_meters(system: str) -> None:
     """A plane system in feet: the scale is that of metres, and so is the origin."""
     _, _, known, true = flown()
     feet = tuple(
@@ -249,8 +249,8 @@ def test_feet_become_metres(system: str) -> None:
     assert found.facts["origin"]["east"] == pytest.approx(2e6 * METERS["us-ft"], abs=100.0)
     utm = read_system("+proj=utm +zone=10 +ellps=WGS84 +units=us-ft")
     assert utm is not None
-    metres = MapSystem("", 10).geographic(np.array([[5e5, 4e6, 30.0]]))
-    np.testing.assert_allclose(utm.geographic(np.array([[5e5, 4e6, 30.0]]) / METERS["us-ft"]), metres, atol=1e-9)
+    meters = MapSystem("", 10).geographic(np.array([[5e5, 4e6, 30.0]]))
+    np.testing.assert_allclose(utm.geographic(np.array([[5e5, 4e6, 30.0]]) / METERS["us-ft"]), meters, atol=1e-9)
 
 
 def test_what_does_not_fit_is_one_line(tmp_path: Path) -> None:

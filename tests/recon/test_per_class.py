@@ -102,7 +102,7 @@ def test_few_and_lost_are_named() -> None:
     assert lost_classes({"classes": table}) == ["more"]
 
 
-def test_without_truth_all_are_unlabelled() -> None:
+def test_without_truth_all_are_unlabeled() -> None:
     """Real photographs have counts, and no windows."""
     nothing = np.full(5, UNLABELED, np.uint8)
     fate = np.array([0, 0, 3, 3, 3], np.uint8)

@@ -129,7 +129,7 @@ def test_png_with_exif(tmp_path: Path) -> None:
     assert header.focal_px == pytest.approx(36.0 * 80.0 / 43.266615)
 
 
-def test_places_become_metres(tmp_path: Path) -> None:
+def test_places_become_meters(tmp_path: Path) -> None:
     """East, north, up of the first that has a place, to a centimetre over hundreds of metres; the origin is kept."""
     places: list[Place] = [(0.0, 0.0, 0.0), (300.0, -150.0, 40.0), (-80.0, 220.0, -12.0)]
     for number, place in enumerate(places):
@@ -230,7 +230,7 @@ def test_what_lies_behind_a_photograph_is_no_damage(options: list[int], tmp_path
             load_image(open_photographs(tmp_path), 0)
 
 
-def test_grey_and_transparent_pictures_are_photographs(tmp_path: Path) -> None:
+def test_gray_and_transparent_pictures_are_photographs(tmp_path: Path) -> None:
     """Grey is three equal colours, opacity is left out; 16 bits are one line."""
     picture = textured()
     clear = np.dstack([picture, picture[:, :, 0]])
@@ -332,7 +332,7 @@ def test_bare_photographs_become_a_cloud(
 
 
 @pytest.mark.proof_only
-def test_photographs_with_gps_become_a_cloud_in_metres(
+def test_photographs_with_gps_become_a_cloud_in_meters(
     make_capture: Callable[..., Path], arc: Callable[[int], np.ndarray], tmp_path: Path
 ) -> None:
     """EXIF with places: scale, heading and place come from GPS, up from level photographs; no camera is judged out."""

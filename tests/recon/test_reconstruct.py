@@ -1,5 +1,6 @@
 """Structure from motion for real on a small known world: accuracy, labels, truth kept apart, and hopeless input."""
 
+import json
 import shutil
 import struct
 from pathlib import Path
@@ -79,7 +80,7 @@ def test_half_a_pixel_would_show(plane_capture: Path, cloud: Cloud) -> None:
         assert np.abs(np.median(pixels - seen.uv[mine], axis=0)).max() < 0.2
 
 
-def test_the_model_in_metres_is_the_cloud(plane_cloud: Path, cloud: Cloud) -> None:
+def test_the_model_in_meters_is_the_cloud(plane_cloud: Path, cloud: Cloud) -> None:
     """The COLMAP model beside the cloud holds the same points, poses and observations; our reader equals COLMAP's."""
     ours, theirs = read_model(plane_cloud / "sparse"), pycolmap.Reconstruction(plane_cloud / "sparse")
     rows = {tuple(row) for row in np.round(ours.points, 6)}
@@ -155,6 +156,20 @@ def test_a_cut_image_is_named(left: int, plane_capture: Path, tmp_path: Path) ->
     with pytest.raises(InputError, match=r"000004\.jpg"):
         reconstruct(capture, folder, ReconSettings(mode="sparse"), SILENT)
     assert not [path for path in folder.rglob("*") if path.is_file()]  # no database, no cloud
+
+
+@pytest.mark.usefixtures("no_children")
+def test_a_class_that_las_cannot_hold_is_refused_before_the_work(plane_capture: Path, tmp_path: Path) -> None:
+    """The file cloud.laz has codes for class ids up to 191: a larger one in the table of the truth is named first."""
+    capture, folder = tmp_path / "capture", tmp_path / "cloud"
+    shutil.copytree(plane_capture, capture)
+    table = read_json(capture / "truth/instances.json")
+    table["classes"].append({"id": 200, "name": "lamp", "color": [0, 0, 0]})
+    (capture / "truth/instances.json").write_text(json.dumps(table))
+    folder.mkdir()
+    with pytest.raises(InputError, match=r"class id.*200.*0 to 191"):
+        reconstruct(capture, folder, ReconSettings(mode="sparse"), SILENT)
+    assert not list(folder.iterdir())
 
 
 @pytest.mark.parametrize(

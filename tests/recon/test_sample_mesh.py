@@ -16,13 +16,15 @@ from groundwork.errors import InputError
 from groundwork.progress import SILENT
 from recon.cloud import Cloud, read_cloud
 from recon.sampling.camera_views import TOUCH, count_views
+from recon.sampling.sample_lidar import sample_lidar
 from recon.sampling.sample_mesh import draw_uniform, sample_mesh
-from recon.sampling.sampler_settings import MeshSettings
+from recon.sampling.sampler_settings import MeshSettings, TerrestrialSettings
 from recon.sampling.scene_surface import clip, lay_out, whole
 from recon.sampling.surface_look import SurfaceLook
 from tests.conftest import Count, RecordProof
 from tests.render.scenes import SceneBuilder, placed, random_scene, with_materials
 from tests.usd_schemas.stages import read_body
+from usd_schemas.components import ClassRow
 from usd_schemas.flat_scene import FlatScene, InstanceRow, Material, Texture
 from usd_schemas.pinhole import look_at, project
 from usd_schemas.raycast import RayScene
@@ -67,6 +69,19 @@ def test_points_are_even_by_area(proof_count: Count, record_proof: RecordProof) 
         3,
         {"p_two_areas": float(share), "p_64_cells_worst": float(worst)},
     )
+
+
+def test_a_class_that_las_cannot_hold_is_refused_before_the_work(tmp_path: Path) -> None:
+    """The file cloud.laz has codes for class ids up to 191: a larger one of the stage is named, by both samplers."""
+    scene = two_triangles()
+    scene = dataclasses.replace(scene, classes=(*scene.classes, ClassRow(200, "lamp", (0, 0, 0))))
+    for sample in (
+        lambda: sample_mesh(scene, tmp_path, MeshSettings(points=10), SILENT),
+        lambda: sample_lidar(scene, tmp_path, TerrestrialSettings(), SILENT),
+    ):
+        with pytest.raises(InputError, match=r"class id.*200.*0 to 191"):
+            sample()
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -230,7 +245,7 @@ def test_scope_and_density(tmp_path: Path) -> None:
         sampled(scene, tmp_path / "much", density=1e6, reach=300.0)
 
 
-def test_colours_are_those_of_the_texels(tmp_path: Path) -> None:
+def test_colors_are_those_of_the_texels(tmp_path: Path) -> None:
     """Four texels on a square of one metre, v upwards; the transparent one is a hole in the surface."""
     texels = np.array([[[10, 20, 30, 255], [40, 50, 60, 255]], [[70, 80, 90, 255], [200, 210, 220, 0]]], np.uint8)
     cv2.imwrite(str(tmp_path / "t.png"), texels[..., [2, 1, 0, 3]])

@@ -161,7 +161,7 @@ def test_labels_are_found_under_the_names_of_other_programs(name: str, tmp_path:
     np.testing.assert_array_equal(read_scan(tmp_path / "a.las").segment, labels)
 
 
-def test_pts_has_the_intensity_before_the_colour(tmp_path: Path) -> None:
+def test_pts_has_the_intensity_before_the_color(tmp_path: Path) -> None:
     """A count, then x y z intensity r g b, as scanners write it; the same numbers in .txt are colour and label."""
     (tmp_path / "a.pts").write_text("2\n1.5 2 3 -1240 10 20 30\n4 5 6 2047 40 50 60\n")
     scan = read_scan(tmp_path / "a.pts")

@@ -156,6 +156,34 @@ def test_labels_of_others_are_read_too(tmp_path: Path, kind: type) -> None:
     np.testing.assert_array_equal(image_files.decode(path), values)
 
 
+def test_a_gray_photograph_keeps_one_channel(tmp_path: Path) -> None:
+    """A gray JPEG is decoded as a gray PNG is; color JPEGs of each subsampling keep OpenCV's values to the last bit."""
+    rng = np.random.default_rng(7)
+    gray = rng.integers(0, 256, (33, 47)).astype(np.uint8)
+    for suffix in (".jpg", ".png"):
+        path = tmp_path / f"gray{suffix}"
+        assert cv2.imwrite(str(path), gray)
+        np.testing.assert_array_equal(image_files.decode(path), cv2.imread(str(path), cv2.IMREAD_UNCHANGED))
+    color = rng.integers(0, 256, (33, 47, 3)).astype(np.uint8)
+    for sampling in (cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444):
+        for progressive in (0, 1):
+            options = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, sampling, cv2.IMWRITE_JPEG_PROGRESSIVE, progressive]
+            path = tmp_path / "color.jpg"
+            assert cv2.imwrite(str(path), color, options)
+            expected = np.asarray(cv2.imread(str(path), cv2.IMREAD_COLOR))[..., ::-1]
+            np.testing.assert_array_equal(image_files.decode(path), expected)
+
+
+def test_a_gray_photograph_of_a_capture_gets_three_channels(tmp_path: Path) -> None:
+    """Whoever loads photographs gets red, green and blue, equal for a gray one of either format."""
+    capture, _ = write_example(tmp_path)
+    gray = np.random.default_rng(8).integers(0, 256, SHAPE).astype(np.uint8)
+    for data in (cv2.imencode(".jpg", gray)[1].tobytes(), image_files.encode_png(gray)):
+        (tmp_path / capture.images[0].file).write_bytes(data)
+        expected = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE))
+        np.testing.assert_array_equal(load_image(capture, 0), np.dstack([expected] * 3))
+
+
 def test_ids_above_16_bit_are_kept_as_tiff(tmp_path: Path) -> None:
     """An id of 4,000,000,000 survives, in a 32-bit TIFF."""
     write_example(tmp_path, highest=4_000_000_000)

@@ -43,7 +43,7 @@ def plate(material: Material, size: float = 20.0) -> SceneBuilder:
 
 
 @pytest.mark.parametrize("quality", ["fast", "standard", "fine"])
-def test_grey_card_under_a_white_dome(gl: Gl, ideal: RenderSettings, quality: str) -> None:
+def test_gray_card_under_a_white_dome(gl: Gl, ideal: RenderSettings, quality: str) -> None:
     """Irradiance of a uniform dome is pi times its radiance: the card's radiance is its albedo."""
     scene = plate(Material("card", base_color=(0.18, 0.36, 0.72), roughness=1.0)).build(DOWN[None])
     scene = replace(scene, dome=WHITE_DOME)
@@ -223,7 +223,7 @@ def test_textures_stand_upright(gl: Gl, ideal: RenderSettings, tmp_path: Path) -
             np.testing.assert_allclose(light[row, column] / 0.95, expected, atol=0.06)
 
 
-def test_colours_detail_and_macro_are_the_documented_factors(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
+def test_colors_detail_and_macro_are_the_documented_factors(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
     """SRGB 188 is half of white; detail multiplies by 1 + a (2 g - 1) per octave; macro by 2 g."""
     for name, value in (("half", 188), ("detail", 255), ("macro", 64)):
         cv2.imwrite(str(tmp_path / f"{name}.png"), np.full((16, 16, 3), value, np.uint8))
@@ -234,7 +234,7 @@ def test_colours_detail_and_macro_are_the_documented_factors(gl: Gl, ideal: Rend
     np.testing.assert_allclose(light[60, 80], 0.5 * 1.2 * 1.1 * 128 / 255, rtol=0.02)
 
 
-def test_raw_colours_channels_and_gains_of_textures(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
+def test_raw_colors_channels_and_gains_of_textures(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
     """A linear picture is not decoded; a gain and a bias act on linear values."""
     cv2.imwrite(str(tmp_path / "tint.png"), np.full((16, 16, 3), (51, 102, 204), np.uint8)[..., ::-1])
     told = np.array([51, 102, 204]) / 255
@@ -297,7 +297,7 @@ def test_edges_of_triangles_are_as_sharp_as_their_middle(gl: Gl, ideal: RenderSe
         np.testing.assert_allclose(shown[0], shown[1], atol=0.01)
 
 
-def test_a_missing_texture_is_told_and_drawn_grey(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
+def test_a_missing_texture_is_told_and_drawn_gray(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
     """One warning that names the file; the constant colour stays."""
     texture = Texture(str(tmp_path / "gone.png"), True)
     scene = plate(Material("card", base_color=(0.4, 0.4, 0.4), base_texture=texture)).build(DOWN[None])
@@ -307,7 +307,7 @@ def test_a_missing_texture_is_told_and_drawn_grey(gl: Gl, ideal: RenderSettings,
     np.testing.assert_allclose(light[60, 80], 0.4, rtol=0.01)
 
 
-def test_cut_outs_open_colour_depth_and_shadow(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
+def test_cut_outs_open_color_depth_and_shadow(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
     """Where the texture is transparent, the plate behind is seen, measured and lit."""
     pixels = np.zeros((64, 64, 4), np.uint8)  # black: it throws nothing back on what is below it
     pixels[:, 32:, 3] = 255
@@ -325,7 +325,7 @@ def test_cut_outs_open_colour_depth_and_shadow(gl: Gl, ideal: RenderSettings, tm
 
 
 @pytest.mark.parametrize("cover", [0.0, 1.0])
-def test_grey_card_under_our_own_day(
+def test_gray_card_under_our_own_day(
     gl: Gl, ideal: RenderSettings, tmp_path: Path, cover: float, proof_count: Count
 ) -> None:
     """A level card of 18 % grey has radiance 0.18 under the light that a scene gets, clear or overcast."""

@@ -150,7 +150,7 @@ def test_equal_content_is_loaded_once(gl: Gl, tmp_path: Path) -> None:
     assert len({(id(slot.array), slot.layer) for slot in slots.values()}) == 3
 
 
-def test_roughness_in_a_colours_opacity_looks_the_same(
+def test_roughness_in_a_colors_opacity_looks_the_same(
     gl: Gl, ideal: RenderSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Bit by bit as from a layer of its own; and it counts, for another roughness gives another picture."""

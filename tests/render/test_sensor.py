@@ -103,7 +103,7 @@ def test_without_noise_the_tone_curve_alone_is_left() -> None:
         assert low <= pixels[0, 0, 0] <= high
 
 
-def test_metering_brings_the_middle_tone_to_grey_and_keeps_highlights() -> None:
+def test_metering_brings_the_middle_tone_to_gray_and_keeps_highlights() -> None:
     """A survey twice as bright is exposed half as long; a few bright walls hold the exposure back."""
     rng = np.random.default_rng(1)
     light = rng.uniform(0.05, 0.15, 5000).astype(np.float32)
@@ -255,7 +255,7 @@ def test_no_number_keeps_a_photograph_from_its_exif(
     assert tags[0x010F] == "Falsework"
 
 
-def test_a_lens_of_metres_is_noted_as_far_as_exif_goes(record_proof: RecordProof) -> None:
+def test_a_lens_of_meters_is_noted_as_far_as_exif_goes(record_proof: RecordProof) -> None:
     """A focal length of 5 m (50 tenths of a unit of 1 m) stands in the file to a tenth of a micrometre."""
     jpeg = encode_jpeg(np.zeros((8, 8, 3), np.uint8), 90)
     tagged = insert_exif(jpeg, Shot(5.0, 2.0955, 0.001, 0.0, None, (0.0, 0.0, 0.0)), 8, 8)

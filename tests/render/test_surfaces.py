@@ -5,6 +5,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import OpenEXR
 import pytest
 
 from groundwork.errors import InputError
@@ -286,6 +287,20 @@ def test_a_broken_tga_is_named(data: bytes, tmp_path: Path) -> None:
     file.write_bytes(data)
     with pytest.raises(InputError, match=r"broken\.tga"):
         decode_tga(file)
+
+
+def test_infinite_light_is_not_dimmer_than_finite_light(tmp_path: Path) -> None:
+    """In OpenEXR +inf becomes 65504 or, in 32 bits, the largest finite value beyond it; NaN and -inf become 0."""
+    for kind, brightest in ((np.float16, 65504.0), (np.float32, 1e6)):
+        values = np.full((2, 4, 3), 0.5, kind)
+        values[0, 0], values[0, 1], values[0, 2], values[0, 3] = np.inf, -np.inf, np.nan, min(brightest, 6e4)
+        values[1, 0, 2] = brightest
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        OpenEXR.File(header, {"RGB": values}).write(str(tmp_path / "a.exr"))
+        read = decode_float(tmp_path / "a.exr")
+        assert (read[0, 0].tolist(), read.max()) == ([brightest] * 3, brightest)
+        assert (read[0, 1:3] == 0.0).all()
+        np.testing.assert_array_equal(read[1], values[1].astype(np.float32))
 
 
 def test_floating_point_pictures_color_surfaces(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:

@@ -246,7 +246,7 @@ def test_ior_tells_the_shine(told: str, expected: float | None, tmp_path: Path) 
     assert any("ior" in line for line in scene.warnings) == told.endswith(("inf", "nan"))
 
 
-def test_missing_texture_is_grey(tmp_path: Path) -> None:
+def test_missing_texture_is_gray(tmp_path: Path) -> None:
     """A texture that is not there costs one warning, which names no folder of this machine."""
     body = network("color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>", texture("A", "./gone.png"))
     scene, material = read_one(tmp_path, body)

@@ -44,22 +44,22 @@ class StageChoices:
 AS_AUTHORED = StageChoices()
 
 
-def choices_from(told: dict[str, Any] | None) -> StageChoices:
+def choices_from(values: dict[str, Any] | None) -> StageChoices:
     """Create choices from JSON.
 
     Args:
-        told: Result of `as_json`, or None for the stage's own settings.
+        values: Result of `as_json`, or None for the stage's own settings.
     """
-    if not told:
+    if not values:
         return AS_AUTHORED
     return StageChoices(
-        str(told["camera"]),
-        tuple(float(value) for value in told["frames"]),
-        tuple(told["purposes"]),
-        tuple((str(path), str(name), str(chosen)) for path, name, chosen in told["variants"]),
-        int(told["width"]),
-        int(told["height"]),
-        int(told["subdivision"]),
+        str(values["camera"]),
+        tuple(float(value) for value in values["frames"]),
+        tuple(values["purposes"]),
+        tuple((str(path), str(name), str(chosen)) for path, name, chosen in values["variants"]),
+        int(values["width"]),
+        int(values["height"]),
+        int(values["subdivision"]),
     )
 
 

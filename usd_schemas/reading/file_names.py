@@ -11,18 +11,18 @@ from usd_schemas.reading.labels import Warn
 _SHOWN = 80  # characters of a name in a warning
 
 
-def capture_name(prim: Usd.Prim, told: str, warn: Warn) -> str:
+def capture_name(prim: Usd.Prim, survey_id: str, warn: Warn) -> str:
     """Return the name of a camera or product, which is the name of its capture's folder.
 
     Args:
         prim: The camera or product.
-        told: Its survey id; if it is empty, the name of the prim is used.
+        survey_id: Its survey id; if it is empty, the name of the prim is used.
         warn: Called with one line if the name had to be changed.
 
     Returns:
         A name that `groundwork.slug.slug` leaves unchanged.
     """
-    wanted = told or prim.GetName()
+    wanted = survey_id or prim.GetName()
     name = slug(wanted)
     if name != wanted:
         warn(f"{prim.GetPath()}: {wanted[:_SHOWN]!r} is not a plain file name: its capture is named {name}")
@@ -55,22 +55,22 @@ def distinct_names(wanted: Sequence[str], instead: Callable[[int], str]) -> list
     return names
 
 
-def image_names(prim: Usd.Prim, told: tuple[str, ...], count: int, warn: Warn) -> tuple[str, ...]:
+def image_names(prim: Usd.Prim, stated: tuple[str, ...], count: int, warn: Warn) -> tuple[str, ...]:
     """Return the names of a camera's images, which are the stems of their files.
 
     Args:
         prim: The camera.
-        told: Names that the stage states; they are not used if there are more or fewer than images.
+        stated: Names that the stage states; they are not used if there are more or fewer than images.
         count: Number of images.
         warn: Called with one line if they are no names of files.
 
     Returns:
         `count` different names that `groundwork.slug.slug` leaves unchanged; `000000` … where the stage states none.
     """
-    if len(told) == count:
-        wrong = next((name for name in told if slug(name) != name), None)
-        if wrong is None and len({name.casefold() for name in told}) == count:  # some file systems ignore the case
-            return told
+    if len(stated) == count:
+        wrong = next((name for name in stated if slug(name) != name), None)
+        if wrong is None and len({name.casefold() for name in stated}) == count:  # some file systems ignore the case
+            return stated
         reason = "one occurs twice" if wrong is None else f"{wrong[:_SHOWN]!r} is not a plain file name"
         warn(f"{prim.GetPath()}: its falsework:survey:imageNames are not used, because {reason}: numbers are")
     return tuple(f"{row:06d}" for row in range(count))

@@ -51,14 +51,14 @@ def unpack_scene(data: bytes) -> tuple[FlatScene, tuple[str, ...]]:
         ValueError: The bytes are damaged.
     """
     if hashlib.sha256(data[_HASH:]).digest() != data[:_HASH]:
-        raise ValueError("damaged")
+        raise ValueError("its hash is not that of its contents")
     try:
         with np.load(BytesIO(data[_HASH:]), allow_pickle=False) as archive:
             first, *arrays = (archive[f"arr_{number}"] for number in range(len(archive.files)))
         facts = json.loads(first.tobytes())
         return _revived(FlatScene, facts["scene"], arrays), tuple(facts["layers"])
     except (KeyError, TypeError, EOFError, BadZipFile) as error:
-        raise ValueError("of another form") from error
+        raise ValueError("written in another format") from error
 
 
 def _plain(value: Any, arrays: Arrays) -> Any:

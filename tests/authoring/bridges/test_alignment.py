@@ -36,11 +36,12 @@ def curved(seed: int) -> Alignment:
     rng = np.random.default_rng(seed)
     kind = ("arc", "clothoid", "s", "sine")[seed % 4]
     skew, heading = rng.uniform(-30.0, 30.0), rng.uniform(-180.0, 180.0)
+    own = {"wave": 60.0, "amplitude": 15.0} if kind == "sine" else {}
     settings = {
         "service": "road",
         "beam": {"spans": [20.0, 15.0, 25.0]},
         "heading": heading,
-        "alignment": {"kind": kind, "skew": skew, "profile": "crest", "wave": 60.0, "amplitude": 15.0},
+        "alignment": {"kind": kind, "skew": skew, "profile": "crest", **own},
     }
     return draw_layout(parse_settings(BridgeSettings, settings, "test"), stream(seed, "bridge"))[0].alignment
 
@@ -167,7 +168,7 @@ def test_slopes_are_the_derivatives_of_point() -> None:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_rings_keep_chords_within_a_centimetre(seed: int) -> None:
+def test_rings_keep_chords_within_a_centimeter(seed: int) -> None:
     """Between two rings no line of the bridge leaves its chord by more than 10 mm; a straight bridge needs none."""
     axis = curved(seed)
     rings = np.concatenate([[-9.0], axis.steps(-9.0, 69.0), [69.0]])

@@ -311,6 +311,16 @@ def test_paper_profile_is_the_known_arch() -> None:
     assert arch.bents.lines[1] == pytest.approx(0.25 * arch.top.width, abs=1e-3)
 
 
+@pytest.mark.parametrize("arrangement", ["through", "half_through", "tied"])
+def test_paper_profile_builds_ribs_above_a_deck(arrangement: str) -> None:
+    """A ring cannot rise above its deck: profile `paper` draws ribs there, of steel or concrete."""
+    forms = {
+        make_bridge("arch", seed, profile="paper", arch={"arrangement": arrangement}).drawn.record.arch.section.form
+        for seed in range(8)
+    }
+    assert forms == {"concrete", "steel"}
+
+
 @pytest.mark.parametrize(
     ("own", "field"),
     [

@@ -21,7 +21,8 @@ PROFILES = ("default", "paper")
 LEAST_SHARE = 0.02  # [1] of the draws, in one profile or the other, that every option takes
 LEAST_COVER = 0.8  # [1] of a range that the draws reach
 # What does not fit is taken back only where the user did not ask for it: a skew from the deck, a crest from the grade.
-_OVERRULED = {("alignment", "skew"), ("alignment", "crest_radius")}
+# A size that only some axes have also chooses such an axis.
+_OVERRULED = {("alignment", key) for key in ("skew", "crest_radius", "amplitude", "wave")}
 _STRAIGHT = ("arch", "suspension", "cable_stayed")  # they refuse all but one option of the alignment
 _ENOUGH = 60  # draws of a key from which its range is judged
 
@@ -100,11 +101,16 @@ def test_the_shares_are_told_by_the_numbers() -> None:
 
 
 def test_shares_may_depend_on_the_bridge() -> None:
-    """The caller says which table is in force; what is fixed and what the profile `paper` has go before it."""
+    """The caller says which options there are; what is fixed goes before it, and `paper` has its own shares of them."""
     for share in (0.0, 0.7, 0.8):
         assert option_at(Options(), "shape", share, "default", ON_ROADS) == ("wall" if share < 0.75 else "railing")
         assert option_at(Options(), "shape", share, "default", ON_RAILWAYS) == "railing"
-        assert option_at(Options(), "shape", share, "paper", ON_RAILWAYS) == "wall"
+        assert option_at(Options(), "shape", share, "paper", ON_ROADS) == "wall"
+        assert option_at(Options(), "shape", share, "paper", ON_RAILWAYS) == "railing"  # the only one there
+        assert option_at(Options(), "bed", share, "paper", {"sand": 0.0, "slab": 1.0}) == "slab"
+        assert option_at(Options(), "bed", share, "paper", {"sand": 9.0, "slab": 1.0}) == (
+            "sand" if share < 0.5 else "slab"
+        )
         assert option_at(Options(shape="railing"), "shape", share, "paper", ON_ROADS) == "railing"
         assert option_at(Options(), "count", share, "paper") == (1 if share < 0.2 else 2)
 

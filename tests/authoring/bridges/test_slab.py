@@ -114,7 +114,7 @@ def test_outlines_keep_width_depth_and_symmetry(section: str) -> None:
         assert area(outline) == pytest.approx(7.0 * 0.8 + 2.0 * 1.5 * 0.26)
 
 
-def test_the_paper_puts_a_pier_every_ten_metres_under_a_slab_one_metre_deep() -> None:
+def test_the_paper_puts_a_pier_every_ten_meters_under_a_slab_one_meter_deep() -> None:
     """Profile `paper`: L / 10, no chamfers, sections hexagon, PK and box."""
     seen = set()
     for seed in range(30):

@@ -7,7 +7,7 @@ from pxr import Kind, Sdf, Sdr, Usd, UsdGeom, UsdLux, UsdShade
 _TEXTS = {Sdf.ValueTypeNames.Token, Sdf.ValueTypeNames.String}
 
 
-def mend(layer: Sdf.Layer) -> None:
+def correct(layer: Sdf.Layer) -> None:
     """Correct a flattened layer in place; its appearance is unchanged.
 
     - Kinds: a background is a component, so that models in it become subcomponents, and groups get no kind.
@@ -20,11 +20,11 @@ def mend(layer: Sdf.Layer) -> None:
     """
     stage = Usd.Stage.Open(layer, Usd.Stage.LoadAll)
     for prim in _prims(stage):
-        _mend_kind(prim)
-        _mend_extent(prim)
-        _mend_binding(prim)
+        _correct_kind(prim)
+        _correct_extent(prim)
+        _correct_binding(prim)
         if prim.IsA(UsdShade.Shader):
-            _mend_types(UsdShade.Shader(prim))
+            _correct_types(UsdShade.Shader(prim))
 
 
 def _prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
@@ -32,7 +32,7 @@ def _prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
     yield from Usd.PrimRange(stage.GetPseudoRoot(), Usd.PrimAllPrimsPredicate)
 
 
-def _mend_kind(prim: Usd.Prim) -> None:
+def _correct_kind(prim: Usd.Prim) -> None:
     kind, model = Usd.ModelAPI(prim).GetKind(), Kind.Registry
     if not kind or prim.GetPath().IsRootPrimPath() or not model.IsA(kind, Kind.Tokens.model):
         return
@@ -42,7 +42,7 @@ def _mend_kind(prim: Usd.Prim) -> None:
         prim.ClearMetadata("kind")
 
 
-def _mend_extent(prim: Usd.Prim) -> None:
+def _correct_extent(prim: Usd.Prim) -> None:
     body = UsdGeom.Boundable(prim)
     if not body or prim.HasAPI(UsdLux.LightAPI) or body.GetExtentAttr().HasAuthoredValue():
         return
@@ -54,7 +54,7 @@ def _mend_extent(prim: Usd.Prim) -> None:
             body.CreateExtentAttr().Set(extent, code)
 
 
-def _mend_binding(prim: Usd.Prim) -> None:
+def _correct_binding(prim: Usd.Prim) -> None:
     word = UsdShade.Tokens.materialBinding
     for binding in (one for one in prim.GetAuthoredRelationships() if one.GetName().startswith(word)):
         if not binding.GetTargets():
@@ -63,7 +63,7 @@ def _mend_binding(prim: Usd.Prim) -> None:
             UsdShade.MaterialBindingAPI.Apply(prim)
 
 
-def _mend_types(shader: UsdShade.Shader) -> None:
+def _correct_types(shader: UsdShade.Shader) -> None:
     node = Sdr.Registry().GetShaderNodeByIdentifier(shader.GetShaderId() or "")
     for name in node.GetShaderInputNames() if node else ():
         attribute = shader.GetPrim().GetAttribute(f"inputs:{name}")

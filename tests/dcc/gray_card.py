@@ -1,6 +1,6 @@
 """Runs inside Blender: imports a stage with a level card and measures its radiance with Cycles.
 
-Usage: python grey_card.py REQUEST_JSON, with `file` (the stage), `facts` (the JSON file to write).
+Usage: python gray_card.py REQUEST_JSON, with `file` (the stage), `facts` (the JSON file to write).
 """
 
 import json

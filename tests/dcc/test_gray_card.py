@@ -22,7 +22,7 @@ _LIGHTS = {
 
 @pytest.mark.dcc
 @pytest.mark.parametrize("name", _LIGHTS)
-def test_grey_card_in_blender(name: str, tmp_path: Path) -> None:
+def test_gray_card_in_blender(name: str, tmp_path: Path) -> None:
     """Opened with our script: luminance within 3 %, and the irradiance of the sun as we mean it."""
     directions = sky_directions(128)
     picture = np.where(directions[..., 2:] > 0, [0.5, 0.6, 0.8], 0.1)
@@ -34,7 +34,7 @@ def test_grey_card_in_blender(name: str, tmp_path: Path) -> None:
     author_lighting(stage, lighting)
     stage.Save()
     request = {"file": str(tmp_path / "card.usda"), "facts": str(tmp_path / "facts.json")}
-    run_in_blender("grey_card.py", json.dumps(request))
+    run_in_blender("gray_card.py", json.dumps(request))
     facts = json.loads((tmp_path / "facts.json").read_text())
     assert np.array(facts["colour"]) @ LUMINANCE == pytest.approx(0.18, rel=0.03)
     assert facts["suns"] == pytest.approx([max(lighting.sun_irradiance)], rel=1e-4)
