@@ -104,7 +104,8 @@ def experiment_page(record: Mapping[str, Any], name: str, grounds: Mapping[str, 
     Returns:
         Markdown.
     """
-    heading, _, rest = page(record).partition("\n")
+    path = (EXPERIMENTS / f"{name}.toml").relative_to(ROOT).as_posix()
+    heading, _, rest = page(record).replace(f"--preset {name}.toml", f"--preset {path}").partition("\n")
     about = (
         f"`python -m benchmarks.learn.experiments RUN… -o OUT --only {name}` writes this page, from "
         f"`benchmarks/learn/experiment/{name}.toml`. [How to read it](../comparisons.md). Trainings are short: the "

@@ -24,8 +24,8 @@ I64 = NDArray[np.int64]
 LIMITS = (
     "Everything it saw was made by this project: no real scan had a part in its training, and none in these scores.",
     "It sees positions alone. It cannot know what only color or intensity distinguishes.",
-    "It was trained on {bridges} bridges{start} among the plants, houses and vehicles of our own worlds. It knows no "
-    "power line, crane, scaffold or person, and will call some of them parts of a bridge.",
+    "It was trained on {bridges} bridges{start} among the plants, houses and vehicles of our own worlds. It knows "
+    "few power lines and no crane, scaffold or person, and will call some of them parts of a bridge.",
     "Parts finer than its cubes of {voxel:g} m (bearings, sockets, clamps, rails) are mostly lost.",
     "Its tiles are {size:g} m wide. Where the function of a part is visible only from farther away, its class is a "
     "guess.",

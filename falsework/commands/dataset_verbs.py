@@ -233,18 +233,20 @@ def _facts(dataset: Path) -> dict[str, Any]:
 
 
 def nested(given: dict[str, Any]) -> dict[str, Any]:
-    """Convert dotted keys such as `tile.size` to nested tables.
+    """Convert dotted keys such as `tile.size` to nested tables, of any depth.
 
     Args:
         given: Settings of `--set`.
     """
     whole: dict[str, Any] = {}
     for key, value in given.items():
-        group, point, inner = key.partition(".")
-        if point:
-            whole[group] = {**(whole[group] if isinstance(whole.get(group), dict) else {}), inner: value}
-        else:
-            whole[group] = value
+        *groups, last = key.split(".")
+        table = whole
+        for group in groups:
+            if not isinstance(table.get(group), dict):
+                table[group] = {}
+            table = table[group]
+        table[last] = value
     return whole
 
 

@@ -57,9 +57,16 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "falsework dataset demo -o bridges",
         "falsework dataset demo -o bridges --photographs",
     ),
-    "train": ("falsework train set -o model --model randlanet --epochs 30", "falsework train --demo -o model"),
+    "train": (
+        "falsework train set -o model --model randlanet --epochs 30",
+        "falsework train patchset -o mine --init shipped --freeze-encoder --set validation=0",
+        "falsework train --demo -o model",
+    ),
     "evaluate": ("falsework evaluate model set",),
-    "compare": ("falsework compare out -o compared --preset task-local-1 --plan",),
+    "compare": (
+        "falsework compare learning -o sensors --preset sensor-matrix --plan",
+        "falsework compare korea=pseudo-korea synthetic=learning illinois=pseudo-illinois -o out --preset task-local-1",
+    ),
     "predict": ("falsework predict scan.laz -o labeled.laz --unit m",),
     "completion": ("falsework completion bash",),
 }

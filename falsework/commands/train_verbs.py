@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 OF_DATASET, OF_MODEL = "a folder that falsework dataset has written", "a folder that falsework train has written"
 
+SHIPPED = "shipped"  # word for the model of the package
+
 File = tyro.conf.Positional[Path]
 Output = Annotated[Path, tyro.conf.arg(aliases=["-o"])]
 Given = tyro.conf.UseAppendAction[tuple[str, ...]]
@@ -64,7 +66,8 @@ def train(
         seed: Seed of weights, order, draws and dropout.
         channels: Inputs of the network per point, separated by commas; default: those of --init, else x,y,z, and with
             --recipe modern the height above the estimated ground, if the data set has it.
-        init: A model to start from; its last layer is initialized at random if the classes differ.
+        init: A model to start from, or `shipped`, the model of the package; its last layer is initialized at random if
+            the classes differ.
         freeze_encoder: Train only the decoder and the head, as for a few labeled scans.
         set: A further setting, such as `learning_rate=0.001`, or of the network, such as `network.unit=2.0`; may be
             given more than once.
@@ -74,7 +77,7 @@ def train(
         given = {"dataset": dataset, "--model": model, "--channels": channels, "--init": init, "--set": set}
         given |= {"--recipe": recipe != "modern", "--batch": batch != 8, "--freeze-encoder": freeze_encoder}
         return _demo(output, seed, epochs, [name for name, value in given.items() if value], as_json)
-    dataset = _given(dataset)
+    dataset, init = _given(dataset), _start_of(init)
     settings = _settings(
         {"model": model, "recipe": recipe, "epochs": epochs, "batch": batch, "seed": seed}
         | {"freeze_encoder": freeze_encoder},
@@ -288,6 +291,15 @@ def _demo(output: Path, seed: int, epochs: int | None, unwanted: list[str], as_j
     with ConsoleProgress() as progress:
         fresh_output(output, "model", write, inputs=[], asked=["demo", changed], resume=True)
     return tell(_model_facts(output) if as_json else {}, [*lines, f"model   {output}"], as_json)
+
+
+def _start_of(init: Path | None) -> Path | None:
+    """Replace the word for the model of the package by its folder, unless the user has a folder of that name."""
+    if init is None or str(init) != SHIPPED or init.exists():
+        return init
+    from learn.predict.model import shipped_folder
+
+    return shipped_folder()
 
 
 def _begun(init: Path | None) -> dict[str, Any]:

@@ -271,11 +271,16 @@ def experiment_settings(what: str, given: Mapping[str, Any]) -> ExperimentSettin
     Raises:
         InputError: Neither a preset nor a file, or a value that is not allowed.
     """
-    values = preset_values(what)
+    return parse_settings(ExperimentSettings, _changed(preset_values(what), given), what)
+
+
+def _changed(values: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Replace values, and in tables those of the keys that are given."""
+    new = dict(values)
     for key, value in given.items():
-        before = values.get(key)
-        values[key] = {**before, **value} if isinstance(before, dict) and isinstance(value, dict) else value
-    return parse_settings(ExperimentSettings, values, what)
+        before = new.get(key)
+        new[key] = _changed(before, value) if isinstance(before, Mapping) and isinstance(value, Mapping) else value
+    return new
 
 
 def data_facts(settings: ExperimentSettings, noisy: float) -> dict[str, Any]:

@@ -110,7 +110,7 @@ def train_network(
             an encoder that is to stay as it is without one.
     """
     _check_gpu(settings)
-    _check_start(data, settings, init)
+    _check_start(data, settings, init, progress)
     torch.use_deterministic_algorithms(not trains_on_gpu(settings))
     task, classes = _set_task(data, settings, init), data.training.classes
     torch.manual_seed(settings.seed)
@@ -169,10 +169,13 @@ def _check_gpu(settings: TrainSettings) -> None:
         )
 
 
-def _check_start(data: TrainingData, settings: TrainSettings, init: Path | None) -> None:
-    """Refuse to freeze random weights, and to continue with samples of another scale."""
+def _check_start(data: TrainingData, settings: TrainSettings, init: Path | None, progress: Progress) -> None:
+    """Refuse to freeze random weights, and samples of another scale; tell of samples that are cut otherwise."""
     if init is not None:
-        check_scaling(read_facts(init), data.facts, init)
+        before = read_facts(init)
+        check_scaling(before, data.facts, init)
+        if words := _other_cutting(before.data, data.facts):
+            progress.note(f"the samples are cut otherwise than those of {init}: cut them again with {words}")
     elif settings.freeze_encoder:
         raise InputError(
             "the weights of the encoder are random, and would stay so",
@@ -180,6 +183,15 @@ def _check_start(data: TrainingData, settings: TrainSettings, init: Path | None)
             value=True,
             hint="Name a model to start from with --init, or leave --freeze-encoder out",
         )
+
+
+def _other_cutting(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """Give the options of `falsework dataset` that cut as for a model's training; "" if the samples are cut so."""
+    earlier, current = (facts.get("settings") or {} for facts in (before, now))
+    if earlier.get("mode") != "metric" or current.get("mode") != "metric":
+        return ""
+    other = {key: value for key, value in earlier["tile"].items() if current["tile"].get(key) != value}
+    return " ".join(f"--set tile.{key}={value:g}" for key, value in other.items()) if other.keys() - {"stride"} else ""
 
 
 def _set_task(data: TrainingData, settings: TrainSettings, init: Path | None) -> _Task:

@@ -64,6 +64,16 @@ def test_hdf5_and_parquet_hold_the_draws(dataset: Path, tmp_path: Path) -> None:
     assert card.startswith("---\nconfigs:\n- config_name: default\n  data_files:\n  - split: train\n")
 
 
+def test_hugging_face_loads_the_shards(dataset: Path, tmp_path: Path) -> None:
+    """Their library finds the splits by the card alone, where it is installed; it is not one of ours."""
+    datasets = pytest.importorskip("datasets")
+    export_dataset(dataset, "parquet", tmp_path)
+    found = datasets.load_dataset(str(tmp_path), cache_dir=str(tmp_path / "cache"))
+    source = StoredSplit(dataset, "test", ALL_READ)
+    assert len(found["test"]) == len(source)
+    np.testing.assert_array_equal(found["test"][0]["label"], source.sample(0, 0).labels)
+
+
 def test_s3dis_holds_the_pieces(dataset: Path, tmp_path: Path) -> None:
     """A room has the points of its piece, and its annotations are these points, sorted by class."""
     export_dataset(dataset, "s3dis", tmp_path)

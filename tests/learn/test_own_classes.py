@@ -121,6 +121,36 @@ def test_the_head_learns_other_classes_and_the_encoder_stays(office: Path) -> No
     assert not torch.equal(before["up.0.0.linear.weight"], after["up.0.0.linear.weight"])
 
 
+def test_the_model_of_the_package_starts_a_training(
+    office: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It needs no path; samples that are cut otherwise are told, with the options that cut them alike."""
+    words = (office / "patch.laz", "--class-map", office / "mine.toml", "--table", "own", "-o", tmp_path / "set")
+    assert call("dataset", "local", *words, *CUT, OVERLAPPING, "--set", "points=1024") == 0
+    tuned = ("--init", "shipped", "--freeze-encoder", "--epochs", "1", "--batch", "2", "--set", "accelerator=cpu")
+    assert call("train", tmp_path / "set", "-o", tmp_path / "mine", *tuned, "--set", "validation=0") == 0
+    told = capsys.readouterr()
+    assert read_facts(tmp_path / "mine").network == "pointnext-s"
+    assert "cut otherwise than those of" in told.err + told.out
+    assert "--set tile.voxel=0.15" in told.err + told.out
+    assert (
+        call(
+            "train",
+            office / "patchset",
+            "-o",
+            tmp_path / "again",
+            "--init",
+            office / "mine",
+            *tuned[2:],
+            "--set",
+            "validation=0",
+        )
+        == 0
+    )
+    told = capsys.readouterr()
+    assert "cut otherwise" not in told.err + told.out
+
+
 def test_another_scan_is_labeled_with_the_users_numbers(office: Path, tmp_path: Path) -> None:
     """Eight points in ten of a bridge that neither training saw have the office's number; boxes name its classes."""
     codes = write_patch(tmp_path / "scan.laz", 8)
