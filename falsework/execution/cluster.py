@@ -23,13 +23,13 @@ from falsework.execution.board import NO_BOARD, Board, SilentBoard, StepEvent, d
 from falsework.execution.chain import Sources, scene_chain
 from falsework.execution.memory import memory_guard
 from falsework.execution.outcome import Outcome
-from falsework.execution.scene import BusySceneError, RunOptions, run_scene, steps_of
+from falsework.execution.scene import BusySceneError, RunOptions, blame_scene, run_scene, steps_of
 from falsework.scenario import Scenario
 from falsework.store.store import Store
 from groundwork.errors import FalseworkError, InputError
 from groundwork.progress import Progress
 
-FAILURES = 1_000_000  # deaths of workers that a task survives; Dask's default of 3 would blame any task that ran there
+DEATHS = 20  # of workers that a task survives; then it runs alone, as Dask blames all tasks of a dead worker
 QUEUE = 4  # scenes per worker that are submitted ahead; the rest wait here and cost nothing
 LEAST_QUEUE = 64
 PATIENCE = "1 day"  # for the restart of a worker; Dask would end it after 15 s on a busy machine
@@ -52,6 +52,7 @@ class SceneJob:
         topic: Dask topic of its events; empty if there is no listener.
         guarded: Whether the worker limits its own memory, because it is not a child process of the command.
         memory: Limit of the memory of that worker and the processes below it [GB]; None: nine tenths of its machine's.
+        alone: Whether it runs while no other scene does, so that it is to blame if its workers die.
     """
 
     scenario: Scenario
@@ -62,6 +63,7 @@ class SceneJob:
     topic: str = ""
     guarded: bool = False
     memory: float | None = None
+    alone: bool = False
 
 
 @dataclass
@@ -136,15 +138,17 @@ def run_on_cluster(
         from distributed import wait
 
         threads = sum(client.nthreads().values())
-        waiting = deque(_told_to(jobs, client, board, threads))
+        waiting, alone = deque(_told_to(jobs, client, board, threads)), deque[SceneJob]()
         room = max(LEAST_QUEUE, QUEUE * threads)
         sent: dict[Any, SceneJob] = {}
         done = 0
-        while waiting or sent:
+        while waiting or sent or alone:
             while waiting and len(sent) < room:
                 job = waiting.popleft()
-                future = client.submit(do_job, job, pure=False)
-                sent[future] = job
+                sent[client.submit(do_job, job, pure=False)] = job
+            if not sent:
+                job = alone.popleft()
+                sent[client.submit(do_job, job, pure=False)] = job
             finished: Any = wait(list(sent), return_when="FIRST_COMPLETED")
             for future in finished.done:
                 again = _take(future, sent.pop(future), outcome, progress)
@@ -153,7 +157,7 @@ def run_on_cluster(
                     done += 1
                     progress.advance(done)
                 else:
-                    waiting.append(again)
+                    (alone if again.alone else waiting).append(again)
     return outcome
 
 
@@ -178,8 +182,15 @@ def _take(future: Any, job: SceneJob, outcome: Outcome, progress: Progress) -> S
         outcome.made += error.made
         outcome.reused -= error.made
         return replace(job, manner=replace(job.manner, wait=True))
-    except (CancelledError, KilledWorker):  # an existing cluster with a lower limit of deaths
+    except CancelledError:
         return job
+    except KilledWorker:
+        if not job.alone:
+            return replace(job, alone=True)
+        outcome.failed[f"{job.index:04d}"] = blame_scene(
+            job.scenario, job.sources, job.index, Store(job.out), job.manner
+        )
+        return None
     for line in notes:
         progress.note(f"scene {job.index:04d}: {line}")
     outcome.add(part)
@@ -195,7 +206,7 @@ def _own_cluster(workers: int) -> Iterator[Any]:
     from dask import config
 
     settings: dict[str, Any] = {
-        "distributed.scheduler.allowed-failures": FAILURES,
+        "distributed.scheduler.allowed-failures": DEATHS,
         "distributed.deploy.lost-worker-timeout": PATIENCE,
         # Lost connections of an interrupted run are not logged; the workers get this with the settings.
         "logging": {"distributed": "critical"},

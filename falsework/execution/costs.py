@@ -137,13 +137,14 @@ class Costs:
 
 
 @lru_cache(maxsize=8)
-def costs_of(root: Path) -> Costs:
+def costs_of(root: Path, amounts: tuple[tuple[str, float], ...] = ()) -> Costs:
     """Return the costs of a run; a process reads each line only once.
 
     Args:
         root: Output folder of the run.
+        amounts: Stage and multiple of the demo's work [1], as in `Costs`.
     """
-    return Costs(root)
+    return Costs(root, dict(amounts))
 
 
 def bytes_added(folder: Path) -> int:
@@ -168,19 +169,21 @@ def free_space(path: Path) -> int:
     return shutil.disk_usage(path).free
 
 
-def check_space(root: Path, stage: str, key: str) -> None:
+def check_space(root: Path, stage: str, key: str, amounts: Mapping[str, float]) -> None:
     """Refuse to begin work that needs more disk space than is free.
 
     Args:
         root: Output folder of the run.
         stage: Stage of the result that is about to be made.
         key: Key of the result; files of an interrupted run are subtracted.
+        amounts: Work of each stage's results as multiples of the demo's, as in `Costs` [1].
 
     Raises:
-        OutOfSpaceError: Less is free than the largest result of that stage has needed.
+        OutOfSpaceError: Less is free than the largest result of that stage has needed, or, if none was made, than this
+            one is expected to need.
     """
     there = sum(one.st_size for one in plain_files(root / "work" / key))
-    needed, free = costs_of(root).most_bytes(stage) - there, free_space(root)
+    needed, free = costs_of(root, tuple(sorted(amounts.items()))).most_bytes(stage) - there, free_space(root)
     if free < needed:
         raise OutOfSpaceError(
             f"{root}: the next result ({stage}) may need {needed / 1e6:.1f} MB of disk space, {free / 1e6:.1f} MB are "

@@ -2,6 +2,7 @@
 
 import time
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from falsework.execution.board import NO_BOARD, Board, State, StepEvent
 from falsework.execution.chain import Chain, Flight, Sources, Step, scene_chain
 from falsework.execution.costs import bytes_added, check_space
 from falsework.execution.events import write_event
-from falsework.execution.needs import REPORT, consumers, needed_steps, wanted_steps
+from falsework.execution.needs import REPORT, consumers, needed_steps, rejected_steps, wanted_steps
 from falsework.execution.outcome import Outcome
 from falsework.scenario import Scenario
 from falsework.stages import STAGES
@@ -40,12 +41,14 @@ class RunOptions:
         retry: Retry what failed before.
         wait: Wait for another process that is making a needed result.
         keep: Stages whose results are kept.
+        amounts: Work of each stage's results as multiples of the demo's, as in `Costs` [1].
     """
 
     quarantine: bool = False
     retry: bool = False
     wait: bool = True
     keep: tuple[str, ...] = tuple(STAGES)
+    amounts: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 @dataclass
@@ -176,7 +179,7 @@ class SceneRun:
 
     def _work(self, step: Step) -> bool:
         """Run a step whose inputs exist."""
-        check_space(self.store.root, step.task.stage, step.task.key)
+        check_space(self.store.root, step.task.stage, step.task.key, self.manner.amounts)
         inputs = {**step.given, **{name: self.store.folder(parent.task) for name, parent in step.parents.items()}}
         stage, begin = STAGES[step.task.stage], time.monotonic()
         self._tell(step, "begun")
@@ -265,6 +268,30 @@ def run_scene(
     state: State = "rejected" if chain.name in scene.outcome.rejected else "done"
     board.tell(StepEvent(chain.name, state="failed" if chain.name in scene.outcome.failed else state))
     return scene.outcome
+
+
+def blame_scene(scenario: Scenario, sources: Sources, index: int, store: Store, manner: RunOptions) -> str:
+    """Record that the processes which make a scene always die, so that the next run skips its missing result.
+
+    Args:
+        scenario: What to make.
+        sources: What it takes from outside.
+        index: Number of the scene.
+        store: Store of the results.
+        manner: Options of the run.
+
+    Returns:
+        One line for people.
+    """
+    chain = scene_chain(scenario, index, sources)
+    needed = needed_steps(chain, store, manner.keep)
+    steps = [*chain.steps, chain.report(rejected_steps(chain, store))]
+    missing = next((step for step in steps if step.link in needed and not store.has(step.task)), None)
+    what = "" if missing is None else f" in its {missing.task.stage}"
+    message = f"every process that worked on this scene died{what}, such as for lack of memory"
+    if missing is not None and manner.quarantine:
+        store.blame(missing.task, message)
+    return message
 
 
 def steps_of(chain: Chain, keep: tuple[str, ...]) -> dict[str, int]:

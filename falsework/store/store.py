@@ -3,6 +3,7 @@
 import os
 import secrets
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -10,14 +11,14 @@ from typing import Any
 
 from falsework.stops import stop_behind
 from falsework.store.artefact import Hashes, file_faults, read_manifest, seal, task_key
-from falsework.store.failures import RECORD, Failure, failure_of, read_failure, write_failure
+from falsework.store.failures import ATTEMPTS, KILLED, RECORD, Failure, failure_of, read_failure, write_failure
 from falsework.store.foreign import move_foreign
 from falsework.store.textures import STAGE, share_textures
 from falsework.store.verification import verify
 from falsework.store.workroom import LINKS, remove, set_aside, sweep, work_folder
 from groundwork.errors import FalseworkError, InputError, OutOfSpaceError, RejectedSceneError, passing_code
 from groundwork.files import MANIFEST, commit_folder, space_errors, write_text
-from groundwork.locks import hold_lock
+from groundwork.locks import BusyError, hold_lock
 
 
 @dataclass(frozen=True)
@@ -192,6 +193,19 @@ class Store:
         if former is not None and former.final and not (retry and former.kind == "failed"):
             raise former.as_error()
         return former
+
+    def blame(self, task: Task, message: str) -> None:
+        """Record that every process which made a result died; the next run skips it. Nothing if it is being made.
+
+        Args:
+            task: The task.
+            message: One line for people.
+        """
+        with suppress(BusyError), work_folder(self.root, task.key, wait=False) as work:
+            work.mkdir(exist_ok=True)
+            dead = Failure("failed", "killed", message, KILLED, attempts=ATTEMPTS)
+            write_failure(self._failure_file(task), task.record, dead, work)
+            remove(work)
 
     def files(self, task: Task) -> dict[str, Any] | None:
         """Return size and hash of each file of a result; None if its manifest is damaged.

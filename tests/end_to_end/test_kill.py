@@ -56,6 +56,27 @@ def test_killed_run_goes_on(chain: Chain, tmp_path: Path) -> None:
     assert kept >= len(drawn) - 2  # those in work when it was killed are drawn again
 
 
+@pytest.mark.proof_only
+def test_workers_give_the_bytes_of_one_process(chain: Chain, tmp_path: Path, record_proof: RecordProof) -> None:
+    """Three scenes shared out to two workers, with the real stages: the scene of the chain has every stored byte."""
+    scenario = chain.scenario.model_copy(update={"scenes": 3})
+    out = tmp_path / "out"
+    outcome = run_scenario(scenario, out, SILENT, workers=2)
+    assert outcome.failed == outcome.rejected == {}
+    files = 0
+    for stage in ("stage", "capture", "model", "cloud"):
+        for result in (chain.out / "store" / stage).iterdir():
+            twin = out / "store" / stage / result.name
+            assert _digests(result) == _digests(twin)
+            files += len(_digests(twin))
+    record_proof(
+        "chain: two workers against one process",
+        files,
+        chain.scenario.seed,
+        {"scenes": len(list(out.glob("scenes/*")))},
+    )
+
+
 @pytest.mark.faults
 @pytest.mark.proof_only
 def test_killed_run_goes_on_from_anywhere(

@@ -34,7 +34,7 @@ def test_local_scene_becomes_a_dense_cloud(index: int, tmp_path: Path, record_pr
         record_proof(f"paper-local: scene {index}", 0, 399, {"rejected": made})
         return
     cloud, truth = made
-    figures = {**_figures(cloud, truth), "cpu_s": _processor_time() - before}
+    figures = {**_figures(cloud, truth), **_sizes(tmp_path / "run"), "cpu_s": _processor_time() - before}
     samples, classes = visible_surface(truth, FAR, VIEWS)
     distance, depth = cloud.columns["surface_distance"], _nearest_depth(cloud, truth)
     found, bridge = (
@@ -59,7 +59,7 @@ def test_global_scene_becomes_a_sparse_cloud(index: int, tmp_path: Path, record_
         record_proof(f"paper-global: scene {index}", 0, 220, {"rejected": made})
         return
     cloud, truth = made
-    figures = {**_figures(cloud, truth), "cpu_s": _processor_time() - before}
+    figures = {**_figures(cloud, truth), **_sizes(tmp_path / "run"), "cpu_s": _processor_time() - before}
     record_proof(f"paper-global: scene {index}", len(cloud), 220, figures | _points(cloud))
     _hold(figures)
 
@@ -101,6 +101,12 @@ def _figures(cloud: Cloud, truth: Truth) -> dict[str, float]:
         "kept_margin_3px": float(clear.sum() / near.sum()),
         "noisy_share": statistics["noisy_share_0.1m"],
     }
+
+
+def _sizes(out: Path) -> dict[str, float]:
+    """Measure the results on disk, the textures of the stage included [MB]."""
+    files = {kind: (out / "store" / kind).glob("*/**/*") for kind in ("stage", "capture", "cloud")}
+    return {f"{kind}_mb": sum(path.stat().st_size for path in found) / 1e6 for kind, found in files.items()}
 
 
 def _points(cloud: Cloud) -> dict[str, int]:

@@ -7,14 +7,18 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel
 
+from authoring.settings import AuthoringSettings
 from falsework.execution import chain
 from falsework.execution.chain import read_sources, scene_chain
+from falsework.scenario import Scenario
 from falsework.stages import STAGES
 from groundwork.progress import SILENT
 from recon.settings import ReconSettings
 from tests.falsework.tiny_chain import tiny_scenario
 
 LIMITS = {"threads", "seconds_per_image", "memory_limit", "memory_per_image", "memory_per_megapixel"}
+OF_KIND = ((bool, True), (int, 5), (float, 0.25))
+OF_FRAMES = {"workers", "encoders"}
 OF_DENSE = {("quality",), ("filter",)}
 OF_SPARSE = {("max_reprojection_error",), ("min_views",), ("sure_views",), ("max_deviation",)}
 
@@ -28,7 +32,11 @@ def no_platform(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def keys(recon: ReconSettings) -> dict[str, str]:
     """Give the key of every step of a scene whose clouds are both made, by what it is."""
-    scenario = tiny_scenario().model_copy(update={"recon": recon})
+    return keys_of(tiny_scenario().model_copy(update={"recon": recon}))
+
+
+def keys_of(scenario: Scenario) -> dict[str, str]:
+    """Give the key of every step of a scene, by what it is."""
     found = scene_chain(scenario, 0, read_sources(scenario, SILENT))
     return {step.link.partition("+")[2] or step.task.stage: step.task.key for step in (*found.steps, found.report())}
 
@@ -46,16 +54,27 @@ def changed(model: Any, path: tuple[str, ...]) -> Any:
     value = getattr(model, name)
     if rest:
         return model.model_copy(update={name: changed(value, tuple(rest))})
-    choices = [choice for choice in get_args(type(model).model_fields[name].annotation) if choice != value]
-    if isinstance(value, bool):
-        other: Any = not value
-    elif isinstance(value, int):
-        other = value + 1
-    elif isinstance(value, float):
-        other = value * 0.99
-    else:
-        other = (5 if int in choices else 0.25) if value is None else choices[0]
-    return model.model_copy(update={name: other})
+    return model.model_copy(update={name: another(value, type(model).model_fields[name].annotation)})
+
+
+def another(value: Any, kind: Any) -> Any:
+    """Give another value, allowed where settings of the reconstruction need it, as these are read again."""
+    match value:
+        case bool():
+            return not value
+        case int():
+            return value + 1
+        case float():
+            return value * 0.99 if value else 0.25
+        case None:
+            kinds = {inner for choice in get_args(kind) for inner in (choice, *get_args(choice))}
+            return next((other for of, other in OF_KIND if of in kinds), "x")
+        case dict():
+            return {**value, "x": 1.0}
+        case tuple() | list():
+            return (*value, "x")
+        case _:
+            return next((choice for choice in get_args(kind) if isinstance(choice, str) and choice != value), "x")
 
 
 def wanted(path: tuple[str, ...]) -> set[str]:
@@ -79,6 +98,29 @@ def test_every_setting_of_the_reconstruction_counts_where_it_works(path: tuple[s
     before, after = keys(base), keys(changed(base, path))
     moved = {name for name in before if before[name] != after[name]}
     assert moved == (wanted(path) | {"report"} if wanted(path) else set())
+
+
+@pytest.mark.parametrize("section", ["render", "sensor"])
+def test_every_setting_of_the_renderer_counts(section: str) -> None:
+    """Each moves the capture and what is made from it, and no stage; those of the work alone move nothing."""
+    base = tiny_scenario()
+    before = keys_of(base)
+    for path in leaves(getattr(base, section)):
+        after = keys_of(changed(base, (section, *path)))
+        moved = {name for name in before if before[name] != after[name]}
+        assert moved == (set() if path[-1] in OF_FRAMES else set(before) - {"stage"}), path
+
+
+@pytest.mark.filterwarnings("ignore:Pydantic serializer warnings")  # values that nobody has read yet
+@pytest.mark.parametrize("section", sorted(set(AuthoringSettings.model_fields) - {"survey", "variants"}))
+def test_every_setting_of_a_stage_counts(section: str) -> None:
+    """Each moves the stage, and so everything."""
+    base = tiny_scenario()
+    before, value = keys_of(base), getattr(base, section)
+    paths = [(section, *path) for path in leaves(value)] if isinstance(value, BaseModel) else [(section,)]
+    for path in paths:
+        after = keys_of(changed(base, path))
+        assert all(before[name] != after[name] for name in before), path
 
 
 def test_threads_count_where_the_mapper_uses_them() -> None:

@@ -244,7 +244,7 @@ def test_full_disk_stops_before_the_work(
         run(2)
     assert not list(tmp_path.glob("out/work/*")) and not list(tmp_path.glob("out/store/*"))  # noqa: PT018
     free += 1
-    costs.check_space(tmp_path / "out", "stage", "key")
+    costs.check_space(tmp_path / "out", "stage", "key", {})
     free = max(DEFAULT_BYTES.values())
     assert run(2, part=range(1)).made == 5
     most = Costs(tmp_path / "out").most_bytes("stage")
@@ -266,9 +266,9 @@ def test_what_an_interrupted_run_left_counts_as_there(
     monkeypatch.setattr(costs, "free_space", lambda path: left - 30_000)
     (out / "work" / "key").mkdir(parents=True)
     with pytest.raises(OutOfSpaceError):
-        costs.check_space(out, "capture", "key")
+        costs.check_space(out, "capture", "key", {})
     (out / "work" / "key" / "000000.jpg").write_bytes(bytes(30_000))
-    costs.check_space(out, "capture", "key")
+    costs.check_space(out, "capture", "key", {})
 
 
 def test_verb(

@@ -206,5 +206,8 @@ if __name__ in ("__main__", "__mp_main__"):  # the second one in the worker proc
 
 if __name__ == "__main__":
     from falsework.cli import main
+    from falsework.execution import cluster
+
+    cluster.DEATHS = int(os.environ.get("TINY_DEATHS") or cluster.DEATHS)
 
     main()

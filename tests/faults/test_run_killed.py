@@ -5,6 +5,7 @@ import signal
 import subprocess
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -103,6 +104,28 @@ def test_workers_die_again_and_again_on_one_task(
     record_proof("faults: worker killed again and again on one task", deaths, 0, {"kills": deaths})
 
 
+def test_a_scene_whose_workers_always_die_is_left_out(scenario: Path, calm: dict[str, str], tmp_path: Path) -> None:
+    """The run ends, and has made all others; the next one skips the scene, and `--retry-failed` makes it."""
+    (tmp_path / "once").mkdir()
+    fault: dict[str, Any] = {
+        "TINY_FAULTS": '{"capture:1": "kill"}',
+        "TINY_ONCE": str(tmp_path / "once"),
+        "TINY_KILLS": "1000",
+    }
+    out = tmp_path / "out"
+    process = start("run", scenario, "-o", out, "--workers", "2", TINY_DEATHS="1", **fault)
+    said = process.communicate(timeout=left())
+    assert process.returncode == 3, said
+    assert "every process that worked on this scene died in its capture" in "".join(said)
+    assert len(list(out.glob("scenes/*/report.html"))) == SCENES - 1
+    assert len(list((tmp_path / "once").iterdir())) >= 4  # two among the others, and two alone
+    _assert_all_end(process.pid)
+    for words, code in ((), 3), (("--retry-failed",), 0):
+        pid = begin("run", scenario, "-o", out, *words, said=tmp_path / "said")
+        assert end_of(pid) == code, (tmp_path / "said").read_text()
+    assert contents(out) == {**calm, "failed": "folder"}  # empty again
+
+
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_interrupted_run_goes_on(
     number: signal.Signals, code: int, scenario: Path, calm: dict[str, str], tmp_path: Path
@@ -119,17 +142,21 @@ def test_interrupted_run_goes_on(
     assert contents(out) == calm
 
 
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [(signal.SIGINT, 130), pytest.param(signal.SIGTERM, 143, marks=pytest.mark.proof_only)],
+)
 def test_workers_end_with_an_interrupted_run(
-    scenario: Path, calm: dict[str, str], tmp_path: Path, proof_count: Count
+    number: signal.Signals, code: int, scenario: Path, calm: dict[str, str], tmp_path: Path, proof_count: Count
 ) -> None:
-    """Ctrl-C in the middle of a stage ends the workers, too; the next run finishes the work."""
+    """A signal in the middle of a stage ends the workers, too; the next run finishes the work."""
     out, workers = tmp_path / "out", str(proof_count(1, 2))
     process = start("run", scenario, "-o", out, "--workers", workers, TINY_FAULTS='{"capture:1": "hang"}')
     _wait_for(out, "store/capture/*", process)
     _wait_for(out, "work/*.lock", process)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, said = process.communicate(timeout=left())
-    assert process.returncode == 130, said
+    assert process.returncode == code, said
     assert "Traceback" not in said
     _assert_all_end(process.pid)
     _go_on(scenario, out, tmp_path / "said")

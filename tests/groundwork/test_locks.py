@@ -47,7 +47,7 @@ def python(code: str, *arguments: object) -> subprocess.Popen[str]:
 
 @pytest.mark.faults
 def test_no_count_is_lost(tmp_path: Path) -> None:
-    """Processes that read, wait and write under the lock lose none of each other's steps; without it they do."""
+    """Processes that read, wait and write under the lock lose none of each other's steps."""
     total = tmp_path / "total"
     total.write_text("0")
     processes = [python(COUNTER, tmp_path / "lock", total, TURNS) for _ in range(COUNTERS)]
