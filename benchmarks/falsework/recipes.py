@@ -30,8 +30,10 @@ Scenes = dict[int, dict[str, Any]]
 def main() -> None:
     """Write the page."""
     rows = read_json(PROOF)["rows"]
-    scenes = {name: _scenes(name, rows) for name in MOST_REJECTED}
-    scenarios = {name: load_scenario(ROOT / "scenarios" / f"{name}.toml") for name in MOST_REJECTED}
+    scenes = {name: made for name in MOST_REJECTED if (made := _scenes(name, rows))}
+    if not scenes:
+        raise InputError("no scene has been measured", where=PROOF, hint="Run make proof")
+    scenarios = {name: load_scenario(ROOT / "scenarios" / f"{name}.toml") for name in scenes}
     lines = [
         "# The paper's data sets, scene by scene",
         "",
@@ -43,12 +45,11 @@ def main() -> None:
     for name, made in scenes.items():
         lines += ["", f"## {name}", "", _rejected(name, made), "", *_scene_table(scenarios[name], made)]
     lines += ["", "## Points of each class", "", *_class_table(scenes)]
-    lines += [
-        "",
-        "## Ends of cables in the global set",
-        "",
-        *_cables(scenarios["paper-global"], scenes["paper-global"]),
-    ]
+    if "paper-global" in scenes:
+        cables = _cables(scenarios["paper-global"], scenes["paper-global"])
+        lines += ["", "## Ends of cables in the global set", "", *cables]
+    else:
+        lines += ["", "No scene of the global set has been measured yet."]
     write_page(PAGE, "\n".join(lines) + "\n", __file__)
 
 
@@ -56,14 +57,11 @@ def _scenes(name: str, rows: list[dict[str, Any]]) -> Scenes:
     """Take the figures of the scenes of one set, by their numbers; rows without counts of points are of older code."""
     begin = f"{name}: scene "
     found = {int(row["name"].removeprefix(begin)): row["figures"] for row in rows if row["name"].startswith(begin)}
-    made = {
+    return {
         scene: figures
         for scene, figures in sorted(found.items())
         if "rejected" in figures or any(key.startswith(_POINTS) for key in figures)
     }
-    if not made:
-        raise InputError("no scene has been measured", where=PROOF, field=name, hint="Run make proof")
-    return made
 
 
 def _rejected(name: str, made: Scenes) -> str:
