@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from falsework.execution.amounts import amounts
+from falsework.execution.amounts import sizes
 from falsework.execution.board import NO_BOARD, Board
 from falsework.execution.chain import Sources, read_sources, scene_chain
 from falsework.execution.claim import claim_run
@@ -60,7 +60,7 @@ def run_scenario(
     indices = _wanted(scenario, scenes)
     claim_run(out, scenario)
     sources = read_sources(scenario, progress)
-    manner = RunOptions(scenario.scenes > 1, retry_failed, keep=scenario.keep, amounts=amounts(scenario))
+    manner = RunOptions(scenario.scenes > 1, retry_failed, keep=scenario.keep, sizes=sizes(scenario))
     with memory_guard(memory, progress.note):
         if indices and (workers or cluster):
             from falsework.execution.cluster import SceneJob, run_on_cluster

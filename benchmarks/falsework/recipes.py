@@ -66,11 +66,12 @@ def _scenes(name: str, rows: list[dict[str, Any]]) -> Scenes:
 
 def _rejected(name: str, made: Scenes) -> str:
     most, count = MOST_REJECTED[name]
-    reasons = {scene: figures["rejected"] for scene, figures in made.items() if "rejected" in figures}
+    reasons = {scene: one["rejected"] for scene, one in made.items() if "rejected" in one and scene < count}
     told = "".join(f" Scene {scene}: {reason}." for scene, reason in reasons.items())
     missing = sorted(set(range(count)) - set(made))
     also = f" Not measured yet: {', '.join(map(str, missing))}." if missing else ""
-    return f"Rejected: {len(reasons)} of {len(made)} (limit: {most} of {count}).{told}{also}"
+    first = sum(scene < count for scene in made)
+    return f"Rejected: {len(reasons)} of the {first} first ones (limit: {most} of {count}).{told}{also}"
 
 
 def _scene_table(scenario: Scenario, made: Scenes) -> list[str]:
@@ -89,6 +90,8 @@ def _scene_table(scenario: Scenario, made: Scenes) -> list[str]:
             f"{one['cpu_s'] / 60.0:.0f} |"
         )
     every = list(kept.values())
+    if not every:
+        return lines
     mean = {key: fmean(one[key] for one in every) for key in ("images", "registered_share", "cpu_s")}
     errors = [f"{fmean(one[key] for one in every):.2%}" for key in ("label_error", "label_error_margin_3px")]
     lines.append(

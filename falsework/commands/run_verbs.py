@@ -85,14 +85,14 @@ def run(
 
 def _run(scenario: object, output: Path, scenes: list[int] | None, as_json: bool, **how: Any) -> int:
     from falsework.commands.run_console import RunConsole
-    from falsework.execution.amounts import amounts
+    from falsework.execution.amounts import amounts, sizes
     from falsework.execution.costs import Costs
     from falsework.execution.interrupts import prompt_ending
     from falsework.pipeline import run_scenario
     from falsework.scenario import Scenario
 
     assert isinstance(scenario, Scenario)
-    with prompt_ending(), RunConsole(Costs(output, amounts(scenario))) as console:
+    with prompt_ending(), RunConsole(Costs(output, amounts(scenario), sizes(scenario))) as console:
         outcome = run_scenario(scenario, output, console, scenes, board=console, **how)
     if as_json:
         paths = {"reports": [str(p) for p in outcome.reports], "clouds": [str(p) for p in outcome.clouds]}

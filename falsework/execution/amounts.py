@@ -21,10 +21,23 @@ _SPARSE = 0.15  # of a sparse cloud with its labels
 
 
 def amounts(scenario: Scenario) -> dict[str, float]:
-    """Estimate the time and the size of each stage's results as multiples of the demo's.
+    """Estimate the time of each stage's results as multiples of the demo's.
 
     Args:
         scenario: Any scenario. Nothing is known of one that starts from an existing stage, or has no survey.
+
+    Returns:
+        Ratio of each stage that differs [1].
+    """
+    found = sizes(scenario)
+    return {**found, "capture": found["capture"] * _RENDER[scenario.render.quality]} if found else {}
+
+
+def sizes(scenario: Scenario) -> dict[str, float]:
+    """Estimate the size of each stage's results as multiples of the demo's.
+
+    Args:
+        scenario: As for `amounts`.
 
     Returns:
         Ratio of each stage that differs [1].
@@ -34,7 +47,7 @@ def amounts(scenario: Scenario) -> dict[str, float]:
     pixels = fmean(_images(survey) * _pixels(survey) for survey in scenario.survey) / _DEMO
     dense, modes = _DENSE[scenario.recon.quality], scenario.recon.modes
     clouds = fmean(dense if mode == "dense" else _SPARSE for mode in modes)
-    return {"capture": pixels * _RENDER[scenario.render.quality], "model": pixels, "cloud": pixels * clouds}
+    return {"capture": pixels, "model": pixels, "cloud": pixels * clouds}
 
 
 def _images(survey: RecordSettings) -> float:

@@ -53,6 +53,7 @@ class SceneJob:
         guarded: Whether the worker limits its own memory, because it is not a child process of the command.
         memory: Limit of the memory of that worker and the processes below it [GB]; None: nine tenths of its machine's.
         alone: Whether it runs while no other scene does, so that it is to blame if its workers die.
+        deaths: Workers that died while they had it, since it began, or since it runs alone.
     """
 
     scenario: Scenario
@@ -64,6 +65,7 @@ class SceneJob:
     guarded: bool = False
     memory: float | None = None
     alone: bool = False
+    deaths: int = 0
 
 
 @dataclass
@@ -151,7 +153,7 @@ def run_on_cluster(
                 sent[client.submit(do_job, job, pure=False)] = job
             finished: Any = wait(list(sent), return_when="FIRST_COMPLETED")
             for future in finished.done:
-                again = _take(future, sent.pop(future), outcome, progress)
+                again = _take(future, sent.pop(future), outcome, progress, board)
                 future.release()
                 if again is None:
                     done += 1
@@ -172,7 +174,7 @@ def _told_to(jobs: list[SceneJob], client: Any, board: Board, workers: int) -> l
     return [replace(job, topic=topic) for job in jobs]
 
 
-def _take(future: Any, job: SceneJob, outcome: Outcome, progress: Progress) -> SceneJob | None:
+def _take(future: Any, job: SceneJob, outcome: Outcome, progress: Progress, board: Board) -> SceneJob | None:
     """Add the outcome of a job; return the job if it has to be run again."""
     from distributed import CancelledError, KilledWorker
 
@@ -184,12 +186,15 @@ def _take(future: Any, job: SceneJob, outcome: Outcome, progress: Progress) -> S
         return replace(job, manner=replace(job.manner, wait=True))
     except CancelledError:
         return job
-    except KilledWorker:
+    except KilledWorker as error:  # an existing cluster has a lower limit of its own
+        deaths = job.deaths + error.allowed_failures + 1
+        if deaths <= DEATHS:
+            return replace(job, deaths=deaths)
         if not job.alone:
-            return replace(job, alone=True)
-        outcome.failed[f"{job.index:04d}"] = blame_scene(
-            job.scenario, job.sources, job.index, Store(job.out), job.manner
-        )
+            return replace(job, alone=True, deaths=0)
+        message = blame_scene(job.scenario, job.sources, job.index, Store(job.out), job.manner)
+        outcome.add(Outcome(failed={f"{job.index:04d}": message}))
+        board.tell(StepEvent(f"{job.index:04d}", state="failed"))
         return None
     for line in notes:
         progress.note(f"scene {job.index:04d}: {line}")

@@ -52,12 +52,14 @@ class Costs:
 
     Attributes:
         root: Output folder of the run.
-        amounts: Work of a result of each stage as a multiple of the demo's, used until one has been measured; 1 for
+        amounts: Time of a result of each stage as a multiple of the demo's, used until one has been measured; 1 for
             a stage that is absent [1].
+        sizes: The same of its size [1].
     """
 
     root: Path
     amounts: Mapping[str, float] = field(default_factory=dict[str, float])
+    sizes: Mapping[str, float] = field(default_factory=dict[str, float])
     _seconds: dict[str, RunningStatistics] = field(default_factory=dict)
     _bytes: dict[str, RunningStatistics] = field(default_factory=dict)
     _stored: dict[str, RunningStatistics] = field(default_factory=dict)
@@ -71,7 +73,7 @@ class Costs:
         """
         self._look()
         seen = self._seconds.get(stage, RunningStatistics())
-        return seen.mean if seen.count else self._amount(stage) * DEFAULT_SECONDS[stage]
+        return seen.mean if seen.count else self.amounts.get(stage, 1.0) * DEFAULT_SECONDS[stage]
 
     def bytes_each(self, stage: str) -> float:
         """Return the mean disk space that a result adds [bytes].
@@ -80,7 +82,7 @@ class Costs:
             stage: Its stage.
         """
         seen = self._sizes(stage)
-        return seen.mean if seen.count else self._amount(stage) * DEFAULT_BYTES[stage]
+        return seen.mean if seen.count else self.sizes.get(stage, 1.0) * DEFAULT_BYTES[stage]
 
     def most_bytes(self, stage: str) -> float:
         """Return the largest disk space that a result has added [bytes].
@@ -89,7 +91,7 @@ class Costs:
             stage: Its stage.
         """
         seen = self._sizes(stage)
-        return seen.greatest if seen.count else self._amount(stage) * DEFAULT_BYTES[stage]
+        return seen.greatest if seen.count else self.sizes.get(stage, 1.0) * DEFAULT_BYTES[stage]
 
     def is_learned(self, stage: str) -> bool:
         """Tell whether the time of a stage has been measured here.
@@ -99,9 +101,6 @@ class Costs:
         """
         self._look()
         return self._seconds.get(stage, RunningStatistics()).count > 0
-
-    def _amount(self, stage: str) -> float:
-        return self.amounts.get(stage, 1.0)
 
     def _sizes(self, stage: str) -> RunningStatistics:
         self._look()
@@ -137,14 +136,14 @@ class Costs:
 
 
 @lru_cache(maxsize=8)
-def costs_of(root: Path, amounts: tuple[tuple[str, float], ...] = ()) -> Costs:
+def costs_of(root: Path, sizes: tuple[tuple[str, float], ...] = ()) -> Costs:
     """Return the costs of a run; a process reads each line only once.
 
     Args:
         root: Output folder of the run.
-        amounts: Stage and multiple of the demo's work [1], as in `Costs`.
+        sizes: Stage and multiple of the demo's size [1], as in `Costs`.
     """
-    return Costs(root, dict(amounts))
+    return Costs(root, sizes=dict(sizes))
 
 
 def bytes_added(folder: Path) -> int:
@@ -169,21 +168,21 @@ def free_space(path: Path) -> int:
     return shutil.disk_usage(path).free
 
 
-def check_space(root: Path, stage: str, key: str, amounts: Mapping[str, float]) -> None:
+def check_space(root: Path, stage: str, key: str, sizes: Mapping[str, float]) -> None:
     """Refuse to begin work that needs more disk space than is free.
 
     Args:
         root: Output folder of the run.
         stage: Stage of the result that is about to be made.
         key: Key of the result; files of an interrupted run are subtracted.
-        amounts: Work of each stage's results as multiples of the demo's, as in `Costs` [1].
+        sizes: Size of each stage's results as multiples of the demo's, as in `Costs` [1].
 
     Raises:
         OutOfSpaceError: Less is free than the largest result of that stage has needed, or, if none was made, than this
             one is expected to need.
     """
     there = sum(one.st_size for one in plain_files(root / "work" / key))
-    needed, free = costs_of(root, tuple(sorted(amounts.items()))).most_bytes(stage) - there, free_space(root)
+    needed, free = costs_of(root, tuple(sorted(sizes.items()))).most_bytes(stage) - there, free_space(root)
     if free < needed:
         raise OutOfSpaceError(
             f"{root}: the next result ({stage}) may need {needed / 1e6:.1f} MB of disk space, {free / 1e6:.1f} MB are "

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from falsework.execution.amounts import amounts
+from falsework.execution.amounts import amounts, sizes
 from falsework.execution.chain import Chain, Step, read_sources, scene_chain
 from falsework.execution.claim import run_inputs
 from falsework.execution.costs import Costs, free_space
@@ -216,7 +216,7 @@ def plan_run(
     else:
         check_run(out, run_inputs(scenario))
         disk = out
-    sources, costs = read_sources(scenario, progress), Costs(out, amounts(scenario))
+    sources, costs = read_sources(scenario, progress), Costs(out, amounts(scenario), sizes(scenario))
     store = PlannedStore(out, costs)
     manner = RunOptions(scenario.scenes > 1, retry_failed, keep=scenario.keep)
     names = [name for name in STAGES if name != "sample" or scenario.sample]

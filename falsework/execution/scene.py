@@ -41,14 +41,14 @@ class RunOptions:
         retry: Retry what failed before.
         wait: Wait for another process that is making a needed result.
         keep: Stages whose results are kept.
-        amounts: Work of each stage's results as multiples of the demo's, as in `Costs` [1].
+        sizes: Size of each stage's results as multiples of the demo's, as in `Costs` [1].
     """
 
     quarantine: bool = False
     retry: bool = False
     wait: bool = True
     keep: tuple[str, ...] = tuple(STAGES)
-    amounts: Mapping[str, float] = field(default_factory=dict[str, float])
+    sizes: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 @dataclass
@@ -179,7 +179,7 @@ class SceneRun:
 
     def _work(self, step: Step) -> bool:
         """Run a step whose inputs exist."""
-        check_space(self.store.root, step.task.stage, step.task.key, self.manner.amounts)
+        check_space(self.store.root, step.task.stage, step.task.key, self.manner.sizes)
         inputs = {**step.given, **{name: self.store.folder(parent.task) for name, parent in step.parents.items()}}
         stage, begin = STAGES[step.task.stage], time.monotonic()
         self._tell(step, "begun")
@@ -285,7 +285,9 @@ def blame_scene(scenario: Scenario, sources: Sources, index: int, store: Store, 
     """
     chain = scene_chain(scenario, index, sources)
     needed = needed_steps(chain, store, manner.keep)
-    steps = [*chain.steps, chain.report(rejected_steps(chain, store))]
+    flown = (step for flight in chain.flights for step in flight.steps)
+    stage = () if chain.stage is None else (chain.stage,)
+    steps = (*stage, *chain.samples, *flown, chain.report(rejected_steps(chain, store)))  # in the order of `run`
     missing = next((step for step in steps if step.link in needed and not store.has(step.task)), None)
     what = "" if missing is None else f" in its {missing.task.stage}"
     message = f"every process that worked on this scene died{what}, such as for lack of memory"

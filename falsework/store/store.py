@@ -11,7 +11,7 @@ from typing import Any
 
 from falsework.stops import stop_behind
 from falsework.store.artefact import Hashes, file_faults, read_manifest, seal, task_key
-from falsework.store.failures import ATTEMPTS, KILLED, RECORD, Failure, failure_of, read_failure, write_failure
+from falsework.store.failures import ATTEMPTS, RECORD, Failure, failure_of, read_failure, write_failure
 from falsework.store.foreign import move_foreign
 from falsework.store.textures import STAGE, share_textures
 from falsework.store.verification import verify
@@ -195,15 +195,23 @@ class Store:
         return former
 
     def blame(self, task: Task, message: str) -> None:
-        """Record that every process which made a result died; the next run skips it. Nothing if it is being made.
+        """Record that every process which made a result died; the next run skips it.
+
+        Nothing is recorded if the result exists or another process is making it.
 
         Args:
             task: The task.
             message: One line for people.
+
+        Raises:
+            OutOfSpaceError: The disk is full.
         """
-        with suppress(BusyError), work_folder(self.root, task.key, wait=False) as work:
+        space = space_errors(self.root / "failed")
+        with space, suppress(BusyError), work_folder(self.root, task.key, wait=False) as work:
+            if self.has(task):
+                return
             work.mkdir(exist_ok=True)
-            dead = Failure("failed", "killed", message, KILLED, attempts=ATTEMPTS)
+            dead = Failure("failed", "killed", message, attempts=ATTEMPTS)
             write_failure(self._failure_file(task), task.record, dead, work)
             remove(work)
 

@@ -68,7 +68,6 @@ def shipped_folder() -> Path:
     if not (folder / "model.json").is_file():
         raise MissingError(
             "this installation does not contain the model of the package",
-            field="--model",
             hint="Name a folder that falsework train has written",
         )
     return folder

@@ -190,8 +190,9 @@ def _other_cutting(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     earlier, current = (facts.get("settings") or {} for facts in (before, now))
     if earlier.get("mode") != "metric" or current.get("mode") != "metric":
         return ""
-    other = {key: value for key, value in earlier["tile"].items() if current["tile"].get(key) != value}
-    return " ".join(f"--set tile.{key}={value:g}" for key, value in other.items()) if other.keys() - {"stride"} else ""
+    tile = current.get("tile", {})
+    other = {key: value for key, value in earlier.get("tile", {}).items() if tile.get(key) != value}
+    return " ".join(f"--set tile.{key}={value!r}" for key, value in other.items()) if other.keys() - {"stride"} else ""
 
 
 def _set_task(data: TrainingData, settings: TrainSettings, init: Path | None) -> _Task:

@@ -12,7 +12,7 @@ import pytest
 from authoring.surveys.settings import GlobalSettings
 from falsework.cli import main
 from falsework.execution import chain, costs
-from falsework.execution.amounts import amounts
+from falsework.execution.amounts import amounts, sizes
 from falsework.execution.costs import DEFAULT_BYTES, DEFAULT_SECONDS, Costs
 from falsework.execution.events import read_events
 from falsework.execution.plan import Plan, plan_run
@@ -212,6 +212,8 @@ def test_work_is_estimated_from_the_demo() -> None:
     assert changed(52, recon=ReconSettings(quality="high"))["cloud"] == 5
     assert changed(52, recon=ReconSettings(mode="both"))["cloud"] == pytest.approx((1 + 0.15) / 2)
     assert changed(52, stage="town.usda") == {}
+    fine = demo.model_copy(update={"render": RenderSettings(quality="fine")})
+    assert sizes(fine) == sizes(demo) == amounts(demo)  # its photographs take longer, and are not larger
     for name, minutes in (("paper-local", 20), ("paper-global", 30)):
         more = amounts(load_scenario(SCENARIOS / f"{name}.toml"))
         seconds = sum(more.get(stage, 1) * DEFAULT_SECONDS[stage] for stage in ("stage", "capture", "model", "cloud"))
@@ -221,8 +223,8 @@ def test_work_is_estimated_from_the_demo() -> None:
 def test_peak_is_lower_where_less_is_kept(agree: Agree) -> None:
     """What is let go makes room for the next scene: all of one scene, and the clouds of those before it."""
     plan = agree(3, keep=("cloud",))
-    sizes = {name: amounts(tiny_scenario(3)).get(name, 1) * size for name, size in DEFAULT_BYTES.items()}
-    kept, others = sizes["cloud"], sum(sizes[name] for name in ("stage", "capture", "model"))
+    expected = {name: sizes(tiny_scenario(3)).get(name, 1) * size for name, size in DEFAULT_BYTES.items()}
+    kept, others = expected["cloud"], sum(expected[name] for name in ("stage", "capture", "model"))
     assert plan.peak_bytes == pytest.approx(3 * kept + others)
 
 
@@ -255,6 +257,19 @@ def test_full_disk_stops_before_the_work(
     assert len(_stored(tmp_path / "out", "stage")) == 1
     free = most
     assert run(2).made == 5
+
+
+def test_the_scenario_says_what_its_first_result_needs(
+    run: Callable[..., Outcome], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before any was measured: more than the demo's where more is asked for, and less where less is."""
+    out = tmp_path / "out"
+    monkeypatch.setattr(costs, "free_space", lambda path: DEFAULT_BYTES["cloud"])
+    costs.check_space(out, "cloud", "key", {"cloud": 0.1})
+    with pytest.raises(OutOfSpaceError, match=r"may need 1440\.0 MB"):
+        costs.check_space(out, "cloud", "key", {"cloud": 10.0})
+    monkeypatch.setattr(costs, "free_space", lambda path: DEFAULT_BYTES["stage"])
+    assert run(1).made == 5  # the demo's cloud would not fit, this one does
 
 
 def test_what_an_interrupted_run_left_counts_as_there(

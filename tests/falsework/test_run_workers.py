@@ -8,17 +8,37 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import Future
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import pytest
 
-from falsework.execution import cluster, memory
+from falsework.execution import chain, cluster, memory
+from falsework.execution.board import SilentBoard, StepEvent
+from falsework.execution.chain import read_sources, scene_chain
+from falsework.execution.cluster import SceneJob
 from falsework.execution.memory import processes_below
+from falsework.execution.outcome import Outcome
+from falsework.execution.scene import RunOptions, blame_scene
+from falsework.store.store import Store
 from groundwork.errors import FalseworkError, InputError
 from groundwork.memory import available_memory, machine_memory
+from groundwork.progress import SILENT
 from tests.falsework.test_run import Run, run  # noqa: F401 (a fixture)
-from tests.falsework.tiny_chain import ROOT
+from tests.falsework.tiny_chain import ROOT, tiny_scenario
 from tests.patience import left
+
+if TYPE_CHECKING:
+    from distributed.scheduler import WorkerState
+
+
+@pytest.fixture
+def no_platform(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ask no driver."""
+    monkeypatch.setattr(chain, "render_platform", lambda device="auto": {"gl_renderer": "none"})
+    for name in ("recon_platform", "sample_platform"):
+        monkeypatch.setattr(chain, name, lambda: {"cpu": "none"})
 
 
 def test_all_processes_together_keep_a_limit_of_memory(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
@@ -31,6 +51,49 @@ def test_all_processes_together_keep_a_limit_of_memory(run: Run, monkeypatch: py
     assert "died of SIGKILL" in outcome.failed["0000"]
     assert len(outcome.clouds) == 1
     assert run(scenes=2, memory=together + 0.2).failed == {}  # and the next run makes it
+
+
+def test_the_step_at_work_is_blamed(tmp_path: Path, no_platform: None) -> None:
+    """In the order of a run: samples come before photographs, and a result that is there is not blamed."""
+    scenario = tiny_scenario(2, sample=[{"kind": "mesh"}])
+    sources, store, manner = read_sources(scenario, SILENT), Store(tmp_path), RunOptions(quarantine=True)
+    steps = scene_chain(scenario, 0, sources)
+    assert steps.stage is not None
+    for step, name in ((steps.stage, "stage"), (steps.samples[0], "sample"), (steps.flights[0].capture, "capture")):
+        assert f"died in its {name}" in blame_scene(scenario, sources, 0, store, manner)
+        failure = store.failure(step.task)
+        assert failure is not None
+        assert failure.final
+        assert failure.reason == "killed"
+        store.produce(step.task, lambda folder: (folder / "made").touch(), retry=True)
+        assert store.failure(step.task) is None
+        store.blame(step.task, "it died")
+        assert store.failure(step.task) is None
+    assert not list((tmp_path / "work").iterdir())
+
+
+@pytest.mark.parametrize(("allowed", "rounds"), [(20, 1), (3, 6)])
+def test_a_standing_cluster_has_the_patience_of_ours(
+    allowed: int, rounds: int, tmp_path: Path, no_platform: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """More than twenty workers have to die before a scene runs alone, and as many more before it is left out."""
+    from distributed import KilledWorker
+
+    scenario = tiny_scenario(2)
+    future: Future[object] = Future()
+    future.set_exception(KilledWorker("do_job", cast("WorkerState", None), allowed))
+    told: list[StepEvent] = []
+    board = SilentBoard()
+    monkeypatch.setattr(board, "tell", told.append)
+    outcome = Outcome()
+    job: SceneJob | None = SceneJob(scenario, read_sources(scenario, SILENT), 1, tmp_path, RunOptions(quarantine=True))
+    seen = []
+    while job is not None:
+        seen.append(job.alone)
+        job = cluster._take(future, job, outcome, SILENT, board)
+    assert seen == [False] * rounds + [True] * rounds
+    assert list(outcome.failed) == ["0001"]
+    assert [(event.scene, event.state) for event in told] == [("0001", "failed")]
 
 
 def test_a_process_that_ends_while_it_is_read_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
