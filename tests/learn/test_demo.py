@@ -157,6 +157,8 @@ def test_the_clouds_are_written_as_a_data_set(
 @pytest.mark.proof_only
 def test_the_demonstration_learns_and_shuffled_labels_teach_nothing(tmp_path: Path, record_proof: RecordProof) -> None:
     """At least 0.6 on four bridges never seen, above both simple answers; with shuffled labels no more than chance."""
+    for name in ("model", "mixed"):
+        (tmp_path / name).mkdir()
     begun = time.process_time()
     _, rows = run_demo(tmp_path / "model", Silent())
     spent = time.process_time() - begun
