@@ -45,6 +45,9 @@ def measure_with_colmap(
     """
     import pycolmap
 
+    from recon.sfm.colmap_log import silence
+
+    silence()
     if not pycolmap.has_cuda:
         raise InputError(
             "COLMAP's PatchMatch needs CUDA, and this COLMAP was built without it",

@@ -12,11 +12,10 @@ from groundwork.child import answer_parent
 from groundwork.progress import Progress
 from recon.photos.photos import open_photographs
 from recon.settings import SparseSettings
+from recon.sfm.colmap_log import silence
 from recon.sfm.extraction import extract
 from recon.sfm.mapping import map_images, transform
 from recon.sfm.matching import SHARE, match, match_share
-
-_FATAL = 3  # glog's level for fatal errors only
 
 
 def serve(request: dict[str, Any], progress: Progress) -> object:
@@ -30,7 +29,7 @@ def serve(request: dict[str, Any], progress: Progress) -> object:
     Returns:
         JSON figures of the stage.
     """
-    pycolmap.logging.minloglevel = _FATAL
+    silence()
     pycolmap.set_random_seed(request["seed"])
     folder, before = Path(request["folder"]), Path(request["before"])
     if request["stage"] == "transform":
