@@ -62,7 +62,8 @@ def test_workers_give_the_bytes_of_one_process(chain: Chain, tmp_path: Path, rec
     scenario = chain.scenario.model_copy(update={"scenes": 3})
     out = tmp_path / "out"
     outcome = run_scenario(scenario, out, SILENT, workers=2)
-    assert outcome.failed == outcome.rejected == {}
+    assert outcome.failed == {}
+    assert "0000" not in outcome.rejected  # the others may be: their flights are tiny, too
     files = 0
     for stage in ("stage", "capture", "model", "cloud"):
         for result in (chain.out / "store" / stage).iterdir():
