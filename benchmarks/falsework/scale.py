@@ -22,7 +22,6 @@ from benchmarks.page import write_page
 from benchmarks.speed_unit import this_machine
 from falsework.execution.costs import DEFAULT_BYTES, Costs
 from falsework.execution.events import read_events
-from groundwork.errors import InputError
 from groundwork.files import read_json, write_text
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -277,7 +276,8 @@ def _projected(overhead: float) -> list[str]:
     for name in SETS:
         measured = [row for row in rows if row["name"].startswith(f"{name}: ") and "cloud_mb" in row["figures"]]
         if not measured:
-            raise InputError("no scene has been measured", where=PROOF, field=name, hint="Run make proof")
+            lines.append(f"| {name} | no scene of the code of today has been measured | | | | | |")
+            continue
         seconds = fmean(row["figures"]["cpu_s"] for row in measured) + overhead
         points = fmean(row["count"] for row in measured)
         stage, capture, cloud = (fmean(row["figures"][f"{kind}_mb"] for row in measured) for kind in KINDS)

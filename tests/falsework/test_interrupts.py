@@ -26,6 +26,7 @@ def test_a_swallowed_signal_ends_the_process(number: signal.Signals, seconds: fl
                 time.sleep(0.01)
 
     pid = fork(stubborn)
+    os.close(there)  # so that a process that ends too early is an end of file here
     try:
         for _ in range(signals):
             assert os.read(here, 5) in (b"ready", b"heard")
@@ -33,7 +34,6 @@ def test_a_swallowed_signal_ends_the_process(number: signal.Signals, seconds: fl
         assert end_of(pid) == 128 + number
     finally:
         os.close(here)
-        os.close(there)
 
 
 def test_the_time_is_within_what_is_promised() -> None:

@@ -7,10 +7,12 @@ import numpy as np
 from authoring.families.bridge_settings import draw_layout
 from authoring.families.registry import FAMILIES
 from authoring.streams import stream
+from benchmarks.falsework.recipes import MOST_REJECTED, PROOF
 from falsework.scenario import Scenario, load_scenario, scene_seed
 from learn.compare.experiment import experiment_settings
 from learn.compare.preset import preset_names
 from learn.compare.selection import parts_in
+from tests.proof_rows import read_rows
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
@@ -46,6 +48,15 @@ def test_global_set() -> None:
     assert (scenario.scenes, scenario.recon.mode) == (220, "sparse")
     assert flight.kind == "global"
     assert (flight.images, flight.tour, flight.poi) == (378, "rings", "box50")
+
+
+def test_few_scenes_are_rejected() -> None:
+    """Of the scenes that have been made of each set: at most 3 of the first 30, and 1 of the first 6."""
+    for name, (most, first) in MOST_REJECTED.items():
+        rows = {f"{name}: scene {number}" for number in range(first)}
+        made = [row["figures"] for row in read_rows(PROOF) if row["name"] in rows]
+        assert made
+        assert sum("rejected" in figures for figures in made) <= most
 
 
 def test_learning_set() -> None:
