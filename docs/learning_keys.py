@@ -3,7 +3,7 @@
 from docs.settings_table import sections, table
 from groundwork.settings import Settings
 
-# Keys that have an option of their own, or that nobody gives.
+# Keys that have an option of their own, or that users do not set.
 _OPTIONS = {*("kind", "mode", "table", "split", "own", "seed"), *("model", "network", "recipe", "epochs", "batch")} | {
     "freeze_encoder"
 }

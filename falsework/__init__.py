@@ -3,7 +3,7 @@
     import falsework
 
     scene = falsework.author({"bridge": {"family": "beam"}}, "scene")  # a layered USD stage
-    flight = falsework.render(scene, "captures")["local"]  # photographs, cameras, truth
+    flight = falsework.render(scene, "captures")["global"]  # photographs, cameras, truth
     cloud = falsework.reconstruct(flight, "cloud")  # labeled points, each with its uncertainty
     scan = falsework.sample(scene, "scan", falsework.TerrestrialSettings())  # a simulated laser scan
 
@@ -24,14 +24,16 @@ Functions that read:
 
     read_stage(path)                USD file           ->  FlatScene: triangles, looks, lights, cameras, labels
     read_capture(folder)            folder of render   ->  Capture: photographs and their cameras
-    read_truth(capture)             the same           ->  Truth: poses, depth, classes, instances; or None
+    load_image(capture, index)      one photograph     ->  sRGB, shape (H, W, 3), uint8
+    read_truth(capture)             the same capture   ->  Truth: poses, depth, classes, instances; or None
     read_cloud(folder)              folder of a cloud  ->  Cloud
     load_scenario(path)             TOML file          ->  Scenario
     scenario_of(values)             dict               ->  Scenario
 
 Settings: RenderSettings (SensorSettings) for render, ReconSettings (SparseSettings, DenseSettings, AlignmentSettings)
 for reconstruct; MeshSettings, TerrestrialSettings, MobileSettings or AirborneSettings for sample; StageChoices for
-read_stage. ConsoleProgress() as `progress` draws a bar.
+read_stage. The other classes are those of the fields of a FlatScene, a Capture or a Truth. ConsoleProgress() as
+`progress` draws a bar.
 
 Errors: a wrong path, file, folder or scenario raises InputError with a message of one line. Photographs that do not
 suffice for a cloud raise RejectedSceneError. A settings class with a wrong value raises pydantic's ValidationError.
@@ -55,37 +57,68 @@ if TYPE_CHECKING:
     from recon.cloud import Cloud
     from recon.sampling.sampler_settings import AirborneSettings, MeshSettings, MobileSettings, TerrestrialSettings
     from recon.settings import AlignmentSettings, DenseSettings, ReconSettings, SparseSettings
-    from render.capture import Capture, Truth
+    from render.capture import CalibrationPrior, Capture, CaptureImage, Readout, Truth, load_image
     from render.settings import RenderSettings, SensorSettings
     from usd_schemas.components import ClassRow
-    from usd_schemas.flat_scene import FlatScene
+    from usd_schemas.distortion import Distortion
+    from usd_schemas.flat_lights import Dome, SphereLight, Sun
+    from usd_schemas.flat_scene import (
+        CameraTrack,
+        Detail,
+        Draws,
+        FlatScene,
+        Geometry,
+        InstanceRow,
+        Material,
+        Product,
+        Texture,
+    )
+    from usd_schemas.pinhole import Pinhole, UsdLens
     from usd_schemas.reading.choices import StageChoices
 
 __all__ = [
     "AirborneSettings",
     "AlignmentSettings",
+    "CalibrationPrior",
+    "CameraTrack",
     "Capture",
+    "CaptureImage",
     "ClassRow",
     "Cloud",
     "ConsoleProgress",
     "DenseSettings",
+    "Detail",
+    "Distortion",
+    "Dome",
+    "Draws",
     "FalseworkError",
     "FlatScene",
+    "Geometry",
     "InputError",
+    "InstanceRow",
+    "Material",
     "MeshSettings",
     "MobileSettings",
     "Outcome",
+    "Pinhole",
+    "Product",
     "Progress",
+    "Readout",
     "ReconSettings",
     "RejectedSceneError",
     "RenderSettings",
     "Scenario",
     "SensorSettings",
     "SparseSettings",
+    "SphereLight",
     "StageChoices",
+    "Sun",
     "TerrestrialSettings",
+    "Texture",
     "Truth",
+    "UsdLens",
     "author",
+    "load_image",
     "load_scenario",
     "read_capture",
     "read_cloud",
@@ -113,10 +146,15 @@ _HOMES = {
     "recon.cloud": ("Cloud",),
     "recon.sampling.sampler_settings": ("AirborneSettings", "MeshSettings", "MobileSettings", "TerrestrialSettings"),
     "recon.settings": ("AlignmentSettings", "DenseSettings", "ReconSettings", "SparseSettings"),
-    "render.capture": ("Capture", "Truth"),
+    "render.capture": ("CalibrationPrior", "Capture", "CaptureImage", "Readout", "Truth", "load_image"),
     "render.settings": ("RenderSettings", "SensorSettings"),
     "usd_schemas.components": ("ClassRow",),
-    "usd_schemas.flat_scene": ("FlatScene",),
+    "usd_schemas.distortion": ("Distortion",),
+    "usd_schemas.flat_lights": ("Dome", "SphereLight", "Sun"),
+    "usd_schemas.flat_scene": (
+        *("CameraTrack", "Detail", "Draws", "FlatScene", "Geometry", "InstanceRow", "Material", "Product", "Texture"),
+    ),
+    "usd_schemas.pinhole": ("Pinhole", "UsdLens"),
     "usd_schemas.reading.choices": ("StageChoices",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}

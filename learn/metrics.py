@@ -6,6 +6,7 @@ a network.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -197,3 +198,15 @@ def _share(part: NDArray[np.integer], whole: NDArray[np.integer]) -> F64:
 def _mean(values: F64) -> float:
     present = values[~np.isnan(values)]
     return float(present.mean()) if len(present) else float("nan")
+
+
+def known_or_none(value: float | np.floating[Any]) -> float | None:
+    """Convert a score for JSON, which has no NaN.
+
+    Args:
+        value: The score, NaN where it is not defined [1].
+
+    Returns:
+        The score [1], or None.
+    """
+    return None if np.isnan(value) else float(value)

@@ -134,7 +134,7 @@ def step_seconds(row: tuple[str, str, int, int, int, str]) -> float:
     name, _, _, points, batch, precision = row
     network: Any = build_network(name, {}, 3, len(CLASSES))
     loaded = Loaded(MadeUp(batch, points), network, ("x", "y", "z"), 0)
-    items = collate([loaded[0, number] for number in range(batch)])
+    items = collate([loaded[0, number, 0] for number in range(batch)])
     network = network.cuda()
     features, labels = items["features"].cuda(), items["labels"].cuda().flatten()
     geometry = {key: value.cuda() for key, value in items["geometry"].items() if points > MANY or key == COORD}

@@ -21,6 +21,7 @@ from groundwork.errors import InputError
 from groundwork.progress import Progress, Silent
 from learn.datasets.stored import StoredSplit
 from learn.datasets.varied import SomeSamples, Variation, VariedSplit
+from learn.seen_bridges import EARLIER, seen_bridges
 from learn.trained import FOREST, read_facts
 from learn.training.forest import train_forest
 from learn.training.settings import TrainSettings
@@ -44,9 +45,7 @@ def seen_by(model: Path) -> list[str]:
         model: Its folder.
     """
     facts = read_facts(model)
-    training = facts.training or {}
-    own = [*training.get("training_bridges", []), *training.get("validation_bridges", [])]
-    return sorted({*own, *facts.data.get("earlier", [])})
+    return seen_bridges(facts.training, facts.data)
 
 
 def varied_data(dataset: Path, validation: Sequence[str], samples: int, init: Path | None = None) -> TrainingData:
@@ -69,7 +68,7 @@ def varied_data(dataset: Path, validation: Sequence[str], samples: int, init: Pa
         "scaling": vars(whole.facts.scaling),
         "table": whole.facts.settings.table,
         "variation": source.settings.model_dump(mode="json"),
-        **({} if init is None else {"earlier": seen_by(init)}),
+        **({} if init is None else {EARLIER: seen_by(init)}),
     }
     return TrainingData(source, held, facts)
 

@@ -18,6 +18,7 @@ from groundwork.errors import InputError
 from groundwork.output.place import output_place
 from groundwork.output.reading import reading
 from groundwork.progress import Progress
+from groundwork.slug import slug
 
 WORKER = "falsework.children.scene_work"
 LONG_WORK = ("choose", "flatten", "package")  # no time limit: they author and bake
@@ -183,6 +184,14 @@ def choose_layers(
     Returns:
         What was chosen, by axis.
     """
+    if variant and slug(variant) != variant:
+        raise InputError(
+            "not a name of a variant",
+            field="--variant",
+            value=variant,
+            allowed="letters, digits, . _ and -, a letter or digit first",
+            hint=f"Use {slug(variant)}",
+        )
     own = [Path(value) for value in choices.values() if Path(value).suffix.startswith(".usd")]
     request = {"choices": choices, "variant": variant, "origin": origin}
     return _work("choose", scene, request, roots, *own, progress=progress)

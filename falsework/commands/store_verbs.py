@@ -14,7 +14,7 @@ OF_A_RUN = "the output folder of a run"
 
 
 def verify(output: tyro.conf.Positional[Path], *, repair: bool = False, as_json: AsJson = False) -> int:
-    """Verify a run's folder: find files that are changed, missing, misplaced or foreign.
+    """Verify a run's folder: find files that are changed, missing, misplaced or foreign, and scenes without results.
 
     Args:
         output: Output folder of a run.
@@ -33,12 +33,16 @@ def verify(output: tyro.conf.Positional[Path], *, repair: bool = False, as_json:
             wrong = make_whole(output, progress)
     else:
         wrong = Store(output).verify()
+    from falsework.commands.unfinished import unfinished_scenes
+
+    with ConsoleProgress() as progress:
+        wrong += unfinished_scenes(output, progress)
     if as_json:
         answer({"whole": not wrong, "wrong": wrong})
         return int(bool(wrong))
     for line in wrong:
         sys.stdout.write(line + "\n")
-    said = f"{len(wrong)} faults" if wrong else "all stored results are complete and unchanged"
+    said = f"{len(wrong)} fault{'s'[: len(wrong) != 1]}" if wrong else "all stored results are complete and unchanged"
     sys.stdout.write(said + "\n")
     return int(bool(wrong))
 

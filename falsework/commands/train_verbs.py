@@ -245,10 +245,10 @@ def _voxel(source: "SampleSource") -> float:
 
 
 def _trained_on(facts: "ModelFacts", source: "SampleSource") -> list[str]:
-    """List the bridges of a split that were used to train or choose the model."""
-    said = facts.training or {}
-    known = {*said.get("training_bridges", ()), *said.get("validation_bridges", ())}
-    return sorted(known & {source.bridge(row) for row in range(len(source))})
+    """List the bridges of a split that the model, or one that it began with, has seen in training."""
+    from learn.seen_bridges import seen_bridges
+
+    return sorted({*seen_bridges(facts.training, facts.data)} & {source.bridge(row) for row in range(len(source))})
 
 
 def _is_evaluation(path: Path) -> bool:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from falsework.children.products import read_safely, surveys_of
 from falsework.commands.given_files import need_folder, stage_file
-from falsework.stages import STAGES, clouds_of
+from falsework.stages import SAMPLE_MEMORY_LIMIT, SAMPLE_TIME_LIMIT, STAGES, clouds_of
 from groundwork.errors import InputError, MissingError
 from groundwork.output.file import fresh_file
 from groundwork.output.folder import fresh_output
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from recon.settings import ReconSettings
 
 SAMPLER = "falsework.children.sample_work"
-SAMPLE_TIME_LIMIT = 6 * 3600.0  # [s]
-SAMPLE_MEMORY_LIMIT = 16.0  # [GB]
 
 
 def author_file(scenario: "Scenario", out: Path, scene: int, progress: Progress, inputs: Sequence[Path] = ()) -> Path:

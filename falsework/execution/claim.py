@@ -5,6 +5,8 @@ import re
 from pathlib import Path
 
 from falsework.scenario import Scenario, given_files
+from falsework.stages import STAGES
+from falsework.store.textures import POOL
 from groundwork.errors import InputError
 from groundwork.files import space_errors, write_text
 from groundwork.foreign_file import is_regular, read_regular
@@ -35,8 +37,9 @@ def claim_run(out: Path, scenario: Scenario) -> None:
             raise
         output_folder.claim_run(out, inputs)  # another process has marked it meanwhile
     with space_errors(out):
-        _check_folders(out)
-        (out / "run").mkdir(exist_ok=True)
+        _check_folders(out, scenario.scenes)
+        for name in ("run", "scenes"):  # also where every scene fails, so that the folder is that of a run
+            (out / name).mkdir(exist_ok=True)
         text = scenario.as_toml(out)
         with hold_lock(out / "run" / "scenario.lock") as held:
             if held:
@@ -45,9 +48,12 @@ def claim_run(out: Path, scenario: Scenario) -> None:
                 write_text(out / "scenario.toml", text)
 
 
-def _check_folders(out: Path) -> None:
+def _check_folders(out: Path, scenes: int) -> None:
     """Refuse what would be in the way after hours of work."""
-    for path in (out / name for name in _FOLDERS):
+    inner = [f"{name}/{stage}" for name in ("store", "evicted") for stage in (*STAGES, POOL)]
+    made = {f"{index:04d}" for index in range(scenes)}
+    found = [path.name for path in (out / "scenes").iterdir()] if (out / "scenes").is_dir() else []
+    for path in (out / name for name in (*_FOLDERS, *inner, *(f"scenes/{name}" for name in sorted(made & {*found})))):
         if os.path.lexists(path) and not path.is_dir():
             raise InputError("is in the way of a folder", where=path, hint="Move it elsewhere")
     for path in (out / name for name in _FILES):

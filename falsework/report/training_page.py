@@ -101,6 +101,7 @@ def _model(name: str, folder: Path) -> dict[str, Any]:
         "bridges": {
             "was trained on": set(training.get("training_bridges", ())),
             "chose its epoch by": set(training.get("validation_bridges", ())),
+            "began with a model that had seen": set(_mapping(stored.get("data")).get("earlier") or ()),
         },
         "classes": [[str(label), number(count)] for label, count in counted if count],
         "absent": ", ".join(str(label) for label, count in counted if not count),

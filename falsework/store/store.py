@@ -12,7 +12,7 @@ from typing import Any
 from falsework.stops import stop_behind
 from falsework.store.artefact import Hashes, file_faults, read_manifest, seal, task_key
 from falsework.store.failures import ATTEMPTS, RECORD, Failure, failure_of, read_failure, write_failure
-from falsework.store.foreign import move_foreign
+from falsework.store.foreign import move_away, move_foreign
 from falsework.store.textures import STAGE, share_textures
 from falsework.store.verification import verify
 from falsework.store.workroom import LINKS, remove, set_aside, sweep, work_folder
@@ -112,7 +112,7 @@ class Store:
             if self.has(task):
                 return False
             former = self.raise_former_failure(task, retry)
-            if not resume:
+            if not resume or work.is_symlink() or not work.is_dir():
                 remove(work)
             work.mkdir(exist_ok=resume)
             try:
@@ -312,8 +312,11 @@ class Store:
     def _commit(self, task: Task, work: Path) -> None:
         folder = self.folder(task)
         if os.path.lexists(folder) and not self.has(task):
-            move_foreign(self.root, f"{task.stage}/{task.key}")
-            remove(folder)  # a result without its manifest does not count
+            if folder.is_symlink() or not folder.is_dir():
+                move_away(self.root, folder)
+            else:
+                move_foreign(self.root, f"{task.stage}/{task.key}")
+                remove(folder)  # a result without its manifest does not count
         try:
             commit_folder(work, folder)
         except OSError as error:

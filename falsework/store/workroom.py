@@ -108,7 +108,7 @@ def remove(path: Path) -> None:
     Args:
         path: Path to remove.
     """
-    if path.is_symlink() or path.is_file():
-        path.unlink(missing_ok=True)
-    elif path.exists():
+    if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

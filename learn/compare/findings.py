@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from learn.compare.experiment import ExperimentSettings
 from learn.compare.statistics import class_iou, crossed_bootstrap, holm, paired_difference, signed_rank
-from learn.metrics import scores
+from learn.metrics import known_or_none, scores
 
 I64 = NDArray[np.int64]
 
@@ -78,19 +78,20 @@ def _scores(trials: Sequence[Trial], classes: Sequence[str]) -> dict[str, Any]:
     total = np.sum(sums, axis=0)
     whole = scores(total)
     deviations = {
-        f"{name}_sd": _plain(np.std(values, ddof=1)) if len(values) > 1 else None for name, values in several.items()
+        f"{name}_sd": known_or_none(np.std(values, ddof=1)) if len(values) > 1 else None
+        for name, values in several.items()
     }
     return {
         **_names(trials[0]),
         "arm": trials[0].arm,
         "seeds": [trial.seed for trial in trials],
         "bridges": len(trials[0].bridges),
-        **{name: _plain(np.mean(values)) for name, values in several.items()},
+        **{name: known_or_none(np.mean(values)) for name, values in several.items()},
         **deviations,
-        "sure_mean_iou": _plain(sure),
+        "sure_mean_iou": known_or_none(sure),
         "classes_averaged": whole.classes_averaged,
-        "iou": {name: _plain(_mean([one.iou[k] for one in found])) for k, name in enumerate(classes)},
-        "accuracy": {name: _plain(_mean([one.accuracy[k] for one in found])) for k, name in enumerate(classes)},
+        "iou": {name: known_or_none(_mean([one.iou[k] for one in found])) for k, name in enumerate(classes)},
+        "accuracy": {name: known_or_none(_mean([one.accuracy[k] for one in found])) for k, name in enumerate(classes)},
         "confusion": total.tolist(),
     }
 
@@ -136,7 +137,7 @@ def _classes(first: I64, second: I64, classes: Sequence[str]) -> dict[str, Any]:
     asked = [k for k in range(len(classes)) if not np.isnan(of_bridges[0][:, k] - of_bridges[1][:, k]).all()]
     p_values = holm([signed_rank(of_bridges[0][:, k], of_bridges[1][:, k]) for k in asked])
     for k, p in zip(asked, p_values, strict=True):
-        found[classes[k]] = {"difference": _plain(_mean(ious[0][:, k]) - _mean(ious[1][:, k])), "p": p}
+        found[classes[k]] = {"difference": known_or_none(_mean(ious[0][:, k]) - _mean(ious[1][:, k])), "p": p}
     return found
 
 
@@ -152,7 +153,3 @@ def _mean(values: Any) -> float:
     known = np.array(values, np.float64)
     known = known[~np.isnan(known)]
     return float(known.mean()) if len(known) else float("nan")
-
-
-def _plain(value: Any) -> float | None:
-    return None if np.isnan(value) else float(value)

@@ -145,11 +145,12 @@ def _read(source: CloudSource, settings: CutSettings, progress: Progress) -> Lab
     cloud = read_labeled(source.path, None, class_table(settings.table, settings.noisy_class), progress)
     if source.like is not None and source.noise is not None:
         noise, seed = read_json(source.noise), digest([source.name, source.path.name])
-        rows, coord = with_noise(
-            read_cloud(source.path), noise_from_json(noise), sensor_places(source.like), int(seed[:8], 16)
-        )
+        exact = read_cloud(source.path)
+        rows, coord = with_noise(exact, noise_from_json(noise), sensor_places(source.like), int(seed[:8], 16))
         inputs = {name: values[rows] for name, values in cloud.inputs.items()}
-        cloud = LabeledCloud(coord, inputs, cloud.labels[rows], cloud.uncertainty[rows], cloud.base[rows])
+        moved = np.linalg.norm(coord - exact.columns["coord"][rows], axis=1)  # displaced points are uncertain, too
+        doubt = np.fmax(cloud.uncertainty[rows], moved.astype(np.float32))
+        cloud = LabeledCloud(coord, inputs, cloud.labels[rows], doubt, cloud.base[rows])
     if not len(cloud):
         raise InputError("no point is left after cutting", where=source.path, field="arms", value=source.name)
     lacking = [name for name in settings.inputs if name not in (*cloud.inputs, HEIGHT)]

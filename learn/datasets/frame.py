@@ -91,6 +91,29 @@ def choose_frame(unit: float | None, settings: ScanUnits, where: object) -> Fram
     return Frame(meters, np.array(_TURNS[settings.up], np.float64))
 
 
+def check_heights(unit: float | None, height: float | None, settings: ScanUnits, where: object) -> None:
+    """Refuse a scan whose heights have another unit than its other coordinates, unless the user gives one for all.
+
+    Args:
+        unit: Length of a unit as the scan states [m]; None if it does not, 0 if its coordinates are angles.
+        height: Length of a unit of its heights, where it states one for them alone [m].
+        settings: The user's settings.
+        where: Scan, for the error.
+
+    Raises:
+        InputError: The units differ.
+    """
+    if not unit or not height or settings.unit is not None or settings.scale is not None:
+        return
+    if abs(height / unit - 1.0) > _SAME:
+        raise InputError(
+            "its heights have another unit than its other coordinates",
+            where=where,
+            value=f"{height:g} m and {unit:g} m",
+            hint="Convert the heights first, or give --unit if all three have one unit in truth",
+        )
+
+
 def contradiction(unit: float | None, frame: Frame) -> str:
     """Describe a difference between the user's unit and the scan's; empty if both agree or the scan states none.
 

@@ -15,10 +15,10 @@ from groundwork.files import read_json
 from groundwork.progress import SILENT, Progress
 from learn.datasets.class_map import CLASSIFICATION, SEGMENT, ClassMap
 from learn.datasets.class_tables import ClassTable, class_table, labels_of_cloud
-from learn.datasets.frame import Frame, choose_frame, contradiction
+from learn.datasets.frame import Frame, check_heights, choose_frame, contradiction
 from learn.datasets.scan_units import AS_STATED, ScanUnits
 from recon.cloud import Cloud, read_cloud
-from recon.formats.scan import read_scan, stated_unit
+from recon.formats.scan import height_unit, read_scan, stated_unit
 from usd_schemas.components import UNLABELED
 
 F64 = NDArray[np.float64]
@@ -235,6 +235,7 @@ def _read_labeled_scan(
 def _frame_of(path: Path, units: ScanUnits, progress: Progress) -> Frame:
     """Choose the frame of a scan as in a prediction, but for a scan without a unit: it is read in meters."""
     said = stated_unit(path)
+    check_heights(said, height_unit(path), units, path)
     if said is None and units.unit is None and units.scale is None:
         progress.note(f"{path.name} does not state the unit of its coordinates: meters are assumed; else give --unit")
         said = 1.0

@@ -1,9 +1,10 @@
 """Conductor of predictions: run a model on the tiles of a scan and label every point of the scan."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from groundwork.output.file import check_output_file, fresh_file
 from groundwork.progress import SILENT, Progress
 from learn.datasets.build import tile_patch
 from learn.datasets.draws import count_draws, exhaustive_draw
-from learn.datasets.frame import Frame, choose_frame, contradiction
+from learn.datasets.frame import Frame, check_heights, choose_frame, contradiction
 from learn.datasets.labeled_cloud import HEIGHT
 from learn.datasets.patch import CHANNELS, Scaling, check_channels, make_sample
 from learn.datasets.tiles import cut_tiles, with_heights
@@ -27,7 +28,17 @@ from learn.predict.class_sum import sum_classes
 from learn.predict.model import PointModel
 from learn.predict.settings import PredictSettings
 from learn.sample import Sample
-from recon.formats.scan import Labels, Scan, ScanStream, check_copy, open_scan, stated_unit, write_labeled_copy
+from recon.cloud import read_cloud
+from recon.formats.scan import (
+    Labels,
+    Scan,
+    ScanStream,
+    check_copy,
+    height_unit,
+    open_scan,
+    stated_unit,
+    write_labeled_copy,
+)
 
 F32 = NDArray[np.float32]
 
@@ -86,14 +97,14 @@ def predict_scan(
     summing = sum_classes(model.classes, model.table, settings.table, settings.classes, ids)
     with open_scan(file, progress=progress) as stream:
         told = stated_unit(source) if source.is_dir() else stream.unit
-        frame = choose_frame(told, settings, source)
-        cloud = thin_stream(stream, frame, model, settings.chunk, source)
+        frame = _frame_of(file, told, settings, source)
+        own = _own_columns(source, model, frame, stream.count)
+        cloud = thin_stream(stream, frame, model, settings.chunk, source, own)
         check_memory(len(cloud), len(summing.names), available_memory(), source)
         summed = vote(cloud, model, settings.batch, progress, summing.matrix)
         classes, sure = summing.decide(summed, settings.min_confidence)
         instance = connected_parts(cloud.coord, classes, link, settings.fewest, summing.background)
-        boxes = Boxes(int(instance.max(initial=0)))
-        counts = np.zeros(256, np.int64)
+        boxes, counts = Boxes(int(instance.max(initial=0))), np.zeros(256, np.int64)
 
         def labels() -> Iterator[Labels]:
             progress.stage("write", stream.count)
@@ -193,7 +204,37 @@ def _size_of(copy: Path, name: Path) -> dict[str, object]:
     return {"suffix": name.suffix, "bytes": copy.stat().st_size}
 
 
-def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int, where: object) -> VoxelCloud:
+def _frame_of(file: Path, unit: float | None, settings: PredictSettings, source: Path) -> Frame:
+    check_heights(unit, height_unit(file), settings, source)
+    return choose_frame(unit, settings, source)
+
+
+def _own_columns(source: Path, model: PointModel, frame: Frame, count: int) -> dict[str, NDArray[Any]]:
+    """Read the inputs of a model that the LAZ and PLY files of a cloud of ours lack, but its columns have."""
+    needed = {"normal", "n_views"} & {CHANNELS[name] for name in model.channels}
+    if not needed or not source.is_dir():
+        return {}
+    cloud = read_cloud(source)
+    if len(cloud) != count:
+        raise InputError(
+            "its columns and its file have different numbers of points",
+            where=source,
+            value=count,
+            allowed=str(len(cloud)),
+            hint=f"Make the file again with falsework export {source} --to laz -o DIR",
+        )
+    found = {name: cloud.columns[name] for name in sorted(needed) if cloud.columns[name].any()}  # zeros: not known
+    return {name: frame.rotate(rows) if name == "normal" else rows for name, rows in found.items()}
+
+
+def thin_stream(
+    stream: ScanStream,
+    frame: Frame,
+    model: PointModel,
+    chunk: int,
+    where: object,
+    own: Mapping[str, NDArray[Any]] = MappingProxyType({}),
+) -> VoxelCloud:
     """Keep one point in each cube of a scan: the first of the file, independent of the chunk size.
 
     Args:
@@ -202,6 +243,7 @@ def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int,
         model: Determines the columns and the size of the cubes.
         chunk: Points at a time.
         where: Scan, for the error.
+        own: Further columns of its points, shape (N,) or (N, C) each.
 
     Raises:
         InputError: The scan lacks a channel of the model, or is too large.
@@ -211,8 +253,10 @@ def thin_stream(stream: ScanStream, frame: Frame, model: PointModel, chunk: int,
         coord = frame.apply(scan.coord)
         low, high = np.minimum(low, coord.min(axis=0)), np.maximum(high, coord.max(axis=0))
     cloud = empty_cloud(lay_grid(low, high, model.tile.voxel, where))
+    first = 0
     for scan in stream.chunks(chunk):
-        columns = _inputs(scan, frame)
+        columns = {**_inputs(scan, frame), **{name: column[first : first + len(scan)] for name, column in own.items()}}
+        first += len(scan)
         check_channels(model.channels, (*columns, HEIGHT), where)
         needed = {CHANNELS[name] for name in model.channels}
         kept = {name: values for name, values in columns.items() if name in needed}

@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.instances import connected_parts
-from learn.metrics import calibration_error, confusion_by_threshold, mean_iou, reliability, risk_coverage, scores
+from learn.metrics import (
+    calibration_error,
+    confusion_by_threshold,
+    known_or_none,
+    mean_iou,
+    reliability,
+    risk_coverage,
+    scores,
+)
 from learn.scoring.panoptic import PanopticCounts, count_instances, panoptic_quality
 from learn.scoring.votes import ScoredCloud, labeled
 
@@ -111,8 +119,8 @@ def whole_record(tallies: dict[str, Tally], names: Sequence[str], link: float) -
         "class_names": list(names),
         **score_rows(matrix, names),
         "confusion": matrix.tolist(),
-        "confusion_shares": [[_plain(value) for value in row] for row in shares],
-        "calibration_error": _plain(calibration_error(confidence, right)),
+        "confusion_shares": [[known_or_none(value) for value in row] for row in shares],
+        "calibration_error": known_or_none(calibration_error(confidence, right)),
         "reliability": _reliability(confidence, right),
         "coverage": coverage.tolist(),
         "risk": risk.tolist(),
@@ -120,7 +128,7 @@ def whole_record(tallies: dict[str, Tally], names: Sequence[str], link: float) -
         "by_uncertainty": {
             "thresholds": list(THRESHOLDS),
             "points": total.matrices[:_ALL].sum(axis=(1, 2)).tolist(),
-            "mean_iou": [_plain(value) for value in mean_iou(total.matrices[:_ALL])],
+            "mean_iou": [known_or_none(value) for value in mean_iou(total.matrices[:_ALL])],
         },
         "panoptic": {"link": link, "modelled": _quality(total.modeled, names), "parts": _quality(total.parts, names)},
         "bridges": {name: _bridge(tally, names) for name, tally in sorted(tallies.items())},
@@ -141,14 +149,17 @@ def score_rows(matrix: I64, names: Sequence[str]) -> dict[str, Any]:
     columns = {"accuracy": result.accuracy, "precision": result.precision, "iou": result.iou, "f1": result.f1}
     return {
         "classes": {
-            name: {"points": int(result.support[number]), **{key: _plain(v[number]) for key, v in columns.items()}}
+            name: {
+                "points": int(result.support[number]),
+                **{key: known_or_none(v[number]) for key, v in columns.items()},
+            }
             for number, name in enumerate(names)
         },
-        "overall_accuracy": _plain(result.overall_accuracy),
-        "mean_accuracy": _plain(result.mean_accuracy),
-        "mean_precision": _plain(result.mean_precision),
-        "mean_iou": _plain(result.mean_iou),
-        "mean_f1": _plain(result.mean_f1),
+        "overall_accuracy": known_or_none(result.overall_accuracy),
+        "mean_accuracy": known_or_none(result.mean_accuracy),
+        "mean_precision": known_or_none(result.mean_precision),
+        "mean_iou": known_or_none(result.mean_iou),
+        "mean_f1": known_or_none(result.mean_f1),
         "classes_averaged": result.classes_averaged,
     }
 
@@ -159,7 +170,7 @@ def _bridge(tally: Tally, names: Sequence[str]) -> dict[str, Any]:
         "points": tally.points,
         **score_rows(tally.matrices[_ALL], names),
         "confusion": tally.matrices[_ALL].tolist(),
-        "calibration_error": _plain(calibration_error(confidence, right)),
+        "calibration_error": known_or_none(calibration_error(confidence, right)),
         "panoptic": {
             key: _mean_quality(counts) for key, counts in (("modelled", tally.modeled), ("parts", tally.parts))
         },
@@ -186,15 +197,15 @@ def _quality(counts: PanopticCounts | None, names: Sequence[str]) -> dict[str, A
         return None
     result = panoptic_quality(counts)
     return {
-        "mean": _plain(result.mean),
+        "mean": known_or_none(result.mean),
         "classes": {
             name: {
                 "true": int(counts.true[number]),
                 "found": int(counts.found[number]),
                 "matched": int(counts.hits[number]),
-                "quality": _plain(result.quality[number]),
-                "segmentation": _plain(result.segmentation[number]),
-                "recognition": _plain(result.recognition[number]),
+                "quality": known_or_none(result.quality[number]),
+                "segmentation": known_or_none(result.segmentation[number]),
+                "recognition": known_or_none(result.recognition[number]),
             }
             for number, name in enumerate(names)
         },
@@ -202,12 +213,8 @@ def _quality(counts: PanopticCounts | None, names: Sequence[str]) -> dict[str, A
 
 
 def _mean_quality(counts: PanopticCounts | None) -> float | None:
-    return None if counts is None else _plain(panoptic_quality(counts).mean)
+    return None if counts is None else known_or_none(panoptic_quality(counts).mean)
 
 
 def _both(first: PanopticCounts | None, second: PanopticCounts | None) -> PanopticCounts | None:
     return first + second if first is not None and second is not None else first or second
-
-
-def _plain(value: float) -> float | None:
-    return None if np.isnan(value) else float(value)

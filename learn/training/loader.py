@@ -1,5 +1,6 @@
 """Loading of training samples: their order, their geometry, and batches."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,8 +20,11 @@ from learn.trained import check_channels
 
 I64 = NDArray[np.int64]
 
-Place = tuple[int, int]
-"""Epoch and number of a sample."""
+Place = tuple[int, int, int]
+"""Epoch and number of a sample, and how often it occurred in this epoch before: each time it is drawn differently."""
+
+_FILE_BYTES = 100  # of a pyramid for each point: 61 to 92 were measured
+_CACHE_BYTES = 4e9
 
 
 class EpochOrder(Sampler[Place]):
@@ -40,7 +44,7 @@ class EpochOrder(Sampler[Place]):
             share: Share of an epoch that is chosen by class [1].
         """
         self._rows, self._seed, self._epoch, self._share = list(rows), seed, 0, share
-        self._likely = np.zeros((0, len(self._rows))) if counts is None else _by_class(counts)
+        self._sums = np.zeros((0, len(self._rows))) if counts is None else _sums_by_class(counts)
 
     def set_epoch(self, epoch: int) -> None:
         """Set the epoch; called by Lightning, also after a resumption.
@@ -58,15 +62,18 @@ class EpochOrder(Sampler[Place]):
         """Iterate over the epoch."""
         rng = np.random.default_rng([self._seed, self._epoch])
         order = rng.permutation(len(self._rows))
-        for place in range(round(self._share * len(order)) if len(self._likely) else 0):
-            order[place] = rng.choice(len(order), p=self._likely[rng.integers(len(self._likely))])
+        for place in range(round(self._share * len(order)) if len(self._sums) else 0):
+            sums = self._sums[rng.integers(len(self._sums))]
+            order[place] = np.searchsorted(sums, rng.random(), side="right")
         order = rng.permutation(order) if self._share else order
         here, processes = _processes()
-        order = np.resize(order, processes * len(self))[
-            here::processes
-        ]  # the first ones are repeated, so that all processes have equally many
-        for row in order:
-            yield self._epoch, self._rows[row]
+        order = np.resize(order, processes * len(self))  # the first ones again, so that all processes have equally many
+        times, before = Counter[int](), []
+        for row in order.tolist():
+            before.append(times[row])
+            times[row] += 1
+        for place in range(here, len(order), processes):
+            yield self._epoch, self._rows[order[place]], before[place]
 
 
 def _processes() -> tuple[int, int]:
@@ -99,8 +106,9 @@ class Loaded(Dataset[dict[str, Any]]):
 
     def __getitem__(self, place: Place) -> dict[str, Any]:
         """Draw a sample and search its neighborhoods."""
-        epoch, row = place
-        sample = self.source.sample(row, int(np.random.SeedSequence([self.seed, epoch, row]).generate_state(1)[0]))
+        epoch, row, before = place
+        draw = np.random.SeedSequence([self.seed, epoch, row] + ([before] if before else []))
+        sample = self.source.sample(row, int(draw.generate_state(1)[0]))
         check_channels(sample, self.channels)
         item = {
             "features": torch.from_numpy(np.ascontiguousarray(sample.features)),
@@ -163,6 +171,18 @@ def count_labels(source: SampleSource, rows: Sequence[int], seed: int, workers: 
     return np.stack(counts) if counts else np.zeros((0, len(source.classes)), np.int64)
 
 
+def cache_of_pyramids(folder: Path, source: SampleSource, rows: Sequence[int]) -> Path | None:
+    """Name the folder that keeps the pyramids of samples that never change, unless they would need too much space.
+
+    Args:
+        folder: Folder of the training.
+        source: Source of the samples.
+        rows: Those that are used.
+    """
+    points = len(source.sample(rows[0], 0).coord) if rows else 0
+    return folder / "pyramids" if 0 < points * len(rows) * _FILE_BYTES <= _CACHE_BYTES else None
+
+
 def expected_counts(counts: I64, share: float) -> Tensor:
     """Compute the expected number of points of each class in an epoch.
 
@@ -184,6 +204,12 @@ def _by_class(counts: I64) -> NDArray[np.float64]:
     """Compute the probability of each sample given the chosen class: one row for each class that occurs."""
     present = counts[:, counts.any(axis=0)].T.astype(np.float64)
     return present / present.sum(axis=1, keepdims=True)
+
+
+def _sums_by_class(counts: I64) -> NDArray[np.float64]:
+    """Sum up the probabilities of the samples, so that a draw needs no more than a binary search."""
+    sums = np.cumsum(_by_class(counts), axis=1)
+    return sums / sums[:, -1:]
 
 
 def hold_out(source: SampleSource, share: float, seed: int) -> tuple[list[int], list[int]]:

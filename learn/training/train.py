@@ -1,6 +1,7 @@
 """Training of a network and its model on disk: the same bytes for the same seed on a CPU, interrupted or not."""
 
 import logging
+import shutil
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -22,19 +23,27 @@ from learn.losses import class_weights
 from learn.models.backbone import completed
 from learn.models.registry import build_network
 from learn.sample import UNLABELED, SampleSource
+from learn.seen_bridges import EARLIER
 from learn.trained import (
     ModelFacts,
     as_probabilities,
-    check_scaling,
     load_weights,
     read_facts,
-    read_weights,
     write_model,
 )
 from learn.training.calibration import fit_temperature, gather_scores
 from learn.training.checkpoint import read_checkpoint
-from learn.training.loader import EpochOrder, Loaded, collate, count_labels, expected_counts, hold_out
+from learn.training.loader import (
+    EpochOrder,
+    Loaded,
+    cache_of_pyramids,
+    collate,
+    count_labels,
+    expected_counts,
+    hold_out,
+)
 from learn.training.settings import TrainSettings, recipe_of
+from learn.training.start import begin_with, check_start, seen_by
 
 NOISY = "noisy_point"
 _REQUEST = "request.json"
@@ -50,13 +59,11 @@ class TrainingData:
         training: Training samples.
         validation: Samples of other bridges, the same at every call; None holds whole bridges out of `training`.
         facts: How the samples were made; stored with the model.
-        cache: Folder of the pyramids of validation, or None.
     """
 
     training: SampleSource
     validation: SampleSource | None = None
     facts: Mapping[str, Any] = field(default_factory=dict)
-    cache: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -68,7 +75,6 @@ class _Task:
         rows: Their numbers.
         validation: Source of the validation samples.
         held: Their numbers.
-        cache: Folder of the pyramids of validation, or None.
         channels: Inputs of the network.
         noisy: Number of the class of noisy points if it has a separate head, or None.
         counts: Points of each class in each training sample, shape (rows, C), int64.
@@ -79,7 +85,6 @@ class _Task:
     rows: Sequence[int]
     validation: SampleSource
     held: Sequence[int]
-    cache: Path | None
     channels: tuple[str, ...]
     noisy: int | None
     counts: I64
@@ -110,7 +115,7 @@ def train_network(
             an encoder that is to stay as it is without one.
     """
     _check_gpu(settings)
-    _check_start(data, settings, init, progress)
+    check_start(data.facts, settings, init, progress)
     torch.use_deterministic_algorithms(not trains_on_gpu(settings))
     task, classes = _set_task(data, settings, init), data.training.classes
     torch.manual_seed(settings.seed)
@@ -130,7 +135,7 @@ def train_network(
         settings=settings.network,
         classes=classes,
         channels=task.channels,
-        data=data.facts,
+        data={**data.facts, **({} if init is None else {EARLIER: seen_by(init)})},
         noisy=task.noisy,
         temperature=_temperature(network, task, torch_device(settings.accelerator)),
         training={
@@ -145,6 +150,7 @@ def train_network(
     write_model(folder, facts, best)
     for name in ("last.ckpt", "best.safetensors", _REQUEST):
         (folder / name).unlink(missing_ok=True)
+    shutil.rmtree(folder / "pyramids", ignore_errors=True)
 
 
 def trains_on_gpu(settings: TrainSettings) -> bool:
@@ -167,32 +173,6 @@ def _check_gpu(settings: TrainSettings) -> None:
             allowed=f"at most {count}",
             hint="Use fewer, or --set accelerator=cpu",
         )
-
-
-def _check_start(data: TrainingData, settings: TrainSettings, init: Path | None, progress: Progress) -> None:
-    """Refuse to freeze random weights, and samples of another scale; tell of samples that are cut otherwise."""
-    if init is not None:
-        before = read_facts(init)
-        check_scaling(before, data.facts, init)
-        if words := _other_cutting(before.data, data.facts):
-            progress.note(f"the samples are cut otherwise than those of {init}: cut them again with {words}")
-    elif settings.freeze_encoder:
-        raise InputError(
-            "the weights of the encoder are random, and would stay so",
-            field="--freeze-encoder",
-            value=True,
-            hint="Name a model to start from with --init, or leave --freeze-encoder out",
-        )
-
-
-def _other_cutting(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """Give the options of `falsework dataset` that cut as for a model's training; "" if the samples are cut so."""
-    earlier, current = (facts.get("settings") or {} for facts in (before, now))
-    if earlier.get("mode") != "metric" or current.get("mode") != "metric":
-        return ""
-    tile = current.get("tile", {})
-    other = {key: value for key, value in earlier.get("tile", {}).items() if tile.get(key) != value}
-    return " ".join(f"--set tile.{key}={value!r}" for key, value in other.items()) if other.keys() - {"stride"} else ""
 
 
 def _set_task(data: TrainingData, settings: TrainSettings, init: Path | None) -> _Task:
@@ -220,36 +200,7 @@ def _set_task(data: TrainingData, settings: TrainSettings, init: Path | None) ->
             "init": None if init is None else asdict(read_facts(init)),
         }
     )
-    return _Task(source, rows, validation, held, data.cache, channels, noisy, counts, request)
-
-
-def begin_with(network: nn.Module, folder: Path, channels: tuple[str, ...], classes: tuple[str, ...]) -> None:
-    """Load the weights of a model into a network, without its last layer if the classes differ.
-
-    Args:
-        network: The network.
-        folder: A model.
-        channels: Inputs of the network.
-        classes: Its classes.
-
-    Raises:
-        InputError: Other inputs, or another network.
-    """
-    facts, weights = read_facts(folder), read_weights(folder)
-    if facts.channels != channels:
-        raise InputError(
-            "the --init model has other inputs",
-            where=folder,
-            field="--init",
-            value=", ".join(facts.channels),
-            allowed=", ".join(channels),
-        )
-    if facts.classes != classes:
-        own = network.state_dict()
-        last = max((name for name in own if name.startswith("head.")), key=lambda name: int(name.split(".")[1]))
-        head = last.rsplit(".", 1)[0] + "."
-        weights = {name: own[name] if name.startswith(head) else value for name, value in weights.items()}
-    load_weights(network, weights, folder)
+    return _Task(source, rows, validation, held, channels, noisy, counts, request)
 
 
 def _shared_out(
@@ -314,7 +265,7 @@ def _fit(
         read_checkpoint(folder / LAST)  # Lightning reads it again, and checks nothing
     write_text(folder / _REQUEST, canonical_json(task.request))
     recipe = recipe_of(settings)
-    loader, fixed = _loaders(network, task, settings)
+    loader, fixed = _loaders(network, task, settings, folder)
     weights = class_weights(expected_counts(task.counts, recipe.class_aware), recipe.weights)
     steps = settings.epochs * -(-len(task.rows) // (settings.batch * settings.devices))
     module = Segmentation(network, TrainingPlan(settings, recipe, weights, task.noisy, steps), folder, progress)
@@ -351,7 +302,9 @@ def _fit(
     return module
 
 
-def _loaders(network: Any, task: _Task, settings: TrainSettings) -> tuple[DataLoader[Any], DataLoader[Any]]:
+def _loaders(
+    network: Any, task: _Task, settings: TrainSettings, folder: Path
+) -> tuple[DataLoader[Any], DataLoader[Any]]:
     """Make the loaders: training samples differ in each epoch, validation samples never change."""
     recipe, here = recipe_of(settings), not trains_on_gpu(settings)  # a GPU searches the neighborhoods itself
     several: dict[str, Any] = {
@@ -362,10 +315,11 @@ def _loaders(network: Any, task: _Task, settings: TrainSettings) -> tuple[DataLo
     }
     drawn = Loaded(task.source, network, task.channels, settings.seed, doubt=recipe.doubt, searched=here)
     order = EpochOrder(task.rows, settings.seed, task.counts, recipe.class_aware)
-    same = Loaded(task.validation, network, task.channels, settings.seed, task.cache, searched=here)
+    cache = cache_of_pyramids(folder, task.validation, task.held)
+    same = Loaded(task.validation, network, task.channels, settings.seed, cache, searched=here)
     return (
         DataLoader(drawn, batch_size=settings.batch, sampler=order, **several),
-        DataLoader(same, batch_size=settings.batch, sampler=[(0, row) for row in task.held], **several),
+        DataLoader(same, batch_size=settings.batch, sampler=[(0, row, 0) for row in task.held], **several),
     )
 
 
@@ -387,7 +341,7 @@ def _temperature(network: Any, task: _Task, device: str) -> float:
     samples = Loaded(task.validation, network.to(device).eval(), task.channels, 0, searched=device == "cpu")
 
     def score(row: int) -> tuple[Tensor, Tensor]:
-        item = collate([samples[0, row]])
+        item = collate([samples[0, row, 0]])
         geometry = completed(network, {name: rows.to(device) for name, rows in item["geometry"].items()})
         with torch.no_grad():
             found = network(item["features"].to(device), geometry)[0].cpu()

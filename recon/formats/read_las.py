@@ -31,6 +31,7 @@ _NEW_FORMATS = 6  # first point format with a separate byte for the class
 _VLR_HEAD = struct.Struct("<H16sHH32s")
 _EXTRA_TYPES = {1: "u1", 2: "i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4", 7: "<u8", 8: "<i8", 9: "<f4", 10: "<f8"}
 _EXTRA_SIZE = 192  # [bytes] of the description of one extra dimension
+_NORMALS = (("normalx", "nx"), ("normaly", "ny"), ("normalz", "nz"))  # as CloudCompare and PDAL write them
 _LABELS, _INSTANCES = ("segment", "label", "class_id", "semantic"), ("instance", "instance_id")
 _BEYOND = (1.0, 0.01)  # [m] and share of the box that points may lie outside the bounds that the header states
 _BLOCK = 2_000_000  # points decoded at once
@@ -258,14 +259,15 @@ class LasRows:
         self.path, self.header, self.rows = path, header, rows
 
     @cached_property
-    def _wide(self) -> bool:
-        """Tell whether colours use 16 bits; some programs write 8 bits into 16."""
-        at = _COLORS[self.header.format]
-        return any(
-            self._column(at + 2 * band, "<u2", first, min(first + _BLOCK, self.header.count)).max() > 255
-            for first in range(0, self.header.count, _BLOCK)
-            for band in range(3)
-        )
+    def _brightest(self) -> int:
+        """Find the largest value of a colour: some programs write 8 bits into 16, and 0 where nothing is known."""
+        at, brightest = _COLORS[self.header.format], 0
+        for first in range(0, self.header.count, _BLOCK):
+            last = min(first + _BLOCK, self.header.count)
+            brightest = max(
+                brightest, *(int(self._column(at + 2 * band, "<u2", first, last).max()) for band in range(3))
+            )
+        return brightest
 
     def _column(self, at: int, kind: str, first: int, last: int) -> NDArray[Any]:
         width = np.dtype(kind).itemsize
@@ -274,6 +276,13 @@ class LasRows:
             for start in range(first, last, _BLOCK)
         ]
         return np.concatenate(parts)
+
+    def _normal(self, first: int, last: int) -> NDArray[np.float32] | None:
+        """Read the normals from extra dimensions; None if there are none."""
+        extra = self.header.extra
+        names = [column_named(pair, extra) for pair in _NORMALS]
+        found = [self._column(*extra[name], first, last) for name in names if name is not None]
+        return np.column_stack(found).astype(np.float32) if len(found) == 3 else None
 
     def decode(self, first: int, last: int, labels: bool | str = True) -> Scan:
         """Decode a range of points into columns.
@@ -293,10 +302,10 @@ class LasRows:
         check_coordinates(self.path, coord)
         _check_bounds(self.path, coord, header.bounds)
         color = None
-        if header.format in _COLORS:
+        if header.format in _COLORS and self._brightest:
             at = _COLORS[header.format]
             bands = np.column_stack([self._column(at + 2 * band, "<u2", first, last) for band in range(3)])
-            color = (bands >> 8 if self._wide else bands).astype(np.uint8)
+            color = (bands >> 8 if self._brightest > 255 else bands).astype(np.uint8)
         new = header.format >= _NEW_FORMATS
         codes = (
             self._column(16, "u1", first, last) if new else np.bitwise_and(self._column(15, "u1", first, last), 0x1F)
@@ -311,6 +320,7 @@ class LasRows:
         return Scan(
             coord,
             color,
+            self._normal(first, last),
             intensity=self._column(12, "<u2", first, last).astype(np.float32),
             classification=codes,
             class_names=header.class_names,

@@ -13,6 +13,7 @@ from recon.formats.scan_points import Scan, as_colors, as_ids, check_coordinates
 SUFFIXES = (".xyz", ".txt", ".csv", ".asc", ".pts")
 _MOST_TEXT = 2_000_000_000  # [bytes]
 _LONGEST_LINE = 4096  # [bytes]
+_MARK = b"\xef\xbb\xbf"  # in front of UTF-8, as spreadsheets write it
 _SHORTEST_LINE = 6  # [bytes] three digits, two blanks and a line end
 _NAMES = {
     "r": "red",
@@ -66,7 +67,7 @@ def read_text(path: Path, most_points: int, labels: bool | str = True) -> Scan:
         head = [file.readline(_LONGEST_LINE) for _ in range(2)]
     skipped, names, mark = first_line(path, head)
     try:
-        with path.open(encoding="ascii") as text:
+        with path.open(encoding="utf-8-sig") as text:
             table = np.loadtxt(text, np.float64, comments="#", delimiter=mark, skiprows=skipped, ndmin=2)
     except (ValueError, UnicodeDecodeError) as error:
         reason = re.sub(r"\s+", " ", str(error))[:80]
@@ -99,7 +100,7 @@ def first_line(path: Path, head: list[bytes]) -> tuple[int, tuple[str, ...], str
     """
     if b"\0" in head[0] or len(head[0]) >= _LONGEST_LINE:
         raise InputError("neither text nor another known format", where=path)
-    first = head[0].decode("ascii", "replace").strip()
+    first = head[0].removeprefix(_MARK).decode("ascii", "replace").strip()
     words = re.split(r"[,;\s]+", first.lstrip("/# "))
     second = head[1].decode("ascii", "replace")
     mark = next((sign for sign in ",;" if sign in (second or first)), None)

@@ -8,7 +8,7 @@ from groundwork.errors import InputError, MissingError
 from groundwork.progress import SILENT, Progress
 from recon.cloud import cloud_unit, read_cloud
 from recon.formats import read_e57, read_las, read_numpy, read_ply, read_text
-from recon.formats.crs_unit import meters_per_unit
+from recon.formats.crs_unit import meters_per_height_unit, meters_per_unit
 from recon.formats.labeled_copy import check_copy, write_labeled_copy
 from recon.formats.labels import Labels
 from recon.formats.scan_points import MOST_POINTS, Scan, check_coordinates
@@ -20,6 +20,7 @@ __all__ = [
     "Scan",
     "ScanStream",
     "check_copy",
+    "height_unit",
     "open_scan",
     "read_scan",
     "stated_unit",
@@ -121,3 +122,20 @@ def stated_unit(path: Path) -> float | None:
     if magic == read_las.MAGIC:
         return meters_per_unit(read_las.read_header(path).records)
     return 1.0 if magic == read_e57.MAGIC else None  # E57 is in meters by its standard
+
+
+def height_unit(path: Path) -> float | None:
+    """Find the length of one unit of a scan's heights, where the file states one for them alone.
+
+    Args:
+        path: As for `read_scan`.
+
+    Returns:
+        The length [m]; None if the file does not state it.
+
+    Raises:
+        InputError: A damaged header.
+    """
+    if not path.is_file() or magic_of(path) != read_las.MAGIC:
+        return None
+    return meters_per_height_unit(read_las.read_header(path).records)

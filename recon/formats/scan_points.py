@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.errors import InputError
+from usd_schemas.components import UNLABELED
 
 F64 = NDArray[np.float64]
 
@@ -92,6 +93,8 @@ def check_coordinates(path: Path, coord: F64) -> None:
 def as_ids(path: Path, name: str, values: NDArray[Any], dtype: type[np.uint8 | np.uint32]) -> NDArray[Any]:
     """Convert a column of labels of any number type.
 
+    Class ids of -1, as in Pointcept's data sets, and NaN, as CloudCompare writes, mean no label.
+
     Args:
         path: File, for the error.
         name: Column, for the error.
@@ -99,12 +102,14 @@ def as_ids(path: Path, name: str, values: NDArray[Any], dtype: type[np.uint8 | n
         dtype: Unsigned integer type to turn it into.
 
     Returns:
-        Ids, shape (N,).
+        Ids, shape (N,); 255 for a class id that means no label.
 
     Raises:
         InputError: A label is not a whole number of that type.
     """
     top = np.iinfo(dtype).max
+    if dtype is np.uint8:
+        values = np.where((values == -1) | np.isnan(values), np.int16(UNLABELED), values)
     good = (values >= 0) & (values <= top) & (values == np.floor(values))
     if not good.all():
         raise InputError(
@@ -112,7 +117,7 @@ def as_ids(path: Path, name: str, values: NDArray[Any], dtype: type[np.uint8 | n
             where=path,
             field=name,
             value=values[np.argmin(good)].item(),
-            allowed=f"whole numbers from 0 to {top}",
+            allowed=f"whole numbers from 0 to {top}" + (", or -1 for no label" if dtype is np.uint8 else ""),
         )
     return values.astype(dtype)
 

@@ -28,8 +28,8 @@ F64 = NDArray[np.float64]
 Pieces = tuple[Component | Scatter, ...]
 
 WORLDS = ("city", "countryside", "hillside", "lakeside")
-# [1] of a whole scene, the aim of docs/backgrounds.md: the largest one measured there has 959,000, the fullest view
-# 517,000, and a view of a survey is simplified to `render.triangle_budget` = 450,000.
+# [1] of a whole scene, the aim of docs/backgrounds.md: the largest one in its table has 1,030,000, the
+# fullest view 523,000, and a view of a survey is simplified to `render.triangle_budget` = 450,000.
 MOST_TRIANGLES = 1_500_000
 STANDING = ("building", "roof", "window", "tree", "shrub", "fence", "wall_retaining", "pole", "lamp_post")
 EDGE, LEAVES = 0.8, 1.0  # [m] of a road, railway or river that things may stand on; that a crown may hang over

@@ -82,6 +82,8 @@ def test_help_begins_with_the_story() -> None:
         "reconstruct",
         "sample",
     }
+    survey = falsework.scenario_of({"bridge": {"family": "beam"}}).survey[0]  # that of the example
+    assert f'["{survey.id or survey.kind}"]' in example
 
 
 def test_the_reference_lists_every_name() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import is_dataclass, replace
 from inspect import isfunction
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
@@ -125,6 +125,7 @@ PATHS = {
     "read_capture": {"folder"},
     "read_truth": {"capture"},
     "read_cloud": {"folder"},
+    "load_image": set(),
     "load_scenario": {"path"},
     "scenario_of": {"path"},
 }
@@ -153,16 +154,25 @@ def own_classes(hint: object) -> set[type]:
 
 
 def test_every_type_that_an_argument_needs_is_public() -> None:
-    """Classes of arguments and results, and of the sections of settings; a scenario is given as a table of its own."""
+    """Classes of arguments and results, and of their fields; a scenario is given as a table of its own."""
     public = {name: getattr(falsework, name) for name in falsework.__all__}
     needed: set[type] = set()
-    for name in ("author", "render", "reconstruct", "sample", "run", "save_cloud"):
+    for name in PATHS:
         for hint in get_type_hints(
             public[name], {**vars(falsework.api), **vars(falsework.api_reading), **public}
         ).values():
             needed |= own_classes(hint)
-    for kind in needed - {falsework.Scenario}:
+    waiting = needed - {falsework.Scenario}
+    while waiting:
+        kind = waiting.pop()
+        fields: list[object] = []
         if issubclass(kind, BaseModel):
-            needed = needed.union(*(own_classes(field.annotation) for field in kind.model_fields.values()))
+            fields = [field.annotation for field in kind.model_fields.values()]
+        elif is_dataclass(kind):
+            fields = list(get_type_hints(kind).values())
+        more = set[type]().union(*(own_classes(field) for field in fields)) - needed
+        needed, waiting = needed | more, waiting | more
     assert {kind.__name__ for kind in needed} <= set(public)
-    assert {"SensorSettings", "DenseSettings", "Capture", "TerrestrialSettings"} <= {kind.__name__ for kind in needed}
+    assert {kind for kind in needed if public[kind.__name__] is not kind} == set()
+    reached = {"SensorSettings", "DenseSettings", "Capture", "TerrestrialSettings", "CameraTrack", "Pinhole", "Readout"}
+    assert reached <= {kind.__name__ for kind in needed}

@@ -18,6 +18,7 @@ from falsework.store.store import Store
 from groundwork.errors import InputError, OutOfSpaceError
 from groundwork.files import MANIFEST
 from groundwork.progress import SILENT, Silent
+from tests.conftest import RecordProof
 from tests.falsework import forked, tiny_chain
 from tests.falsework.tiny_chain import contents, start, tiny_scenario, tiny_stages
 from tests.patience import left
@@ -189,39 +190,15 @@ def test_what_nobody_asks_for_counts_nowhere(run: Run, tmp_path: Path) -> None:
     assert not list((tmp_path / "out/store/cloud").iterdir())
 
 
-def test_what_stands_in_the_way_is_one_line(run: Run, tmp_path: Path) -> None:
-    """A folder where a lock or a record belongs, a file where a link belongs: refused by name, and left there."""
-    out = tmp_path / "out"
-    run(2, faults={"cloud:1": "reject"})
-    key = next((out / "failed").iterdir()).stem
-    (out / "failed" / f"{key}.json").unlink()
-    (out / "work" / f"{key}.lock").mkdir()
-    assert "not a lock file of Falsework" in run(2).failed["0001"]
-    (out / "work" / f"{key}.lock").rmdir()
-    (out / "failed" / f"{key}.json").mkdir()
-    assert "at the place of a record" in run(2, faults={"cloud:1": "reject"}).failed["0001"]
-    (out / "scenes/0000/stage").unlink()
-    (out / "scenes/0000/stage").write_text("mine")
-    assert "at the place of a link" in run(2).failed["0000"]
-    assert (out / "scenes/0000/stage").read_text() == "mine"
-
-
-@pytest.mark.parametrize("name", ["store", "work", "run", "failed", "scenes", "evicted", "scenario.toml"])
-def test_what_stands_in_place_of_our_own_is_said_before_the_work(name: str, run: Run, tmp_path: Path) -> None:
-    """A file for a folder, a folder for a file, and a pipe for either: no traceback, no waiting, and it stays."""
-    place = tmp_path / "out" / name
-    run()
-    if place.is_dir():
-        shutil.rmtree(place)
-        place.write_text("mine")
-    elif place.exists():
-        place.unlink()
-        place.mkdir()
-    else:
-        place.write_text("mine")
-    with pytest.raises(InputError, match=f"{name}: is in the way of a f"):
-        run(faults={"cloud:0": "reject"})
-    assert os.path.lexists(place)
+@pytest.mark.parametrize("fault", ["input", "reject"])
+def test_a_run_in_which_every_scene_fails_says_why(fault: str, run: Run, tmp_path: Path) -> None:
+    """It ends as others do, with its counts and its page, and so does a share of a run that has no scene."""
+    for _ in range(2):
+        outcome = run(2, faults={"stage:0": fault, "stage:1": fault})
+        assert sorted(outcome.failed if fault == "input" else outcome.rejected) == ["0000", "0001"]
+    assert "0001" in (tmp_path / "out/run/report.html").read_text()
+    assert run_scenario(tiny_scenario(2), tmp_path / "idle", SILENT, []).made == 0
+    assert (tmp_path / "idle/run/report.html").is_file()
 
 
 def test_a_pipe_among_the_records_is_not_waited_for(run: Run, tmp_path: Path) -> None:
@@ -341,7 +318,7 @@ def test_scenes_of_a_run_share_their_textures(run: Run, tmp_path: Path) -> None:
 
 @pytest.mark.faults
 @pytest.mark.parametrize("count", [pytest.param(2, marks=pytest.mark.proof_only), 4])
-def test_several_processes_share_one_output(count: int, tmp_path: Path) -> None:
+def test_several_processes_share_one_output(count: int, tmp_path: Path, record_proof: RecordProof) -> None:
     """All end well, together make everything once, and leave the tree of one that was alone."""
     scenario = tmp_path / "s.toml"
     scenario.write_text(f'seed = {tiny_chain.SEED}\nscenes = 3\n[[survey]]\nkind = "global"\n')
@@ -349,9 +326,16 @@ def test_several_processes_share_one_output(count: int, tmp_path: Path) -> None:
     processes = [start(*words, TINY_WAIT="0.01") for _ in range(count)]
     answers = [process.communicate(timeout=left()) for process in processes]
     assert [process.returncode for process in processes] == [0] * count, answers
-    assert sum(json.loads(said)["made"] for said, _ in answers) == 15
+    results = sum(json.loads(said)["made"] for said, _ in answers)
+    assert results == 15
     assert forked.run("run", scenario, "-o", tmp_path / "alone", said=tmp_path / "said") == 0
     assert "Traceback" not in (tmp_path / "said").read_text()
     assert contents(tmp_path / "out") == contents(tmp_path / "alone")
     made = sum(json.loads(said)["made"] > 0 for said, _ in answers)
     assert len(list((tmp_path / "out/run").glob("*.jsonl"))) >= made  # one of each that had something to do
+    figures = {
+        "results_made": results,
+        "processes_that_made_some": made,
+        "files_alike": len(contents(tmp_path / "out")),
+    }
+    record_proof(f"faults: {count} processes on one output", count, tiny_chain.SEED, figures)

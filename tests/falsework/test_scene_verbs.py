@@ -112,6 +112,7 @@ APART = {"look=shiny"}  # words of a command that is left to its child
         (["set", "{own}", "look"], ["not a choice", "taxonomy=…"]),
         (["set", "{own}", "taxonomy=kim"], ["unknown taxonomy", "kim2023"]),
         (["set", "{stored}", "look=clean"], ["read-only", "scene checkout"]),
+        (["set", "{own}", "look=clean", "--variant", "../../evil"], ["not a name of a variant", "letters, digits"]),
         (["info", "{own}.no"], ["no such file"]),
         (["diff", "{own}", "{folder}/bridge"], ["holds no scene.usda"]),
         (

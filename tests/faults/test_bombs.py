@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -28,6 +29,7 @@ from recon.formats.scan import check_copy
 from recon.photos.photos import open_photographs
 from render.capture import Truth, load_image, read_capture, read_truth
 from render.images.image_files import decode, encode_png
+from tests.conftest import RecordProof
 from tests.recon.conftest import poses_on_arc, write_capture
 from tests.recon.test_scan import small_cloud
 
@@ -234,6 +236,37 @@ def test_a_surface_that_cannot_be_is_refused(name: str, capture: Path) -> None:
     np.savez_compressed(path, **{**whole, **arrays})
     with pytest.raises(InputError, match=words):
         truth_of(capture).surface()
+
+
+@pytest.mark.proof_only
+@pytest.mark.faults
+def test_all_bombs(sound: Path, tmp_path: Path, record_proof: RecordProof) -> None:
+    """How many of the files above are refused in one line, and how long the longest of these lines is."""
+    lines: list[str] = []
+    for number, (attack, words) in enumerate(PARSERS.values()):
+        (tmp_path / f"{number}").mkdir()
+        with pytest.raises(InputError, match=words) as caught:
+            attack(tmp_path / f"{number}")
+        lines.append(str(caught.value))
+    for number, (file, key, value, words) in enumerate(TRUTHS.values()):
+        copy = Path(shutil.copytree(sound, tmp_path / f"truth{number}", copy_function=shutil.copyfile))
+        changed(copy / file, key, value)
+        with pytest.raises(InputError, match=words) as caught:
+            truth_of(copy)
+        lines.append(str(caught.value))
+    for number, (arrays, words) in enumerate(SURFACES.values()):
+        copy = Path(shutil.copytree(sound, tmp_path / f"surface{number}", copy_function=shutil.copyfile))
+        path = copy / "truth/surface.npz"
+        with np.load(path) as stored:
+            whole = {name: stored[name] for name in stored.files}
+        np.savez_compressed(path, **{**whole, **arrays})
+        with pytest.raises(InputError, match=words) as caught:
+            truth_of(copy).surface()
+        lines.append(str(caught.value))
+    single = sum("\n" not in line for line in lines)
+    assert single == len(lines)
+    bombs = len(PARSERS) + len(TRUTHS) + len(SURFACES)
+    record_proof("faults: bombs made by hand", bombs, 0, {"single_lines": single, "longest_line": max(map(len, lines))})
 
 
 @pytest.mark.faults

@@ -65,7 +65,7 @@ def test_killed_at_random_moments(
     clock = time.monotonic()
     _finish(scenario, tmp_path / "first", said)
     length = time.monotonic() - clock
-    killed = whole = 0
+    killed = whole = alike = 0
     while killed < wanted:
         out = tmp_path / str(killed + whole)
         pid = begin("run", scenario, "-o", out, said=said)
@@ -77,8 +77,9 @@ def test_killed_at_random_moments(
         else:
             killed += 1
         _finish(scenario, out, said)
-        assert contents(out) == calm
-    record_proof("faults: run killed at random moments", killed, 24, {"kills": killed, "identical_trees": killed})
+        alike += contents(out) == calm
+        assert alike == killed + whole
+    record_proof("faults: run killed at random moments", killed, 24, {"kills": killed, "identical_trees": alike})
 
 
 def test_a_worker_killed_in_each_stage(
@@ -223,7 +224,7 @@ def test_flipped_bits_are_all_found(
     assert run("verify", out, said=said) == 1
     assert run("verify", out, "--repair", said=said) == 0, said.read_text()
     assert contents(out) == calm
-    record_proof("faults: flipped bits of stored results", flips, 100, {"flips": flips, "found": flips})
+    record_proof("faults: flipped bits of stored results", flips, 100, {"flips": flips, "found": sum(kinds.values())})
 
 
 CHILD_FAULTS = {
@@ -253,7 +254,9 @@ def test_children_that_abort_hang_or_eat_cost_their_scene_alone(
 
 
 @pytest.mark.parametrize("count", [2, 4])
-def test_processes_share_one_cold_cache(count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_processes_share_one_cold_cache(
+    count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, record_proof: RecordProof
+) -> None:
     """All begin at once with nothing there: a sheet is drawn once between them, and nobody sees a part of it."""
     names = [SheetName("rubber", number, 64) for number in range(2)]
     draw = library.draw_sheet
@@ -276,5 +279,8 @@ def test_processes_share_one_cold_cache(count: int, tmp_path: Path, monkeypatch:
     codes = [end_of(pid) for pid in pids]
     os.close(gate)
     assert codes == [0] * count
-    assert len(list(tmp_path.glob("drawn-*"))) == len(names)
+    drawings = len(list(tmp_path.glob("drawn-*")))
+    assert drawings == len(names)
     assert not [path for path in (tmp_path / "cache").iterdir() if path.name.startswith(".")]
+    ended = {"ended_well": codes.count(0), "sheets_drawn": drawings}
+    record_proof(f"faults: {count} processes on one cold cache", count, 0, ended)

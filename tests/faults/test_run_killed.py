@@ -163,14 +163,16 @@ def test_workers_end_with_an_interrupted_run(
     assert contents(out) == calm
 
 
-def test_second_interrupt_ends_what_will_not(scenario: Path, tmp_path: Path) -> None:
+def test_second_interrupt_ends_what_will_not(scenario: Path, tmp_path: Path, record_proof: RecordProof) -> None:
     """A stage that swallows the first one is ended by the second one."""
     faults = '{"capture:0": "stubborn"}'
     pid = begin("run", scenario, "-o", tmp_path / "out", said=tmp_path / "said", TINY_FAULTS=faults)
     for heard in (0, 1):
         _wait_for(tmp_path / "out", f"work/*/heard-{heard}")
         os.kill(pid, signal.SIGINT)
-    assert end_of(pid) == 130
+    code = end_of(pid)
+    assert code == 130
+    record_proof("faults: second interrupt of a stage that swallows the first", 1, 0, {"exit_code": code})
 
 
 def test_workers_die_with_the_run(scenario: Path, calm: dict[str, str], tmp_path: Path) -> None:

@@ -275,7 +275,8 @@ def test_outputs_never_lie_in_a_store(tmp_path: Path) -> None:
     claim_run(run)
     result.mkdir(parents=True)
     refuse(result, words="store/ of a run")
-    refuse(run / "scenes" / "0000" / "new", words="scenes/ of a run")
+    for name in ("scenes", "evicted", "foreign"):
+        refuse(run / name / "0000" / "new", words=f"{name}/ of a run")
     (result / MANIFEST).write_text("{}")
     (tmp_path / "stage").symlink_to(result)
     for out in (result, result / "deep" / "new", tmp_path / "stage" / "new"):

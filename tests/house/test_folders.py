@@ -108,6 +108,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "instance_defaults.py",
         "instances.py",
         "trained.py",
+        "seen_bridges.py",
         "scoring",
         "evaluate.py",
         "training",

@@ -46,7 +46,7 @@ def unannotated(source: str) -> list[str]:
 
 
 def crowded_functions(source: str) -> list[str]:
-    """Find functions of more arguments than anybody keeps apart by their place, without "# many: <why>" beside them."""
+    """Find functions with too many positional arguments and without "# many: <why>" beside them."""
     found = []
     lines = source.splitlines()
     for function in functions_of(source):

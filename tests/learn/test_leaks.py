@@ -127,6 +127,21 @@ def test_a_model_knows_its_bridges_and_evaluate_says_so(chains: Path, capsys: py
         assert ("was trained on" in capsys.readouterr().err) is told
 
 
+def test_the_bridges_of_the_first_model_are_not_forgotten(
+    chains: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A model that began with another one is announced on the bridges of that one, too."""
+    alone = [chains / f"test1_{look}" for look in (0, 1)]
+    other = [write_toy(tmp_path / f"o{i}", 70 + i, 1500, f"o{i}") for i in range(2)]
+    assert call("dataset", "local", *alone, *other, "-o", tmp_path / "set", *CUT, "--set", 'test=["b41"]') == 0
+    assert call("train", tmp_path / "set", "-o", tmp_path / "net", "--init", chains / "net0", *NET) == 0
+    capsys.readouterr()
+    assert call("evaluate", tmp_path / "net", chains / "set0", "--split", "val") == 0
+    assert "was trained on" in capsys.readouterr().err
+    assert call("evaluate", tmp_path / "net", chains / "set0", "--split", "test") == 0
+    assert "was trained on" not in capsys.readouterr().err
+
+
 def write_run(folder: Path, scenes: list[tuple[str, int, str]]) -> Path:
     """Write a run of toys.
 

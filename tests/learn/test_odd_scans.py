@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import laspy
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from groundwork.errors import InputError
+from learn.datasets.settings import TileSettings
 from learn.predict.predict import predict_scan
 from learn.predict.settings import PredictSettings
+from learn.sample import Sample
 from recon.cloud import write_cloud
 from recon.formats.copy_las import copy_las
 from recon.formats.labels import Labels
+from recon.formats.laz import write_laz
 from recon.formats.ply import write_ply
 from recon.formats.read_las import open_las
 from recon.formats.scan import read_scan
@@ -132,6 +137,60 @@ def test_a_class_that_a_point_format_cannot_hold_is_refused(kind: int, tmp_path:
         assert np.asarray(back.withheld).tolist() == [1, 0, 1, 0, 1]
         assert np.asarray(back["predicted_class"]).tolist() == classes.tolist()
     assert max(row.id for row in taxonomy("asprs").rows if row.id != 255) <= 31
+
+
+def test_normals_and_missing_colors_of_las(tmp_path: Path) -> None:
+    """Normals are read from extra dimensions; colors that are all black are none, so that no model relies on them."""
+    coord, color = lattice(300)
+    scan = laspy.read(write_las(tmp_path / "a.las", coord, color * 0))
+    normal = np.random.default_rng(0).normal(size=(300, 3)).astype(np.float32)
+    for axis, name in enumerate(("NormalX", "NormalY", "NormalZ")):
+        scan.add_extra_dim(laspy.ExtraBytesParams(name, np.dtype("f4")))
+        scan[name] = normal[:, axis]
+    scan.write(str(tmp_path / "b.laz"))
+    read = read_scan(tmp_path / "b.laz")
+    np.testing.assert_array_equal(read.normal, normal)
+    assert read.color is None
+    with pytest.raises(InputError, match=r"color"):
+        predict_scan(tmp_path / "b.laz", tmp_path / "out.laz", ColorModel(), PredictSettings())
+
+
+class Viewer(ColorModel):
+    """A model that sees one more channel, and no colors."""
+
+    def probabilities(self, samples: Sequence[Sample]) -> list[NDArray[np.float32]]:
+        """Know nothing."""
+        self.seen += samples
+        return [np.full((len(sample.coord), len(self.classes)), 0.25, np.float32) for sample in samples]
+
+
+def test_a_cloud_of_ours_has_all_inputs_of_a_model(tmp_path: Path) -> None:
+    """Also those that its LAZ file lacks, each with its own point whatever the chunks; without them it is refused."""
+    heights, zeros = np.linspace(-1.0, 1.0, 900, dtype=np.float32), np.zeros((900, 3), np.float32)
+    coord = toy_cloud(1, 900).columns["coord"]
+    coord[:, 2] = 30.0 + heights  # so that each normal tells the height of its point
+    known = {"normal": np.column_stack([zeros[:, :2], heights]), "n_views": np.full(900, 99, np.uint16)}
+    for name, columns in (("known", known), ("unknown", {"normal": zeros, "n_views": np.zeros(900, np.uint16)})):
+        cloud = toy_cloud(1, 900, coord=coord, **columns)
+        (tmp_path / name).mkdir()
+        write_cloud(tmp_path / name, cloud)
+        write_laz(tmp_path / name / "cloud.laz", cloud)
+    model = Viewer(channels=("z", "nz", "n_views"), tile=TileSettings(voxel=0.05))
+    predict_scan(tmp_path / "known", tmp_path / "out.laz", model, PredictSettings(chunk=70))
+    features = np.concatenate([sample.features for sample in model.seen])
+    np.testing.assert_allclose(features[:, 2], 1.0, atol=1e-6)
+    slope = np.polyfit(features[:, 1], features[:, 0], 1)
+    np.testing.assert_allclose(features[:, 0], np.polyval(slope, features[:, 1]), atol=3e-3)
+    assert np.ptp(features[:, 1]) > 1.9
+    with pytest.raises(InputError, match="normal"):
+        predict_scan(tmp_path / "unknown", tmp_path / "out.laz", model, PredictSettings())
+
+
+def test_text_with_a_mark_of_utf8_is_read(tmp_path: Path) -> None:
+    """As spreadsheets write it, with names in the first line or without."""
+    for text in ("x,y,z\n1,2,3\n", "1 2 3\n"):
+        (tmp_path / "a.csv").write_bytes(b"\xef\xbb\xbf" + text.encode())
+        np.testing.assert_array_equal(read_scan(tmp_path / "a.csv").coord, [[1.0, 2.0, 3.0]])
 
 
 def test_a_cloud_without_a_scale_is_asked_for_its_unit(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from falsework.cli import main
 from groundwork.errors import InputError
 from learn.datasets.build import Source, build_dataset
 from learn.datasets.settings import dataset_settings
+from learn.datasets.stored import StoredSplit
 from learn.predict.class_sum import sum_classes
 from learn.trained import read_facts, read_weights
 from tests.learn.toy_bridge import DECK_HEIGHT, toy_cloud, write_toy
@@ -186,3 +187,17 @@ def test_what_does_not_go_with_own_classes_is_refused(
             build_dataset([Source(office / "0")], tmp_path / words, settings)
     assert call("train", office / "patchset", "-o", tmp_path / "f", "--model", "forest", "--init", office / "net") == 2
     assert "a forest cannot start from another model" in capsys.readouterr().err
+
+
+def test_a_label_without_a_class_is_refused(tmp_path: Path) -> None:
+    """A data set that was edited: the error names the file and the classes."""
+    toy = write_toy(tmp_path / "a", 0, 3000, "b0")
+    settings = dataset_settings("local", {"mode": "metric", "points": 64, "fewest": 1, "tile": {"voxel": 0.5}}, "test")
+    build_dataset([Source(toy)], tmp_path / "set", settings)
+    (piece, *_) = sorted((tmp_path / "set" / "train").iterdir())
+    labels = np.load(piece / "segment.npy")
+    labels[0] = 30
+    np.save(piece / "segment.npy", labels)
+    split = StoredSplit(tmp_path / "set", "train")
+    with pytest.raises(InputError, match=r"segment\.npy: a label without a class .found 30.*up to 3: background"):
+        split.sample(0, 1)

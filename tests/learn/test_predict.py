@@ -179,6 +179,21 @@ def test_units_and_axes_do_not_matter(tmp_path: Path) -> None:
     np.testing.assert_allclose(asked, [asked[0]] * len(asked), atol=2e-3)
 
 
+def test_heights_of_another_unit_are_refused(tmp_path: Path) -> None:
+    """Meters on the map and feet upwards: refused where a bridge would be stretched; the user's unit holds for all."""
+    coord, color = lattice(200)
+    path = write_las(tmp_path / "a.las", coord, color)
+    scan = laspy.read(path)
+    (record,) = [row for row in scan.header.vlrs if row.record_id == 2112]
+    feet = 'VERT_CS["v",VERT_DATUM["d",2005],UNIT["US survey foot",0.304800609601219]]'
+    record.string = f'COMPD_CS["c",{record.string},{feet}]'
+    scan.write(str(path))
+    with pytest.raises(InputError, match=r"heights have another unit.*0\.304801 m and 1 m.*--unit"):
+        predict_scan(path, tmp_path / "out.las", ColorModel(), PredictSettings())
+    found = predict_scan(path, tmp_path / "out.las", ColorModel(), PredictSettings(unit="m"))
+    assert found.points == 200
+
+
 def test_other_formats_are_copied(tmp_path: Path) -> None:
     """PLY of two elements, text with comments, records, or into LAZ: what they held stays, three columns are new."""
     coord, color = lattice(500)

@@ -124,7 +124,7 @@ def test_the_loss_of_a_step_is_the_weighted_one() -> None:
     recipe = recipe_of(chosen)
     assert recipe.doubt == 0.1
     loaded = Loaded(source, network, ("x", "y", "z"), 0, doubt=recipe.doubt)
-    item = collate([loaded[0, 0], loaded[0, 1]])
+    item = collate([loaded[0, 0, 0], loaded[0, 1, 0]])
     plan = TrainingPlan(chosen, recipe, torch.tensor([1.0, 2.0, 3.0]), None, 10)
     module = Segmentation(network, plan, Path(), Silent())
     found = module.training_step(item, 0)
@@ -134,7 +134,20 @@ def test_the_loss_of_a_step_is_the_weighted_one() -> None:
     sure = labels.where(torch.from_numpy(np.tile(known <= 0.1, 2)), 255)
     wanted = cross_entropy(logits, labels, torch.tensor([1.0, 2.0, 3.0]), points, 0.1) + lovasz_softmax(logits, sure)
     assert found.item() == pytest.approx(wanted.item(), rel=1e-6)
-    assert "weights" not in Loaded(source, network, ("x", "y", "z"), 0)[0, 0]  # so is validation loaded
+    assert "weights" not in Loaded(source, network, ("x", "y", "z"), 0)[0, 0, 0]  # so is validation loaded
+
+
+def test_a_sample_that_is_chosen_again_is_drawn_anew() -> None:
+    """A sample of a rare class occurs several times in an epoch, each time with other points."""
+    counts = np.zeros((40, 2), np.int64)
+    counts[:, 0], counts[3, 1] = 100, 5
+    places = [place for place in EpochOrder(range(40), 1, counts, 1.0) if place[1] == 3]
+    assert len(places) > 10
+    assert [before for _, _, before in places] == list(range(len(places)))
+    loaded = Loaded(ToyBridges(10), Plain(), ("x", "y", "z"), 0)
+    drawn = {loaded[place]["features"].numpy().tobytes() for place in places}
+    assert len(drawn) == len(places)
+    np.testing.assert_array_equal(loaded[places[5]]["features"], loaded[places[5]]["features"])
 
 
 def test_samples_are_chosen_by_class_as_often_as_expected() -> None:
@@ -144,15 +157,16 @@ def test_samples_are_chosen_by_class_as_often_as_expected() -> None:
     shown = np.zeros((400, 3))
     for epoch in range(400):
         order.set_epoch(epoch)
-        rows = [row for _, row in order]
+        rows = [row for _, row, _ in order]
         assert len(rows) == 6
-        assert rows == [row for _, row in order]
+        assert rows == [row for _, row, _ in order]
         shown[epoch] = counts[rows].sum(axis=0)
     expected = expected_counts(counts, 0.5).numpy()
     np.testing.assert_allclose(shown.mean(axis=0), expected, atol=4.0 * (shown.std(axis=0) / 20.0).max())
     assert expected[2] == pytest.approx(0.5 * 1 + 3 * (95 / 535 + 4 / 14 + 1) / 3)
     assert expected_counts(counts, 0.0).tolist() == counts.sum(axis=0).tolist()
-    assert sorted(row for _, row in EpochOrder(range(6), 1, counts, 0.0)) == list(range(6))
+    assert sorted(row for _, row, _ in EpochOrder(range(6), 1, counts, 0.0)) == list(range(6))
+    assert [place[2] for place in EpochOrder(range(6), 1, counts, 0.0)] == [0] * 6
     source = ToyBridges(2)
     each = count_labels(source, [0, 3], 5)
     assert each.sum(axis=1).tolist() == [252, 252]  # four points of each sample are unlabelled

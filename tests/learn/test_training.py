@@ -14,11 +14,13 @@ import torch
 from groundwork.errors import InputError
 from groundwork.progress import Silent
 from learn.metrics import confusion, scores
+from learn.neighborhoods.trees import Trees
 from learn.trained import FACTS, WEIGHTS, read_facts, read_network, read_weights
 from learn.training.event_file import EVENTS
 from learn.training.loader import EpochOrder, hold_out
 from learn.training.settings import TrainSettings
-from learn.training.train import TrainingData, begin_with, train_network
+from learn.training.start import begin_with
+from learn.training.train import TrainingData, train_network
 from tests.learn.toy import CLASSES, ToyBridges
 
 LOG = "log.csv"
@@ -93,6 +95,40 @@ def test_a_stopped_training_goes_on_to_the_same_bytes(trained: Path, tmp_path: P
     train(tmp_path)
     for name in (WEIGHTS, FACTS, LOG, EVENTS):
         assert (tmp_path / name).read_bytes() == (trained / name).read_bytes()
+
+
+def test_a_training_that_diverges_ends_with_a_clear_error(tmp_path: Path) -> None:
+    """In the epoch in which the loss is not finite any more, and without a model."""
+
+    class Spoiled(ToyBridges):
+        def sample(self, index: int, seed: int) -> Any:
+            found = super().sample(index, seed)
+            return type(found)(found.coord, np.full_like(found.features, np.nan), found.labels, found.channels)
+
+    with pytest.raises(InputError, match=r"learning_rate: the training diverged: in epoch 1 .*Lower"):
+        train(tmp_path, settings(validation=0.0), source=Spoiled(6))
+    assert not (tmp_path / FACTS).exists()
+
+
+def test_the_neighborhoods_of_validation_are_searched_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are kept while the training goes on, also after an interruption, unless they need too much space."""
+    searched: list[int] = []
+    search = Trees.ball
+    monkeypatch.setattr(Trees, "ball", lambda *given: searched.append(1) or search(*given))
+    counts = []
+    for most in (4e9, 1.0):
+        monkeypatch.setattr("learn.training.loader._CACHE_BYTES", most)
+        folder = tmp_path / f"{most:g}"
+        train(folder, settings(epochs=3), stop_after=1)
+        files = len(list((folder / "pyramids").rglob("*.npz"))) if most > 1.0 else 2
+        assert files == 2  # samples of the bridge that is held out
+        searched.clear()
+        train(folder, settings(epochs=3))
+        assert not (folder / "pyramids").exists()
+        counts.append(len(searched))
+    each = counts[1] // (2 * 12 + 2)  # of two epochs, and of the temperature
+    assert counts == [(2 * 10 + 2) * each, (2 * 12 + 2) * each]
+    assert (tmp_path / "4e+09" / WEIGHTS).read_bytes() == (tmp_path / "1" / WEIGHTS).read_bytes()
 
 
 def test_a_damaged_checkpoint_is_refused(tmp_path: Path) -> None:
@@ -245,8 +281,8 @@ def test_every_epoch_has_its_own_order_and_every_sample_once() -> None:
     """Decided by seed and epoch alone."""
     order, again = EpochOrder(range(10, 20), 1), EpochOrder(range(10, 20), 1)
     first = list(order)
-    assert sorted(row for _, row in first) == list(range(10, 20))
+    assert sorted(row for _, row, _ in first) == list(range(10, 20))
     order.set_epoch(1)
     again.set_epoch(1)
     assert list(order) == list(again)
-    assert [row for _, row in order] != [row for _, row in first]
+    assert [row for _, row, _ in order] != [row for _, row, _ in first]

@@ -5,8 +5,9 @@ import struct
 import pytest
 
 from groundwork.length_units import METERS
-from recon.formats.crs_unit import meters_per_unit
+from recon.formats.crs_unit import meters_per_height_unit, meters_per_unit
 
+US_FOOT = 0.304800609601219
 GEOGRAPHIC = 'GEOGCS["NAD83",DATUM["d",SPHEROID["GRS 1980",6378137,298.257]],UNIT["degree",0.0174532925199433]]'
 FEET = (
     f'PROJCS["x",{GEOGRAPHIC},PROJECTION["p"],PARAMETER["false_easting",2000000],'
@@ -38,13 +39,35 @@ def test_well_known_text(text: str, unit: float | None) -> None:
     assert meters_per_unit({("LASF_Projection", 2112): text.encode() + b"\0"}) == unit
 
 
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [
+        (f'COMPD_CS["both",{FEET},VERT_CS["v",VERT_DATUM["d",2005],UNIT["metre",1.0],AXIS["Up",UP]]]', 1.0),
+        (
+            f'COMPD_CS["both",PROJCS["p",UNIT["metre",1]],VERT_CS["v",VERT_DATUM["d",2005],UNIT["ft",{US_FOOT}]]]',
+            US_FOOT,
+        ),
+        (f'COMPOUNDCRS["both",{WKT2},VERTCRS["v",VDATUM["d"],CS[vertical,1],AXIS["h",up,LENGTHUNIT["m",1]]]]', 1.0),
+        (f'COMPOUNDCRS["both",{WKT2},VERTCRS["v",VDATUM["d"],CS[vertical,1],AXIS["h",up],LENGTHUNIT["m",1]]]', 1.0),
+        (FEET, None),
+        ("", None),
+    ],
+)
+def test_heights_may_have_a_unit_of_their_own(text: str, unit: float | None) -> None:
+    """The unit in the vertical system, whatever that of the map is."""
+    assert meters_per_height_unit({("LASF_Projection", 2112): text.encode() + b"\0"}) == unit
+
+
+def keys(*rows: tuple[int, int]) -> dict[tuple[str, int], bytes]:
+    """Make the record of GeoTIFF keys with whole numbers as values."""
+    table = b"".join(struct.pack("<4H", key, 0, 1, value) for key, value in rows)
+    return {("LASF_Projection", 34735): struct.pack("<4H", 1, 1, 0, len(rows)) + table}
+
+
 def test_geokeys() -> None:
     """Key 3076 says metre or foot; a geographic model has no length; a torn record says nothing."""
-
-    def keys(*rows: tuple[int, int]) -> dict[tuple[str, int], bytes]:
-        table = b"".join(struct.pack("<4H", key, 0, 1, value) for key, value in rows)
-        return {("LASF_Projection", 34735): struct.pack("<4H", 1, 1, 0, len(rows)) + table}
-
+    assert meters_per_height_unit(keys((1024, 1), (3076, 9001), (4099, 9003))) == METERS["us-ft"]
+    assert meters_per_height_unit(keys((1024, 1), (3076, 9001))) is None
     assert meters_per_unit(keys((1024, 1), (3076, 9001))) == 1.0
     assert meters_per_unit(keys((1024, 1), (3076, 9003))) == METERS["us-ft"]
     assert meters_per_unit(keys((1024, 2))) == 0.0

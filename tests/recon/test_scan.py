@@ -292,9 +292,14 @@ def test_text_that_ends_early_or_is_none(tmp_path: Path) -> None:
 
 
 def test_labels_must_be_labels(tmp_path: Path) -> None:
-    """A class of 12.5, of -1 or of 300 is an error; what is no scan at all, too."""
+    """A class of 12.5, of -2 or of 300 is an error, -1 and NaN mean none; what is no scan at all is an error, too."""
     head = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
-    for value in ("12.5", "-1", "300", "nan"):
+    for value in ("-1", "nan", "255"):
+        (tmp_path / "l.ply").write_text(f"{head}property float label\nend_header\n1 2 3 {value}\n")
+        segment = read_scan(tmp_path / "l.ply").segment
+        assert segment is not None
+        assert (segment.dtype, segment.tolist()) == (np.uint8, [255])
+    for value in ("12.5", "-2", "300", "inf"):
         (tmp_path / "l.ply").write_text(f"{head}property float label\nend_header\n1 2 3 {value}\n")
         with pytest.raises(InputError, match="not a label"):
             read_scan(tmp_path / "l.ply")
