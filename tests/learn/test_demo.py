@@ -89,7 +89,7 @@ SMALL: dict[str, Any] = {"network": {"counts": [64, 16], "unit": 2.0, "dropout":
 
 def test_the_simple_answers_are_what_they_say(toys: list[DemoCloud], tmp_path: Path) -> None:
     """The largest class has its share as IoU and the others none; a table names every row, class and bridge once."""
-    classes, rows = run_demo(tmp_path, Silent(), clouds=toys, test=("toy1", "toy4"), changed={**SMALL, "epochs": 8})
+    classes, rows = run_demo(tmp_path, Silent(), clouds=toys, test=("toy1", "toy4"), changed={**SMALL, "epochs": 16})
     assert [row.name for row in rows] == ["network", "forest on the height alone", "the class with most points"]
     network, forest, majority = rows
     assert sorted(majority.iou.tolist())[:3] == [0.0, 0.0, 0.0]
