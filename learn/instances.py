@@ -9,7 +9,7 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 _BITS = 21
-# Half of the 26 neighbours of a cell: the other half is symmetric.
+# Half of the 26 neighbors of a cell: the other half is symmetric.
 _STEPS = tuple((x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0))
 
 

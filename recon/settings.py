@@ -115,9 +115,9 @@ class AlignmentSettings(Settings):
     """The similarity from the reconstruction's frame to the world."""
 
     method: Literal["centres+rotations", "paper"] = "centres+rotations"
-    """centres+rotations: the rotation comes from the cameras' rotations; paper: everything comes from their centres."""
+    """centers+rotations: the rotation comes from the cameras' rotations; paper: everything comes from their centers."""
     center_limit: float | None = Field(default=None, gt=0.0, le=100.0)
-    """Distance above which a camera centre is an outlier [m]; left out: 0.25 for a local survey, else 0.5 % of the
+    """Distance above which a camera center is an outlier [m]; left out: 0.25 for a local survey, else 0.5 % of the
     diagonal of the path, at most 0.5. Only for captures with truth; GPS positions are not tested."""
     rotation_limit: float = Field(default=2.0, gt=0.0, le=20.0)
     """Angle above which a camera is an outlier [deg]; not used by `paper`."""

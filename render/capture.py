@@ -142,7 +142,7 @@ def load_image(capture: Capture, index: int) -> U8:
         index: Row in `capture.images`.
 
     Returns:
-        sRGB colours [0 to 255], shape (H, W, 3), uint8, order red, green, blue.
+        sRGB colors [0 to 255], shape (H, W, 3), uint8, order red, green, blue.
 
     Raises:
         InputError: Truncated, damaged, of 16 bits, or of another size than in `cameras.json`; names the file.
@@ -154,7 +154,7 @@ def load_image(capture: Capture, index: int) -> U8:
         raise InputError(
             "not an image with 8 bits per channel", where=path, hint="Save it with 8 bits, or leave it out"
         )
-    pixels = np.dstack([pixels] * 3) if pixels.ndim == 2 else pixels[:, :, :3]  # grey; or with an opacity
+    pixels = np.dstack([pixels] * 3) if pixels.ndim == 2 else pixels[:, :, :3]  # gray; or with an opacity
     if size != capture.size:
         raise InputError("not the size that cameras.json states", where=path, value=size, allowed=str(capture.size))
     return np.ascontiguousarray(pixels, np.uint8)

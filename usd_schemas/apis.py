@@ -207,7 +207,7 @@ class SurveyFacts:
         kind: Kind of survey.
         id: Survey id.
         seed: Seed of its path.
-        spacing: Distance between neighbouring images [m].
+        spacing: Distance between neighboring images [m].
         image_names: Stem of each image's file.
         calibration: Exact intrinsics, or None.
         sensor_width: Width of the sensor [m].

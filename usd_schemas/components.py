@@ -19,7 +19,7 @@ class ClassRow:
     Attributes:
         id: Number in label images and clouds, 0 to 255.
         name: Name in lower snake case.
-        color: Display colour, sRGB, 0 to 255.
+        color: Display color, sRGB, 0 to 255.
     """
 
     id: int

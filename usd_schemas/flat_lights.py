@@ -25,7 +25,7 @@ class Dome:
     """A DomeLight.
 
     Attributes:
-        radiance: Linear colour times intensity [1].
+        radiance: Linear color times intensity [1].
         file: Latitude-longitude texture, or empty.
         rotation: dome to world, shape (3, 3), row-major nested tuples [1].
     """
@@ -40,12 +40,12 @@ class SphereLight:
     """A SphereLight; or, with `sides`, a panel: a RectLight, or a DiskLight as a square of the same area.
 
     Attributes:
-        position: Centre in the world [m].
+        position: Center in the world [m].
         radius: Radius [m]; 0 for a point; for a panel, that of a disc of the same area.
         intensity: Linear radiant intensity [m2]: radiance of its surface times pi times radius squared. At distance d
-            from the centre a facing surface receives intensity / d^2, in the same unit as `Sun.radiance`; for a panel
+            from the center a facing surface receives intensity / d^2, in the same unit as `Sun.radiance`; for a panel
             this holds for a surface far away, straight in front of it.
-        sides: From the centre of a panel to the middles of two of its edges [m], world axes; it shines along the cross
+        sides: From the center of a panel to the middles of two of its edges [m], world axes; it shines along the cross
             product of the second and the first. None for a sphere.
     """
 

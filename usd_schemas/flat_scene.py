@@ -74,8 +74,8 @@ class Texture:
 
     Attributes:
         file: Resolved path.
-        srgb: Its values are sRGB-coded colours, not raw numbers.
-        scale: Multiplier of (s, t) before the look-up [1], or [1/m] for `st` in metres.
+        srgb: Its values are sRGB-coded colors, not raw numbers.
+        scale: Multiplier of (s, t) before the look-up [1], or [1/m] for `st` in meters.
         rotation: Counter-clockwise rotation of (s, t) [deg].
         translation: Added to (s, t) last [1].
         uv_set: 0 for `st`, 1 for `st1`.
@@ -112,10 +112,10 @@ class Texture:
 
 @dataclass(frozen=True)
 class Detail:
-    """Values of `FalseworkDetailAPI`: zero-mean multipliers of the base colour.
+    """Values of `FalseworkDetailAPI`: zero-mean multipliers of the base color.
 
     Attributes:
-        file: Tileable grey texture, mean 0.5; empty for none.
+        file: Tileable gray texture, mean 0.5; empty for none.
         periods: Size of one tile of it for each octave [m], `MOST_OCTAVES` at most.
         amplitudes: Contrast of each octave [1]: the factor is 1 + amplitude * (2 g - 1).
         macro_file: RGB texture on `st1`, mean 0.5, multiplied as 2 g; empty for none.
@@ -133,19 +133,19 @@ class Material:
 
     Attributes:
         name: Prim path of the material, or a name for the fallback.
-        base_color: Linear diffuse colour, used without `base_texture` [1].
-        use_display_color: Take the vertex colour instead of `base_color`.
-        base_texture: Diffuse colour texture.
+        base_color: Linear diffuse color, used without `base_texture` [1].
+        use_display_color: Take the vertex color instead of `base_color`.
+        base_texture: Diffuse color texture.
         roughness: Roughness, used without `roughness_texture` [1].
         roughness_texture: Roughness texture.
         metallic: Metallic, used without `metallic_texture` [1].
         metallic_texture: Metallic texture.
         normal_texture: Tangent-space normal map.
-        emissive: Linear emitted colour, used without `emissive_texture` [1].
+        emissive: Linear emitted color, used without `emissive_texture` [1].
         opacity_threshold: Fragments whose texture alpha is below are cut out; 0 for none [1].
         detail: Fine and macro detail.
-        emissive_texture: Emitted colour texture.
-        specular: Linear specular colour at normal incidence; None if it follows from `metallic` [1]. Black for surfaces
+        emissive_texture: Emitted color texture.
+        specular: Linear specular color at normal incidence; None if it follows from `metallic` [1]. Black for surfaces
             without any shine.
         specular_texture: Its texture, of which the mean is used.
         opacity: Opacity of a blended surface [1]; it has no texture of its own.

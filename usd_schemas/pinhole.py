@@ -1,8 +1,8 @@
 """The camera convention: pinhole intrinsics, USD lens values, and camera axes.
 
-Camera axes are +x right, +y down, +z forward; a USD camera looks along -z with +y up. The centre of the top-left pixel
-is (0.5, 0.5), so that the centre of an image is (width/2, height/2), as in COLMAP. OpenCV counts from the pixel
-centre: its principal point is ours minus 0.5.
+Camera axes are +x right, +y down, +z forward; a USD camera looks along -z with +y up. The center of the top-left pixel
+is (0.5, 0.5), so that the center of an image is (width/2, height/2), as in COLMAP. OpenCV counts from the pixel
+center: its principal point is ours minus 0.5.
 """
 
 from dataclasses import dataclass
@@ -111,7 +111,7 @@ def look_at(eye: Array, target: Array, up: Array | None = None) -> Array:
     """Aim a camera without roll.
 
     Args:
-        eye: Camera centre [m], shape (3,), float64.
+        eye: Camera center [m], shape (3,), float64.
         target: Point on the optical axis [m], shape (3,), float64.
         up: Direction that points up in the image [1], shape (3,), float64; None: world z.
 

@@ -47,7 +47,7 @@ class Alignment:
 
     Attributes:
         level: Height of the finished deck surface on the axis at station 0 [m].
-        grade: Rise per metre of station [1].
+        grade: Rise per meter of station [1].
         heading: Direction of the axis, or of its chord, in plan, counter-clockwise from +x [rad].
         plan: Elements of the axis between the abutments, straight on beyond them; empty for a straight axis.
         skew: Angle of the supports, clockwise from the perpendicular to the axis [rad].
@@ -138,13 +138,13 @@ class Alignment:
         return line - (0.5 * inside * inside + length * beyond) / self.crest.radius
 
     def grade_at(self, station: F64) -> F64:
-        """Find the rise of the axis per metre.
+        """Find the rise of the axis per meter.
 
         Args:
             station: Distance along the axis [m], shape (...), float64.
 
         Returns:
-            Rise for each metre [1], the same shape (...), float64.
+            Rise for each meter [1], the same shape (...), float64.
         """
         if self.crest is None:
             return np.full(np.shape(station), self.grade)
@@ -152,13 +152,13 @@ class Alignment:
         return self.grade - inside / self.crest.radius
 
     def crossfall(self, station: F64) -> F64:
-        """Find the rise of the road per metre to the left.
+        """Find the rise of the road per meter to the left.
 
         Args:
             station: Distance along the axis [m], shape (...), float64.
 
         Returns:
-            Rise for each metre [1], the same shape (...), float64.
+            Rise for each meter [1], the same shape (...), float64.
         """
         if not self.falls:
             return np.zeros(np.shape(station))
@@ -185,7 +185,7 @@ class Alignment:
             left: Distance to the left of the axis [m], shape (N,), float64.
 
         Returns:
-            Change of the position for each metre of station and for each metre to the left [1], shapes (N, 2), float64.
+            Change of the position for each meter of station and for each meter to the left [1], shapes (N, 2), float64.
         """
         heading = self.heading_at(station)
         ahead = np.stack([np.cos(heading), np.sin(heading)], axis=-1)

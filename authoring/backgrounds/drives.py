@@ -51,7 +51,7 @@ class Drive:
     place: tuple[tuple[float, float, float], tuple[float, float, float, float]]
 
     def row(self) -> F64:
-        """Return middle [m], turn [rad] and half sizes [m] of the drive, without its first metre, shape (5,)."""
+        """Return middle [m], turn [rad] and half sizes [m] of the drive, without its first meter, shape (5,)."""
         along = self.path[1] - self.path[0]
         length = float(np.hypot(*along))
         middle = self.path[0] + (0.5 + 0.5 / length) * along

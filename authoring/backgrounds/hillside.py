@@ -61,7 +61,7 @@ BLOCK = Style(
     wings=0.5,
     towers=0.6,
 )
-SHEDS, BLOCKS, HOUSES, WARMER = 5, 10, 22, 13  # designs of each; of the houses, those in warm colours
+SHEDS, BLOCKS, HOUSES, WARMER = 5, 10, 22, 13  # designs of each; of the houses, those in warm colors
 YARD = Cover("yard", "Yard", "ground", "asphalt")
 TOWN = Cover("town", "Town", "ground", "gravel")
 

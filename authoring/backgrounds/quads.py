@@ -1,4 +1,4 @@
-"""Flat-faced town shapes as four-cornered faces: collected as arrays, then converted to meshes with `st` in metres."""
+"""Flat-faced town shapes as four-cornered faces: collected as arrays, then converted to meshes with `st` in meters."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -99,7 +99,7 @@ def placed(faces: F64, spot: tuple[float, float, float], heading: float) -> F64:
 
 
 def quad_mesh(faces: F64, shade: float | None = None) -> Mesh:
-    """Convert faces to a mesh: flat normals, and `st` in metres along and up each face.
+    """Convert faces to a mesh: flat normals, and `st` in meters along and up each face.
 
     Args:
         faces: Faces, counter-clockwise from outside [m], shape (F, 4, 3), float64.

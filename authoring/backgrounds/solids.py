@@ -121,7 +121,7 @@ def roof_slab(frame: Frame, half: tuple[float, float], eaves: float, ridge: floa
 
 
 def solid(frame: Frame, points: F64, faces: list[list[int]]) -> Mesh:
-    """Convert a flat-faced solid to a mesh: flat normals, and `st` in metres along and up each face.
+    """Convert a flat-faced solid to a mesh: flat normals, and `st` in meters along and up each face.
 
     Args:
         frame: Local frame.

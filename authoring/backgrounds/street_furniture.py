@@ -13,7 +13,7 @@ from authoring.site.covers import to_world
 
 F64 = NDArray[np.float64]
 
-_DETAILED = 35.0  # distance to the site up to which railings are modelled in detail [m]
+_DETAILED = 35.0  # distance to the site up to which railings are modeled in detail [m]
 _FURNISHED = 260.0  # distance to the site up to which streets have furniture [m]
 
 

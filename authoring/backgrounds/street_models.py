@@ -16,7 +16,7 @@ _SIGNS = (RED, BLUE, YELLOW, GREEN)
 
 
 def window_models() -> tuple[Model, ...]:
-    """Model windows one metre wide and high about their middle, x to the right and y into the wall.
+    """Model windows one meter wide and high about their middle, x to the right and y into the wall.
 
     They are scaled to their openings. Returns four for each kind of facade: sash, ribbon, curtain wall, shop;
     the four differ in the position of their blinds. Then as many simple ones, without a frame.
@@ -34,7 +34,7 @@ def window_models() -> tuple[Model, ...]:
 
 
 def shop_fronts() -> tuple[Model, ...]:
-    """Model name boards and awnings of shops, one metre wide about the middle of the shop's window, at the fascia."""
+    """Model name boards and awnings of shops, one meter wide about the middle of the shop's window, at the fascia."""
     models: list[Model] = []
     letters = boxes(
         [[x, -0.13, 1.85] for x in (-0.32, -0.18, 0.0, 0.16)],
@@ -74,7 +74,7 @@ def traffic_light() -> Model:
 
 
 def signs() -> tuple[Model, ...]:
-    """Model traffic signs: plates of several colours on posts, facing x."""
+    """Model traffic signs: plates of several colors on posts, facing x."""
     models: list[Model] = []
     for number, color in enumerate(_SIGNS):
         half = (0.3, 0.3) if number % 2 == 0 else (0.28, 0.42)

@@ -14,7 +14,7 @@ from authoring.site.plants import Plant
 
 F64 = NDArray[np.float64]
 
-DETAILED = 60.0  # distance to the site up to which trees are modelled in detail [m]
+DETAILED = 60.0  # distance to the site up to which trees are modeled in detail [m]
 _SUNK = 0.25  # depth of trunks below the ground [m]
 _WIDEST = 1.07  # largest ratio of a tree's width to its stated size [1]
 _LEAST = 0.4  # scale below which trees that would reach into the site are left out [1]
@@ -95,7 +95,7 @@ def _reach(tree: Plant) -> float:
 
 
 def _on_lawn(plan: TownPlan, lawn: Block, rng: np.random.Generator) -> Spots:
-    """Scatter trees over a lawn, one for each 190 square metres."""
+    """Scatter trees over a lawn, one for each 190 square meters."""
     area = (lawn.high[0] - lawn.low[0]) * (lawn.high[1] - lawn.low[1])
     spread = rng.uniform(0.12, 0.88, (int(area / 190.0) + 1, 2)) * np.subtract(lawn.high, lawn.low) + lawn.low
     spread = plan.to_world(spread)

@@ -90,7 +90,7 @@ class Block:
         """Distribute places over the block, including its corners.
 
         Args:
-            step: Largest distance of neighbouring places [m].
+            step: Largest distance of neighboring places [m].
             inset: Distance from the block's edge [m].
 
         Returns:
@@ -109,7 +109,7 @@ class Street:
 
     Attributes:
         axis: 0 where it runs along u, 1 along v.
-        middle: The other coordinate of its centre line [m].
+        middle: The other coordinate of its center line [m].
         width: From kerb to kerb [m].
     """
 

@@ -56,7 +56,7 @@ class Terrain:
         return replace(self, field=HeightField(field.stations, field.lefts, level))
 
     def height(self, station: F64, left: F64) -> F64:
-        """Find ground heights: exact on the site and along river and roads, to a few centimetres elsewhere.
+        """Find ground heights: exact on the site and along river and roads, to a few centimeters elsewhere.
 
         Args:
             station: Distance along the axis [m], shape (N,), float64.

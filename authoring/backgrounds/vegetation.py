@@ -14,8 +14,8 @@ from authoring.site.shape import Hills
 from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
-MOST_NEAR = 99  # trees that are modelled in detail; the nearest
-NEAR = 165.0  # distance up to which trees are modelled in detail, from a place 80 m inside the site's border [m]
+MOST_NEAR = 99  # trees that are modeled in detail; the nearest
+NEAR = 165.0  # distance up to which trees are modeled in detail, from a place 80 m inside the site's border [m]
 DISTANT = 150.0  # distance from the site from which trees are the simplest [m]
 SPECIES = 5
 OAK, LIME, POPLAR, SPRUCE, BIRCH = range(SPECIES)

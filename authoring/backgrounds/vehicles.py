@@ -1,4 +1,4 @@
-"""Vehicles at full scale: cars, vans, buses and trucks in several colours, x forward, wheels on the ground."""
+"""Vehicles at full scale: cars, vans, buses and trucks in several colors, x forward, wheels on the ground."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from authoring.site.ways import merged
 F64 = NDArray[np.float64]
 Model = tuple[tuple[str, Mesh], ...]
 
-COLORS = 8  # stripes of the recipe `paint_colours`, one metre each
+COLORS = 8  # stripes of the recipe `paint_colours`, one meter each
 WHITE, SILVER, GRAY, BLACK, RED, BLUE, YELLOW, GREEN = range(COLORS)
 CARS = (
     ("saloon", (WHITE, SILVER, BLACK, RED, BLUE)),
@@ -24,12 +24,12 @@ _PALE, _TAIL = WHITE, RED
 
 
 def shade(color: int) -> float:
-    """Find a colour's place on the palette [m]."""
+    """Find a color's place on the palette [m]."""
     return color + 0.5
 
 
 def vehicle_models() -> tuple[tuple[str, Model], ...]:
-    """Model every vehicle in every colour.
+    """Model every vehicle in every color.
 
     Returns:
         Type and model of each.

@@ -1,4 +1,4 @@
-"""Additions: new objects and their materials, labelled, numbered, and grouped under one prim."""
+"""Additions: new objects and their materials, labeled, numbered, and grouped under one prim."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""A new object as a mesh of the scene: its faces, colours, texture coordinates, and the materials of its faces."""
+"""A new object as a mesh of the scene: its faces, colors, texture coordinates, and the materials of its faces."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +67,7 @@ def _subsets(prim: Usd.Prim) -> list[tuple[Usd.Prim, str, NDArray[np.int64]]]:
 
 
 def _write_primvars(spec: Sdf.PrimSpec, prim: Usd.Prim) -> None:
-    """Copy colours, and texture coordinates of other names, unchanged; a solid has one colour."""
+    """Copy colors, and texture coordinates of other names, unchanged; a solid has one color."""
     for primvar in UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance():
         name, kind = primvar.GetPrimvarName(), primvar.GetTypeName()
         is_uv = kind in (_TYPES.TexCoord2fArray, _TYPES.Float2Array) and name not in UV_SETS

@@ -229,7 +229,7 @@ def _recolor(
     matches: Matches,
     textures: Textures,
 ) -> tuple[dict[str, str], list[str]]:
-    """Import colours and materials; returns the copied textures, and the names of changed prims."""
+    """Import colors and materials; returns the copied textures, and the names of changed prims."""
     copies: dict[str, str] = {}
     names: list[str] = []
     ours, theirs = materials_by_name(before), materials_by_name(after)

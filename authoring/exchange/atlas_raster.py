@@ -64,13 +64,13 @@ class AtlasRaster:
         self._meshes += 1
 
     def fill_gutters(self, image: F32) -> F32:
-        """Extend colours over the edges of their charts; texels far from all charts get the mean.
+        """Extend colors over the edges of their charts; texels far from all charts get the mean.
 
         Args:
-            image: Colours of the drawn texels [1], shape (H, H, 3), float32.
+            image: Colors of the drawn texels [1], shape (H, H, 3), float32.
 
         Returns:
-            Colours everywhere [1], shape (H, H, 3), float32.
+            Colors everywhere [1], shape (H, H, 3), float32.
         """
         import cv2
 

@@ -26,7 +26,7 @@ MOST_TEXELS = 1024  # [px] along a side of a tiled texture: web pages do not nee
 
 
 def write_glb(stage: Path, out: Path, warn: Warn) -> list[str]:
-    """Write the visible surfaces of a stage, with base colours, roughness and labels.
+    """Write the visible surfaces of a stage, with base colors, roughness and labels.
 
     Args:
         stage: Any USD stage.

@@ -111,7 +111,7 @@ def draw_alignment(
     Args:
         settings: Values set by the user.
         carried: The bridge.
-        mean_grade: Rise of the road per metre, mean over the bridge [1], and whether it was drawn.
+        mean_grade: Rise of the road per meter, mean over the bridge [1], and whether it was drawn.
         draws: Random stream and profile of the bridge.
 
     Raises:

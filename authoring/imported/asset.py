@@ -25,7 +25,7 @@ from usd_schemas.apis import read_component
 F64 = NDArray[np.float64]
 
 MARK = "falsework:city"  # in the layer's custom data: contents of the world, and its owner
-IMAGES = "falsework:cityImages"  # also there: role, suffix and mean colour of each image
+IMAGES = "falsework:cityImages"  # also there: role, suffix and mean color of each image
 TEXELS = 512
 _HEAD = 1 << 16  # [byte] length of the start of a layer with its custom data
 _WALLS = ("brick", "plaster", "brick", "concrete", "plaster", "painted_metal")
@@ -206,7 +206,7 @@ def _root_layer(file: Path) -> Path:
 
 
 def flat_mesh(triangles: F64, st: F64 | None = None) -> Mesh:
-    """Weld triangles into a mesh of flat faces; `st` counts metres along and up each face unless it is given.
+    """Weld triangles into a mesh of flat faces; `st` counts meters along and up each face unless it is given.
 
     Args:
         triangles: Corners [m], shape (T, 3, 3), float64.

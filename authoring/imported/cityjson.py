@@ -37,7 +37,7 @@ def read_cityjson(file: Path, warn: Warn) -> CityModel:
         warn: Called with one line for each kind of thing that is left out.
 
     Returns:
-        Buildings and terrain in metres about the middle of the file's extent.
+        Buildings and terrain in meters about the middle of the file's extent.
 
     Raises:
         MissingError: There is no such file.

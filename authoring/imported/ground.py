@@ -107,7 +107,7 @@ def city_ground(model: CityModel) -> CityGround:
         seen = lowest(model.ground, low - 0.5 * CELL, CELL, (len(x), len(y)))
         known = np.where(np.isfinite(seen), seen, known)
     outside = np.isnan(known)
-    # Ready-made nearest neighbours on the grid, and how far they are.
+    # Ready-made nearest neighbors on the grid, and how far they are.
     distance, nearest = distance_transform_edt(outside, sampling=CELL, return_indices=True)  # pyright: ignore
     # The world ends within the grid: the grid's border counts as its end too.
     inside = np.asarray(distance_transform_edt(np.pad(~outside, 1), sampling=CELL), np.float64)[1:-1, 1:-1]

@@ -50,7 +50,7 @@ def read_mesh(file: Path, warn: Warn, up: str = "", scale: float = 1.0) -> CityM
         scale: Length of one unit of the file [m].
 
     Returns:
-        Buildings, ground and textured pieces in metres about their own origin.
+        Buildings, ground and textured pieces in meters about their own origin.
 
     Raises:
         MissingError: There is no such file, or one that it refers to.
@@ -214,7 +214,7 @@ def _part(mesh: Any, place: F64, skin: Skin | None, color: NDArray[np.uint8], wh
 
 
 def _colors(mesh: Any, color: NDArray[np.uint8]) -> NDArray[np.uint8] | None:
-    """Find the colour of each triangle: of its corners or itself, or else of its material unless that is white."""
+    """Find the color of each triangle: of its corners or itself, or else of its material unless that is white."""
     visual = mesh.visual
     if getattr(visual, "kind", None) in ("vertex", "face"):
         return np.asarray(visual.face_colors, np.uint8)[:, :3]
@@ -222,7 +222,7 @@ def _colors(mesh: Any, color: NDArray[np.uint8]) -> NDArray[np.uint8] | None:
 
 
 def _materials(data: bytes) -> dict[str, tuple[str, tuple[float, ...]]]:
-    """Read texture and diffuse colour of the materials of an MTL file, by name."""
+    """Read texture and diffuse color of the materials of an MTL file, by name."""
     found: dict[str, tuple[str, tuple[float, ...]]] = {}
     name = ""
     for line in data.decode("utf-8", "replace").splitlines():

@@ -34,7 +34,7 @@ def city_of(soup: MeshSoup, warn: Warn) -> CityModel:
         warn: Called with one line for each unusual thing.
 
     Returns:
-        The world. An object with a colour or an image keeps its own faces; one without gets walls and a roof.
+        The world. An object with a color or an image keeps its own faces; one without gets walls and a roof.
     """
     sound = np.linalg.norm(face_normals(soup.triangles), axis=1) > 0.5
     triangles, st, skin = soup.triangles[sound], soup.st[sound], soup.skin[sound]

@@ -82,7 +82,7 @@ def check_count(count: int, where: object) -> None:
 
 
 def centered(soup: MeshSoup, where: object, warn: Warn) -> MeshSoup:
-    """Move a world to its own origin: the middle of its plan, whole metres, its lowest point at 0.
+    """Move a world to its own origin: the middle of its plan, whole meters, its lowest point at 0.
 
     Geocentric coordinates (as in 3D tiles) are rotated so that z is up at the middle.
 
@@ -116,7 +116,7 @@ def centered(soup: MeshSoup, where: object, warn: Warn) -> MeshSoup:
             allowed=f"up to {FARTHEST / 1e3:g} km",
             hint="Cut out a smaller tile, or correct its unit with --scale",
         )
-    # Whole metres in plan, so that a position can be found in maps again; not for geocentric ones.
+    # Whole meters in plan, so that a position can be found in maps again; not for geocentric ones.
     rest = np.zeros(3) if facts.get("crs") == "geocentric" else middle - np.round(middle)
     rest[2] = -float(triangles[..., 2].min())
     origin = middle if facts.get("crs") == "geocentric" else middle - rest

@@ -151,7 +151,7 @@ def choose_place(model: CityModel, site: Site, rng: np.random.Generator) -> City
 
 
 def _corridor(site: Site) -> F64:
-    """Distribute points over the deck and its close surroundings, about every metre [m], shape (N, 2), float64."""
+    """Distribute points over the deck and its close surroundings, about every meter [m], shape (N, 2), float64."""
     layout = site.land.layout
     stations = np.arange(layout.supports[0] - BESIDE, layout.supports[-1] + BESIDE, 1.0)
     half = 0.5 * layout.width + BESIDE

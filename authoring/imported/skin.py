@@ -1,4 +1,4 @@
-"""Colours of an imported world: images, and palettes for colours of vertices or faces."""
+"""Colors of an imported world: images, and palettes for colors of vertices or faces."""
 
 import hashlib
 from dataclasses import dataclass
@@ -83,10 +83,10 @@ def image_skin(data: bytes, where: str) -> Skin:
 
 
 def palette_skin(colors: U8) -> tuple[Skin, F64]:
-    """Store the colours of triangles in an image: each triangle reads the center of one texel.
+    """Store the colors of triangles in an image: each triangle reads the center of one texel.
 
     Args:
-        colors: sRGB colour of each triangle, shape (T, 3), uint8.
+        colors: sRGB color of each triangle, shape (T, 3), uint8.
 
     Returns:
         The image, and `st` of each triangle's corners [1], shape (T, 3, 2), float64.

@@ -41,7 +41,7 @@ def read_usd(file: Path, warn: Warn, scale: float = 1.0) -> CityModel:
         scale: Factor for a stage whose unit is wrong [1].
 
     Returns:
-        Buildings, ground and textured pieces in metres about their own origin.
+        Buildings, ground and textured pieces in meters about their own origin.
 
     Raises:
         MissingError: There is no such file, or one that it refers to.

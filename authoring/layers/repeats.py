@@ -67,7 +67,7 @@ def instance_name(scatter: Scatter, row: int) -> str:
 
 
 def author_instances(layer: Sdf.Layer, path: str, scatter: Scatter, material: Callable[[str], str]) -> None:
-    """Author a run as native instances: labelled, movable prims that inherit from the classes of their shapes.
+    """Author a run as native instances: labeled, movable prims that inherit from the classes of their shapes.
 
     Args:
         layer: Layer in memory that has the prim.

@@ -11,10 +11,10 @@ from authoring.light.sun import LUMINANCE
 F64 = NDArray[np.float64]
 F32 = NDArray[np.float32]
 
-_SIDE, _TILE = 1024, 24_000.0  # texels and metres after which the field of clouds repeats
+_SIDE, _TILE = 1024, 24_000.0  # texels and meters after which the field of clouds repeats
 _BASE = 1250.0  # [m] above the ground
 _HIGHEST = 1100.0  # [m] largest height of a cumulus above its base
-_ICE, _ICE_TILE = 8500.0, 60_000.0  # height of the cirrus, and metres after which they repeat [m]
+_ICE, _ICE_TILE = 8500.0, 60_000.0  # height of the cirrus, and meters after which they repeat [m]
 _EARTH = 6.36e6  # [m]
 _STEPS = 16  # through a cumulus
 _EXTINCTION = 0.009  # of a cumulus [1/m]

@@ -1,10 +1,10 @@
 """Daylight: the sun from date and place, and a sky, computed or photographed, baked to an OpenEXR texture.
 
-Light units. Radiance is linear and without a physical unit: colour * intensity * 2^exposure. The sky's texel times
+Light units. Radiance is linear and without a physical unit: color * intensity * 2^exposure. The sky's texel times
 the DomeLight's intensity (1) is the radiance of that direction. The DistantLight is normalized (UsdLux), so that its
-colour times intensity is the irradiance E_sun on a surface that faces it. A Lambert surface reflects
+color times intensity is the irradiance E_sun on a surface that faces it. A Lambert surface reflects
 albedo * (E_sun * cos / pi * visibility + E_sky / pi). Sun and sky are scaled together so that level open ground
-reflects `LightSettings.brightness` times its albedo: at 1, a level card of 18 % grey renders at 0.18 at exposure 0.
+reflects `LightSettings.brightness` times its albedo: at 1, a level card of 18 % gray renders at 0.18 at exposure 0.
 
 Orientation. World: +x east, +y north, +z up. UsdLux DomeLight follows OpenEXR: in the dome's own frame the pole is +y,
 the middle of the image looks along +z, and +x lies a quarter of the width from the left edge. The prim carries
@@ -218,7 +218,7 @@ def encode_exr(radiance: Floats) -> bytes:
     """Write an image as OpenEXR: half floats, ZIP, nothing in the header but the image's shape.
 
     Args:
-        radiance: Linear colours [1], shape (H, W, 3), float32.
+        radiance: Linear colors [1], shape (H, W, 3), float32.
     """
     import OpenEXR
 

@@ -94,7 +94,7 @@ class Rib:
     """An arch axis with a depth, along the bridge's axis; heights count from the finished surface at mid-span.
 
     Attributes:
-        axis: The line of its section's centres.
+        axis: The line of its section's centers.
         start: Station of the first springing [m].
         base: Height of the springings at mid-span [m].
         slope: Rise of the line between the springings per meter of station [1]; on a road with a grade, the arch is

@@ -44,7 +44,7 @@ class RibSection:
 
 
 def section_outline(section: RibSection, depth: float) -> F64:
-    """Draw a rib's section round its centre: a solid with cut corners, or a steel box with flange edges.
+    """Draw a rib's section round its center: a solid with cut corners, or a steel box with flange edges.
 
     Args:
         section: Form and width.
@@ -228,7 +228,7 @@ def skewback_part(rib: Rib, end: int, name: str, left: tuple[float, float], back
 def strut_parts(
     rib: Rib, section: RibSection, stations: list[float], size: tuple[float, float], place: Alignment
 ) -> list[Part]:
-    """Build struts between neighbouring ribs, square to the arch.
+    """Build struts between neighboring ribs, square to the arch.
 
     Args:
         rib: Axis and depths.

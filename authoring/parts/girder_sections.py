@@ -9,7 +9,7 @@ from authoring.shapes.sections import cut_corners, mirrored
 
 EMBEDDED = 0.010  # [m] embedment of girders in the slab, and of diaphragms in both
 HAUNCH_LEDGE = 0.02  # [m] width of a girder's top outside a haunch
-_U_SLOPE = 0.25  # of a U girder's webs, outward for each metre of height
+_U_SLOPE = 0.25  # of a U girder's webs, outward for each meter of height
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def diaphragm_heights(girders: Girders) -> tuple[float, float]:
 
 
 def diaphragm_outline(girders: Girders, left_line: float, right_line: float, thickening: float = 1.0) -> F64:
-    """Draw a diaphragm between two neighbouring girders: its sides follow theirs, a little inside them.
+    """Draw a diaphragm between two neighboring girders: its sides follow theirs, a little inside them.
 
     Args:
         girders: Section of both girders.

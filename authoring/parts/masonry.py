@@ -37,7 +37,7 @@ class Viaduct:
         wall: Thickness of the spandrel walls [m].
         width: Overall deck width [m].
         ends: Stations of the abutments' back faces [m].
-        slope: Rise of the road per metre, which the arches follow [1].
+        slope: Rise of the road per meter, which the arches follow [1].
     """
 
     ring: Rib

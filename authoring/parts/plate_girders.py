@@ -14,7 +14,7 @@ from authoring.solids.sweep import sweep
 EMBEDDED = 0.010  # [m] embedment of girders in the concrete on them, and of that in the slab
 _SHORTER = 0.012  # [m] shorter than the slab at either end, so that their end faces are not coplanar
 SPLICE_GAP = 0.008  # [m] between the two pieces of a spliced girder
-_WEB_LEAN = 0.22  # [1] of a box's webs: metres outward for each metre of height
+_WEB_LEAN = 0.22  # [1] of a box's webs: meters outward for each meter of height
 _BOX_LIP = 0.05  # [m] projection of a box's bottom plate beyond its webs
 _TWO_SPLICES = 30.0  # [m] longer inner spans have a splice beside each pier
 _RING = 1.5  # [m] distance of sections along a haunch

@@ -220,7 +220,7 @@ def _beam(
 
 
 def _on_line(halves: list[float], heights: list[float], k: int) -> bool:
-    """Check whether an inner corner lies on the line between its neighbours, where no face ends."""
+    """Check whether an inner corner lies on the line between its neighbors, where no face ends."""
     if k in (0, len(halves) - 1):
         return False
     (a, b, c), (x, y, z) = halves[k - 1 : k + 2], heights[k - 1 : k + 2]

@@ -115,8 +115,8 @@ def column_surface(
         bents: Dimensions.
         station: Its middle [m].
         line: Distance of its middle to the left of the axis [m].
-        foot: Height of the foot under its middle [m], and its rise per metre of station [1].
-        head: Height of its top over its middle [m], and the rise per metre of station [1].
+        foot: Height of the foot under its middle [m], and its rise per meter of station [1].
+        head: Height of its top over its middle [m], and the rise per meter of station [1].
         level: Level frame of the bent.
     """
     if bents.shape == "round":
@@ -152,7 +152,7 @@ def foot_on(
         reference: Level frame that the arch's heights count in.
 
     Returns:
-        Height in the bent's frame [m] and rise per metre of station [1] of the column's foot.
+        Height in the bent's frame [m] and rise per meter of station [1] of the column's foot.
     """
     ends = np.array([station - 0.5 * length, station + 0.5 * length])
     low, high = back(ends) + (reference.level - level.level)
@@ -233,7 +233,7 @@ def bent_footing(bents: Bents, name: str, station: float, ceiling: float, foundi
 
 
 def grade_near(place: Alignment, station: float) -> float:
-    """Find the rise of the road per metre [1].
+    """Find the rise of the road per meter [1].
 
     Args:
         place: Axis of the bridge.

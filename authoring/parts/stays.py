@@ -81,7 +81,7 @@ class HeadZone:
         top: Height of the highest head [m].
         lowest: Lowest head of a semi-fan [m].
         collar: Radius of the collars [m].
-        growth: Of half the pylon's length along the bridge per metre below the highest head [1].
+        growth: Of half the pylon's length along the bridge per meter below the highest head [1].
     """
 
     foot: float

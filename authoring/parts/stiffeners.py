@@ -94,7 +94,7 @@ def _along_spans(girders: PlateGirders, spans: Spans, stiffening: Stiffening, to
         low, high = spans.bearing_lines(span)
         joints = [station for station in stiffening.frames if low + 0.01 < station < high - 0.01]
         between = _between(girders, spans, [low, *joints, high], stiffening)
-        made: dict[tuple[tuple[float, float], ...], Surface] = {}  # lines with the same neighbours have the same plates
+        made: dict[tuple[tuple[float, float], ...], Surface] = {}  # lines with the same neighbors have the same plates
         for line, left in enumerate(girders.lines):
             sides = _inner_sides(girders, line)
             towards = [side for side in sides if side * left < 0.0] or sides  # the axis

@@ -27,7 +27,7 @@ _INTO_SIDE = 0.010  # [m] embedment of ballast in the upstands
 _SHORTER = 0.003  # [m] walkways are shorter than upstands, so that no two faces are coplanar
 _LOWER = 0.012  # [m] depth of the walkway below the upstand
 _TOE = 0.15  # [m] from the edge of the ballast's level top to the upstand
-_TOE_SLOPE = 1.5  # horizontal metres for each metre of height of the ballast's shoulder
+_TOE_SLOPE = 1.5  # horizontal meters for each meter of height of the ballast's shoulder
 _SLAB_GAP = 0.06  # [m] by which the gap between track slabs is wider than the deck's
 _PAPER_WIDTH = 10.0  # [m] of every deck of the paper's generator
 
@@ -346,7 +346,7 @@ def side_parts(tracks: Tracks, edge: float, name: str, low: float, high: float, 
         surface = Prism(on_side(outline, sign), low + _SHORTER, high - _SHORTER, "station", place)
         size = {"width": edge - back, "length": high - low}
         parts.append(Part(f"Walkway_{name}_{side}", "footway", "Role_KerbConcrete", SUPERSTRUCTURE, surface, size))
-        if room > 0.34:  # a trough for cables, closed by covers of one metre
+        if room > 0.34:  # a trough for cables, closed by covers of one meter
             outline = rectangle(
                 (back + 0.05, tracks.walk_level - EMBEDDED), (back + 0.05 + 0.28, tracks.walk_level + 0.04)
             )

@@ -8,7 +8,7 @@ from authoring.axis.alignment import Alignment
 from authoring.shapes.component import F64
 
 Slope = tuple[float, float]
-"""Rise per metre along and across a frame [1]."""
+"""Rise per meter along and across a frame [1]."""
 FLAT: Slope = (0.0, 0.0)
 
 
@@ -23,7 +23,7 @@ class Wedge(Alignment):
         high: Height of the upper plane [m].
         low_slope: Of the lower plane.
         high_slope: Of the upper plane.
-        twist: Change of the upper plane's slope across for each metre along [1/m].
+        twist: Change of the upper plane's slope across for each meter along [1/m].
     """
 
     low: float = 0.0
@@ -72,7 +72,7 @@ def wedge(
         heights: Of the lower and the upper plane at the spot [m].
         low: Slope of the lower plane.
         high: Slope of the upper plane.
-        twist: Change of the upper plane's slope across for each metre along [1/m].
+        twist: Change of the upper plane's slope across for each meter along [1/m].
     """
     x, y, _ = frame.point(*(np.array([value]) for value in (*spot, 0.0)))[0]
     frame = replace(frame, origin=(float(x), float(y)))

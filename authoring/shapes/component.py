@@ -40,7 +40,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Component:
-    """One labelled part of a bridge, site or background.
+    """One labeled part of a bridge, site or background.
 
     Attributes:
         name: Leaf prim name, unique in the stage, e.g. `Girder_000_02`.

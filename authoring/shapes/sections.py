@@ -1,4 +1,4 @@
-"""Plane outlines of members: closed polygons in metres, counter-clockwise, and operations on them."""
+"""Plane outlines of members: closed polygons in meters, counter-clockwise, and operations on them."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,13 +109,13 @@ def inset(outline: F64, distance: float) -> F64:
 
 
 def miters(outlines: F64) -> F64:
-    """Find how corners move when all sides move inward by one metre.
+    """Find how corners move when all sides move inward by one meter.
 
     Args:
         outlines: Corners, counter-clockwise [m], shape (..., P, 2), float64.
 
     Returns:
-        For each corner the vector whose component along both neighbouring inward normals is one [1], the same shape
+        For each corner the vector whose component along both neighboring inward normals is one [1], the same shape
         (..., P, 2), float64.
     """
     along = _following(outlines) - outlines

@@ -30,7 +30,7 @@ class Corners:
 
 
 def corner_normals(points: F64, face_counts: I32, corners: I32) -> F64:
-    """Find a normal for every face corner: smooth where neighbours turn by less than 25 degrees, else flat.
+    """Find a normal for every face corner: smooth where neighbors turn by less than 25 degrees, else flat.
 
     Args:
         points: Positions [m], shape (V, 3), float64.

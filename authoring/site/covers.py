@@ -208,7 +208,7 @@ def split_edges(soup: Soup, born: I64) -> Soup:
 
 
 def drape(soup: Soup, alignment: Alignment, atlas: F64) -> Mesh:
-    """Convert triangles to a mesh in world space; `st` counts metres along the axis and to its left.
+    """Convert triangles to a mesh in world space; `st` counts meters along the axis and to its left.
 
     Args:
         soup: Triangles.

@@ -87,7 +87,7 @@ def icosphere(level: int) -> tuple[F64, I64]:
 
 
 def faceted(points: F64, faces: I64, smooth: float = 0.6) -> Mesh:
-    """Convert a natural shape to a mesh: normals between flat and smooth, and box-projected `st` in metres.
+    """Convert a natural shape to a mesh: normals between flat and smooth, and box-projected `st` in meters.
 
     Args:
         points: Positions [m], shape (V, 3), float64.

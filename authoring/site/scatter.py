@@ -22,7 +22,7 @@ from groundwork.settings import Settings
 F64 = NDArray[np.float64]
 B = NDArray[np.bool_]
 Prototypes = tuple[tuple[tuple[str, Mesh], ...], ...]
-DETAILED = 22.0  # distance from the bridge's edge up to which plants are modelled in detail [m]
+DETAILED = 22.0  # distance from the bridge's edge up to which plants are modeled in detail [m]
 _TILLED = ("ploughed", "crop", "ripe", "lot_asphalt", "lot_paved", "lot_gravel")  # covers without wild plants
 _BESIDE = 0.25  # distance of wild plants from their borders [m]
 _FRINGES = 0.8  # tufts along borders for each other one [1]

@@ -17,7 +17,7 @@ Hills = Callable[[F64, F64], F64]
 ABUTMENT_BACK = 1.2  # from the bearing line back to the abutment's back face [m]
 WING_WALL = 6.0  # length of the wing walls behind that face, along the axis [m]
 ABUTMENT_FRONT = 0.6  # from the bearing line forward to the natural ground at the abutment's foot [m]
-FILL_SLOPE = 1.75  # horizontal metres for each metre of height of a fill
+FILL_SLOPE = 1.75  # horizontal meters for each meter of height of a fill
 CUT_SLOPE = 1.5
 BANK_SLOPE = 2.0
 UNDERLAY = 0.07  # depth of the ground below the road surface on it [m]
@@ -39,7 +39,7 @@ class Crossing:
     Attributes:
         kind: `river`, `road` or `rail`.
         station: Where it meets the axis [m].
-        swing: Largest sideways swing of its centre line [m].
+        swing: Largest sideways swing of its center line [m].
         wavelength: Length over which the swing turns by one radian [m].
         phase: Phase of the swing on the axis [rad].
         half_width: Half the water surface, the carriageway or the ballast [m].
@@ -61,7 +61,7 @@ class Crossing:
     piers: tuple[int, ...] = ()
 
     def center(self, left: F64) -> F64:
-        """Find the station of its centre line.
+        """Find the station of its center line.
 
         Args:
             left: Distance to the left of the axis [m], shape (...), float64.
@@ -90,7 +90,7 @@ class Crossing:
             left: Distance to the left of the axis [m], shape (...), float64.
 
         Returns:
-            Lengths for each metre of width [1], the same shape (...), float64.
+            Lengths for each meter of width [1], the same shape (...), float64.
         """
         slope = self.swing / self.wavelength * np.cos(left / self.wavelength + self.phase)
         if self.axis is None or self.axis.square:
@@ -150,7 +150,7 @@ class Approach:
             station: Distance along the axis [m], shape (...), float64.
 
         Returns:
-            Lengths for each metre of width [1], the same shape (...), float64.
+            Lengths for each meter of width [1], the same shape (...), float64.
         """
         beyond = np.maximum(self.along(station) - self.straight, 0.0)
         slope = self.bend / BEND_LENGTH * np.sin(beyond / BEND_LENGTH)
@@ -190,7 +190,7 @@ def verge_fall(across: F64, half_road: float) -> F64:
     """Compute the drop of the verge beside a road's edge.
 
     Args:
-        across: Distance from the centre line [m], shape (...), float64.
+        across: Distance from the center line [m], shape (...), float64.
         half_road: Half the road's width [m].
 
     Returns:
@@ -204,7 +204,7 @@ def crossfall(along: F64, across: F64) -> F64:
 
     Args:
         along: Distance behind the abutment's back face [m], shape (...), float64.
-        across: Distance from the centre line [m], the same shape (...), float64.
+        across: Distance from the center line [m], the same shape (...), float64.
 
     Returns:
         Drop [m], the same shape (...), float64.

@@ -25,7 +25,7 @@ SPRAYS: dict[str, tuple[int, ...]] = {
     "reed": (15,),
 }
 LIFT = 0.003  # of each side from the middle of a card, so that the near one hides the far one [m]
-INSET = 0.006  # of a cell, so that filtering does not reach its neighbour [m of `st`]
+INSET = 0.006  # of a cell, so that filtering does not reach its neighbor [m of `st`]
 
 
 def cards(middle: F64, across: F64, up: F64, cells: I64, normals: F64) -> Mesh:

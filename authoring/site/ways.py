@@ -15,12 +15,12 @@ _TOP = np.array([(0, 1, 2, 3), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 
 
 @dataclass(frozen=True)
 class Line:
-    """A centre line in bridge coordinates.
+    """A center line in bridge coordinates.
 
     Attributes:
         station: Distance along the axis [m], shape (N,), float64.
         left: Distance to the left of the axis [m], shape (N,), float64.
-        across: Shift along the cross-section that leads one metre to the line's own left [m], shape (N, 2), float64.
+        across: Shift along the cross-section that leads one meter to the line's own left [m], shape (N, 2), float64.
     """
 
     station: F64
@@ -102,8 +102,8 @@ def carriageway(alignment: Alignment, line: Line, crown: F64, fall: F64, tilt: F
 
     Args:
         alignment: Axis of the bridge.
-        line: Centre line.
-        crown: World height on the centre line [m], shape (N,), float64.
+        line: Center line.
+        crown: World height on the center line [m], shape (N,), float64.
         fall: Drop from the crown to the edge [m], shape (N,), float64.
         tilt: Rise to the line's left over that [1], shape (N,), float64.
         half_width: Half the width of the surface [m].
@@ -128,9 +128,9 @@ def dashes(
 
     Args:
         alignment: Axis of the bridge.
-        line: Centre line of the carriageway.
+        line: Center line of the carriageway.
         height: World height of the surface along the painted line [m], shape (N,), float64.
-        left: Distance of the painted line to the left of the centre line [m].
+        left: Distance of the painted line to the left of the center line [m].
         dash: Length of a dash and of the gap after it [m]; no gap makes a continuous line.
         width: Width of the paint [m].
 

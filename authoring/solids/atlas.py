@@ -7,7 +7,7 @@ from authoring.solids.sweep import Surface
 
 MARGIN = 1.0 / 1024.0  # free border round each chart, as a share of the atlas: two texels of 2048
 _TRIALS = 48
-_DIGITS = 6  # of a chart's size in metres: so that rounding errors of equal sizes do not change the order of packing
+_DIGITS = 6  # of a chart's size in meters: so that rounding errors of equal sizes do not change the order of packing
 
 
 def pack_atlas(surfaces: list[Surface]) -> list[F64]:

@@ -14,7 +14,7 @@ class OrientedBox:
     """An upright box.
 
     Attributes:
-        center: Centre [m], shape (3,), float64.
+        center: Center [m], shape (3,), float64.
         axes: Unit vectors along, to the left and up, in rows [1], shape (3, 3), float64.
         half: Half of the length, width and height [m], shape (3,), float64.
     """
@@ -27,7 +27,7 @@ class OrientedBox:
         """Convert box coordinates to world positions.
 
         Args:
-            local: Offsets from the centre along the axes [m], shape (N, 3), float64.
+            local: Offsets from the center along the axes [m], shape (N, 3), float64.
 
         Returns:
             World positions [m], shape (N, 3), float64.
@@ -41,7 +41,7 @@ class OrientedBox:
             points: World positions [m], shape (N, 3), float64.
 
         Returns:
-            Offsets from the centre along the axes [m], shape (N, 3), float64.
+            Offsets from the center along the axes [m], shape (N, 3), float64.
         """
         return (points - self.center) @ self.axes.T
 

@@ -57,7 +57,7 @@ def look_round(places: F64, turns: F64, eye: Eye, targets: Targets, reach: float
     """Find the visible members from every place in every direction; views without members are left out.
 
     Args:
-        places: Camera centres [m], shape (P, 3), float64.
+        places: Camera centers [m], shape (P, 3), float64.
         turns: Rotations of the views of each place, camera to world [1], shape (D, 3, 3), float64.
         eye: The camera.
         targets: Members and stretches.

@@ -56,7 +56,7 @@ class Eye:
         """Find which points in camera axes are inside the image, ignoring occlusion.
 
         Args:
-            local: Positions from the camera's centre, axes right, down, forward [m], shape (N, 3), float64.
+            local: Positions from the camera's center, axes right, down, forward [m], shape (N, 3), float64.
 
         Returns:
             Whether each is framed, shape (N,), bool.

@@ -15,7 +15,7 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 Cells = NDArray[np.bool_]
 
-# One of each pair of opposite neighbours among the 26 of a cell.
+# One of each pair of opposite neighbors among the 26 of a cell.
 NEIGHBORS = tuple((i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0))
 
 
@@ -26,7 +26,7 @@ class FreeSpace:
     Attributes:
         box: The box.
         edge: Length of a cell's edge [m].
-        clearance: Distance of each cell's middle to the nearest surface, rounded to centimetres [m], shape (X, Y, Z).
+        clearance: Distance of each cell's middle to the nearest surface, rounded to centimeters [m], shape (X, Y, Z).
         free: Whether the whole cell is at a safe distance, and is in the largest connected part, shape (X, Y, Z).
         cut_off: Whether it is at a safe distance, but not connected, shape (X, Y, Z).
     """
@@ -136,7 +136,7 @@ class Ways:
 
 
 def link_cells(space: FreeSpace, weight: F64) -> Ways:
-    """Link the free cells with all of their free neighbours.
+    """Link the free cells with all of their free neighbors.
 
     Args:
         space: The cells.

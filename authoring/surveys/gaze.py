@@ -22,7 +22,7 @@ def inner_box(offsets: F64) -> F64:
     structural condition assessment, global scenario.
 
     Args:
-        offsets: Camera centres in the axes of the box, from its centre [m], shape (N, 3), float64.
+        offsets: Camera centers in the axes of the box, from its center [m], shape (N, 3), float64.
 
     Returns:
         Points of interest in the same frame [m], shape (N, 3), float64.
@@ -38,7 +38,7 @@ def along_axis(offsets: F64) -> F64:
     around its ends.
 
     Args:
-        offsets: Camera centres in the axes of the box, from its centre [m], shape (N, 3), float64.
+        offsets: Camera centers in the axes of the box, from its center [m], shape (N, 3), float64.
 
     Returns:
         Points of interest in the same frame [m], shape (N, 3), float64.
@@ -55,7 +55,7 @@ def drawn_to_lines(offsets: F64, targets: F64, lines: F64, steadiness: float = S
     sides, and no camera has to swing from the line behind to the line ahead.
 
     Args:
-        offsets: Camera centres of a closed flight in the axes of the box [m], shape (N, 3), float64.
+        offsets: Camera centers of a closed flight in the axes of the box [m], shape (N, 3), float64.
         targets: Points of interest without the turn [m], shape (N, 3), float64.
         lines: Distance along the box and height of each line, in order [m], shape (L, 2), float64.
         steadiness: Standard deviation of the smoothing of the gaze, in images [1].
@@ -80,7 +80,7 @@ def aim(positions: F64, targets: F64) -> F64:
     """Aim every camera at its point of interest, without roll and without a pitch limit.
 
     Args:
-        positions: Camera centres [m], shape (N, 3), float64.
+        positions: Camera centers [m], shape (N, 3), float64.
         targets: Points of interest [m], shape (N, 3), float64.
 
     Returns:

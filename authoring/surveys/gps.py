@@ -32,7 +32,7 @@ def measured_positions(positions: F64, times: F64, noise: GpsNoise, rng: np.rand
     not depend on how many images are taken.
 
     Args:
-        positions: True camera centres [m], shape (N, 3), float64.
+        positions: True camera centers [m], shape (N, 3), float64.
         times: Seconds since the first image [s], shape (N,), float64.
         noise: Size of the errors.
         rng: Stream `gps/<id>`.

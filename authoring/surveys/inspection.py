@@ -154,7 +154,7 @@ def pixels_from(places: F64, member: int, targets: Targets, eye: Eye, reach: flo
     """Find how many pixels a member fills in a camera that looks at it from each of some places.
 
     Args:
-        places: Camera centres [m], shape (P, 3), float64.
+        places: Camera centers [m], shape (P, 3), float64.
         member: Row of the member in `targets.samples.ids`.
         targets: Members.
         eye: The camera.

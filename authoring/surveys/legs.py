@@ -56,7 +56,7 @@ def fly_legs(poses: F64, legs: list[I64], spacing: float, highest: float) -> F64
     Args:
         poses: camera_to_world of the views [m], shape (V, 4, 4), float64.
         legs: Rows of the views of each leg, in order, each of shape (L,), int64.
-        spacing: Greatest distance between neighbouring images of a leg [m].
+        spacing: Greatest distance between neighboring images of a leg [m].
         highest: Highest pitch of the gimbal [rad].
 
     Returns:

@@ -22,7 +22,7 @@ def gaze(positions: F64, subject: Subject, highest: float, coarse: float) -> F64
     looks at the nearest point of it, all others are turned between these by slerp.
 
     Args:
-        positions: Camera centres in the order of flight [m], shape (N, 3), float64.
+        positions: Camera centers in the order of flight [m], shape (N, 3), float64.
         subject: Bridge and site.
         highest: Highest pitch of the gimbal [rad]; pi/2 for a free one.
         coarse: Distance between the cameras among which key cameras are chosen [m].
@@ -53,7 +53,7 @@ def key_cameras(positions: F64, points: F64, components: NDArray[np.integer]) ->
     """Choose the key cameras: the nearest of each run with one nearest component, and both ends.
 
     Args:
-        positions: Camera centres [m], shape (N, 3), float64.
+        positions: Camera centers [m], shape (N, 3), float64.
         points: Nearest point of the bridge to each [m], shape (N, 3), float64.
         components: Instance that each of these lies on, shape (N,), int.
 

@@ -44,7 +44,7 @@ class CameraPath:
         seed: Seed of the scene that it was drawn from.
         calibration: Exact intrinsics.
         sensor_width: Width of the sensor [m].
-        spacing: Mean distance between neighbouring images [m].
+        spacing: Mean distance between neighboring images [m].
         poses: camera_to_world, camera axes right-down-forward [m], shape (N, 4, 4), float64.
         times: Seconds since the first image [s], shape (N,), float64.
         gps: Measured positions [m], shape (N, 3), float64.

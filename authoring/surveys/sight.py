@@ -55,7 +55,7 @@ def visible_samples(places: F64, samples: SurfaceSamples, reach: float, obstacle
     """Find the samples visible from places in any direction: within reach, from the front, not occluded.
 
     Args:
-        places: Camera centres [m], shape (P, 3), float64.
+        places: Camera centers [m], shape (P, 3), float64.
         samples: Samples of surfaces.
         reach: Greatest distance [m].
         obstacles: Bridge and site.

@@ -19,7 +19,7 @@ def stage_subject(scene: FlatScene) -> Subject:
         scene: The composed stage.
 
     Raises:
-        InputError: Nothing in it is labelled as a part of a bridge.
+        InputError: Nothing in it is labeled as a part of a bridge.
     """
     corners, owners, draws = world_triangles(scene)
     mirrored = np.linalg.det(scene.draws.transform[:, :3, :3]) < 0.0

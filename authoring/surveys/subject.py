@@ -44,7 +44,7 @@ class Subject:
             plan: Positions in plan [m], shape (N, 2), float64.
 
         Returns:
-            Heights to the centimetre [m], shape (N,), float64; -inf beyond the site.
+            Heights to the centimeter [m], shape (N,), float64; -inf beyond the site.
         """
         top = 1000.0
         origins = np.column_stack([plan, np.full(len(plan), top)])

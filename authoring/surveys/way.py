@@ -22,7 +22,7 @@ def shortcut(way: F64, subject: Subject, safety: float) -> F64:
         safety: Least distance to both [m].
 
     Returns:
-        Corners about every two metres [m], shape (K, 3), float64.
+        Corners about every two meters [m], shape (K, 3), float64.
     """
     reach = 6  # a leg replaces at most this many corners, so that the flight does not become one straight line
     for _ in range(_ROUNDS):

@@ -24,7 +24,7 @@ BEYOND = (-1.5, 0.5)  # [m] past the ends of the bridge, whose wing walls reach 
 # Above the road, only slanted asphalt is near: with the spacing of the sides, common surfaces of the two sides are
 # hundreds of meters away there, and one side was placed 18 m off.
 CROSSING = 3.0  # [m] before the ends of the bridge where a crossing of the road begins
-CROSSING_DENSITY = 1.8  # images a metre there, over those along the sides
+CROSSING_DENSITY = 1.8  # images a meter there, over those along the sides
 ROUNDS = 12  # of placing images where cameras rotate too far; 4 are enough for most flights
 STEADIER = 1.2  # times the smoothing of the gaze in each further round [1]
 CLIMB = 3.0  # [m] that the crossings fly higher, so that the road is seen from above
@@ -208,12 +208,12 @@ def place_images(route: F64, density: F64, least: int, spacing: float) -> tuple[
 
     Args:
         route: Closed route [m], shape (M, 3), float64.
-        density: Images a metre at each point of the route, over those where it is 1 [1], shape (M,), float64.
+        density: Images a meter at each point of the route, over those where it is 1 [1], shape (M,), float64.
         least: Least number of images.
         spacing: Greatest step [m].
 
     Returns:
-        Camera centres [m], shape (N, 3), float64; and the image behind each point of the route, shape (M,), int64.
+        Camera centers [m], shape (N, 3), float64; and the image behind each point of the route, shape (M,), int64.
     """
     closed = np.concatenate([route, route[:1]])
     arc = arc_of(route, density)
@@ -228,7 +228,7 @@ def arc_of(route: F64, density: F64) -> F64:
 
     Args:
         route: Closed route [m], shape (M, 3), float64.
-        density: Images a metre at each point of the route, over those where it is 1 [1], shape (M,), float64.
+        density: Images a meter at each point of the route, over those where it is 1 [1], shape (M,), float64.
 
     Returns:
         Length to each point, and back to the first [m], shape (M + 1,), float64.

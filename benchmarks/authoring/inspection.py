@@ -71,7 +71,7 @@ def can_be_seen(drawn: Drawn, member: int, places: F64, focal: float) -> bool:
     Args:
         drawn: Bridge and site.
         member: Instance id of the member.
-        places: Camera centres [m], shape (P, 3), float64.
+        places: Camera centers [m], shape (P, 3), float64.
         focal: Focal length [px].
     """
     subject = drawn.subject

@@ -3,7 +3,7 @@
 Usage: python -m benchmarks.learn.logits --yanx27 CHECKOUT [--commit COMMIT]
 
 CHECKOUT is a clone of yanx27/Pointnet_Pointnet2_pytorch; Open3D-ML is the one that open3d-cpu holds. Our random weights
-are copied into their classes, which also get our choice of points and our neighbours. Writes
+are copied into their classes, which also get our choice of points and our neighbors. Writes
 `docs/benchmarks/logits.md`.
 """
 

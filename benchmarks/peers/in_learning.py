@@ -55,7 +55,7 @@ def yanx27(folder: str, steps: int) -> dict[str, list[float]]:
 
 
 def open3d(steps: int) -> dict[str, list[float]]:
-    """RandLA-Net, five layers, one cloud of 65,536 points with 6 numbers each; its neighbours are searched beforehand.
+    """RandLA-Net, five layers, one cloud of 65,536 points with 6 numbers each; its neighbors are searched beforehand.
 
     Args:
         steps: How many.

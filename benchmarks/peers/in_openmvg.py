@@ -17,7 +17,7 @@ def main(images: Path, out: Path) -> None:
 
     Args:
         images: Folder of photographs.
-        out: JSON file to write: `seconds` of processor time, `points`, `views` with name, rotation and centre, and of
+        out: JSON file to write: `seconds` of processor time, `points`, `views` with name, rotation and center, and of
             each point the number of its views (`track_lengths`) and its mean reprojection error (`errors`) [px].
     """
     scene = openmvg_rs.reconstruct(images, extraction_method="sift", progress=False)

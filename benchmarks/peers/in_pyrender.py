@@ -1,4 +1,4 @@
-"""Runs in an environment of its own that has pyrender: renders the triangles of a scene, colour, depth and shadows.
+"""Runs in an environment of its own that has pyrender: renders the triangles of a scene, color, depth and shadows.
 
 Usage: python in_pyrender.py REQUEST_JSON, with `scene` (an .npz of triangles), `frames`, and `answer`, the file
 for the figures. pyrender 0.1.45 is of 2021: it wants numpy < 2, and PYOPENGL_PLATFORM=egl.

@@ -2,7 +2,7 @@
 
 Usage: python -m benchmarks.recon.dense CAPTURE CLOUD [--ways sgm:medium patchmatch:medium sgm:high] [--filter moderate]
 
-CAPTURE is a capture with truth, CLOUD its reconstruction, whose COLMAP model in metres gives the poses. Each way runs
+CAPTURE is a capture with truth, CLOUD its reconstruction, whose COLMAP model in meters gives the poses. Each way runs
 in children, whose processor time is taken, all threads together, and the memory of the largest of them. Waiting times
 mean something only where nothing else runs.
 """

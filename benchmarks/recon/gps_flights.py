@@ -1,4 +1,4 @@
-"""Flights of which only the camera centres, the level of the photographs and noisy positions are simulated."""
+"""Flights of which only the camera centers, the level of the photographs and noisy positions are simulated."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ class Flight:
     Attributes:
         kind: One of `KINDS`.
         known: From the model into the world, as it truly is.
-        source: Centres in model units, shape (N, 3), float64.
+        source: Centers in model units, shape (N, 3), float64.
         rotations: Camera-to-world rotations in the model's frame [1], shape (N, 3, 3), float64.
         gps: Measured positions [m], shape (N, 3), float64.
     """
@@ -110,7 +110,7 @@ def frame_errors(found: Similarity, known: Similarity, middle: F64) -> PlaceErro
 
 
 def _path(kind: str, rng: np.random.Generator) -> tuple[F64, F64, F64]:
-    """Give centres [m], headings and pitches of the lines of sight [rad]."""
+    """Give centers [m], headings and pitches of the lines of sight [rad]."""
     count, size, height = int(rng.integers(6, 80)), rng.uniform(15.0, 200.0), rng.uniform(5.0, 60.0)
     along = np.linspace(-size / 2, size / 2, count)
     if kind == "grid":

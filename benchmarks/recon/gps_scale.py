@@ -2,7 +2,7 @@
 
 Usage: python -m benchmarks.recon.gps_scale [--flights N] [--first SEED]
 
-Flights are those of `benchmarks.recon.gps_flights`: camera centres, the level of photographs, noisy fixes, and no
+Flights are those of `benchmarks.recon.gps_flights`: camera centers, the level of photographs, noisy fixes, and no
 pixel. `docs/benchmarks/gps.md` shows the two tables. A minute for a thousand flights.
 """
 

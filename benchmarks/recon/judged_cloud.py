@@ -95,7 +95,7 @@ def distance_to_class(points: F64, classes: NDArray[np.uint8], corners: F64, lab
 
 
 def instances_right(judged: Judged, within: Bools | None = None) -> tuple[int, int]:
-    """Count instances that are labelled right, as a whole.
+    """Count instances that are labeled right, as a whole.
 
     Args:
         judged: The cloud.

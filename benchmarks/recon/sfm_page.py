@@ -13,7 +13,7 @@ FASTER = {200: 3.0, 400: 5.0}  # images to how many times faster than every pair
 EXPONENT = 1.2  # of processor time over images
 FAR = 10_000  # images; where lines meet beyond, they are as good as parallel
 LIMIT = 0.5  # [m] a camera farther off does not count as right
-_FEWER, _WORSE, _MORE = 0.01, 1.1, 0.001  # equal accuracy: registered [1], median centre error as a factor, and [m]
+_FEWER, _WORSE, _MORE = 0.01, 1.1, 0.001  # equal accuracy: registered [1], median center error as a factor, and [m]
 _NOTHING, _MISSED = "not measured", "**missed**"
 
 
@@ -30,7 +30,7 @@ class Row:
         points: Number of points.
         registered: Share of the photographs in the largest model [1].
         right: Share of them within `LIMIT` of the truth [1].
-        median: Median distance of right camera centres to the truth [m]; None without one.
+        median: Median distance of right camera centers to the truth [m]; None without one.
         p95: Their 95 % quantile [m].
         thrice: Share of the points that three or more images saw [1]; None where not counted.
         code: Hash of the code that measured it; empty for a peer, whose version is part of the row's file name.

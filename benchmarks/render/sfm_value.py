@@ -44,7 +44,7 @@ def sfm_value(images: tuple[U8, U8], depth: NDArray[np.float32], poses: tuple[F6
     (first, here), (second, there) = found
     pairs = cv2.BFMatcher().knnMatch(here, there, k=2)
     kept = [one for one, two in pairs if one.distance < RATIO * two.distance]
-    start = np.array([first[match.queryIdx].pt for match in kept]) + 0.5  # OpenCV counts from pixel centres
+    start = np.array([first[match.queryIdx].pt for match in kept]) + 0.5  # OpenCV counts from pixel centers
     end = np.array([second[match.trainIdx].pt for match in kept]) + 0.5
     z = depth[start[:, 1].astype(int), start[:, 0].astype(int)].astype(float)
     seen = np.isfinite(z)

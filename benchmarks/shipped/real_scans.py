@@ -117,7 +117,7 @@ def label_real_scan(path: Path, code: int | None, model: PointModel) -> Labeled:
     """Label a scan; what its owner knows stands in the place of the truth: 1 on a bridge, 0 elsewhere.
 
     Args:
-        path: The scan, in metres with z up.
+        path: The scan, in meters with z up.
         code: The scan's own number of the points on a bridge; None where all of it is one.
         model: What knows the classes.
     """
@@ -162,7 +162,7 @@ def panel(found: Labeled, title: str) -> U8:
         title: Name of the scan.
 
     Returns:
-        sRGB colours, shape (H, W, 3), uint8.
+        sRGB colors, shape (H, W, 3), uint8.
     """
     palette = np.zeros((256, 3), np.uint8)
     palette[: len(class_table(TABLE).colors)] = class_table(TABLE).colors

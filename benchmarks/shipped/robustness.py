@@ -2,7 +2,7 @@
 
 Usage: python -m benchmarks.shipped.robustness CLOUD… [--model FOLDER] [--length METERS] [--out FILE]
 
-CLOUDs are scans of bridges that the model never saw, with their truth. Each is labelled as it is, a quarter of its
+CLOUDs are scans of bridges that the model never saw, with their truth. Each is labeled as it is, a quarter of its
 points left, and then again changed; every pair of scores is over the same points. `docs/benchmarks/robustness.md`.
 """
 
@@ -179,7 +179,7 @@ def rows_of(scan: Scan, model: PointModel) -> tuple[dict[str, dict[str, float]],
 
 
 def lost_by(usual: Scan, plain: Labeled, changed: Changed, found: Labeled, size: float) -> dict[str, float]:
-    """Compare two labellings of a scan over points that both have, one in each cube.
+    """Compare two labelings of a scan over points that both have, one in each cube.
 
     A scan with more points also has points in places that the other one does not show, such as far or shaded ones:
     scores over all points of each would compare the places, too.

@@ -47,7 +47,7 @@ class Scan:
 
     Attributes:
         coord: Positions in the unit and frame of the scan, shape (N, 3), float64.
-        place: The same points in metres with z up, where they were before any change, shape (N, 3), float64.
+        place: The same points in meters with z up, where they were before any change, shape (N, 3), float64.
         labels: True classes in each of `TABLES`, 255 where unknown, shape (N,), uint8.
         settings: Its settings.
     """

@@ -100,7 +100,7 @@ def judge_cloud(model: TrainedModel, path: Path, reach: float) -> Found:
     Args:
         model: The candidate.
         path: Folder of the cloud.
-        reach: How far beyond its bridge it is labelled [m].
+        reach: How far beyond its bridge it is labeled [m].
     """
     scan = within(read_labeled_scan(path), reach)
     before = time.process_time()
@@ -119,7 +119,7 @@ def judge_kept(work: Path | None, folder: Path, path: Path, reach: float) -> Fou
         work: Folder that keeps what is found; None for none.
         folder: The candidate.
         path: Folder of the cloud.
-        reach: How far beyond its bridge it is labelled [m].
+        reach: How far beyond its bridge it is labeled [m].
     """
     if work is None:
         return judge_cloud(overlapping(folder), path, reach)
@@ -161,7 +161,7 @@ def page(rows: Mapping[str, Row], clouds: int, reach: float = np.inf) -> str:
     Args:
         rows: Candidates by name.
         clouds: How many scans they were judged on.
-        reach: How far beyond a bridge they were labelled [m].
+        reach: How far beyond a bridge they were labeled [m].
     """
     whole, around = ("whole ", "") if np.isinf(reach) else ("", f"up to {reach:g} m round each, ")
     kinds = sorted({kind for row in rows.values() for kind in row.matrices})

@@ -20,7 +20,7 @@ F64 = NDArray[np.float64]
 
 CELLS = 140  # of the overlap map along its longer side
 FINEST_CELL = 0.25  # [m]
-MANY = 6  # number of images above which the colour does not change
+MANY = 6  # number of images above which the color does not change
 SCALE = ["#b8322a", "#dd7a35", "#e8c04a", "#a3bf5a", "#4f9d69", "#2b7a78"]
 
 

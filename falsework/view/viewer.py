@@ -35,7 +35,7 @@ TRIANGLES = 250_000
 PICTURE = 160  # [px] width of the pictures in the frusta
 MOST_PICTURES = 150
 CROP, CROPS = 120, 3  # [px] size of a crop around a pixel; number of images with a crop
-SLIDER_LOW, SLIDER_HIGH = -3.0, 1.0  # range of the slider: log10 of the uncertainty in metres; the right end: no limit
+SLIDER_LOW, SLIDER_HIGH = -3.0, 1.0  # range of the slider: log10 of the uncertainty in meters; the right end: no limit
 RAY, MARK = (235, 160, 40), (255, 90, 60)
 OK, LOST = (61, 124, 192), (209, 69, 59)
 

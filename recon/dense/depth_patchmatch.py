@@ -1,8 +1,8 @@
-"""Depth of one view by PatchMatch: a slanted plane for every pixel, propagated to neighbours and refined.
+"""Depth of one view by PatchMatch: a slanted plane for every pixel, propagated to neighbors and refined.
 
 Semi-global matching needs a rectified pair and prefers surfaces facing the camera; PatchMatch compares slanted windows
 in all sources at once, which is slower and more complete. Random numbers come from a hash of pixel and round, and
-pixels of one colour of a chessboard read only those of the other colour, so that neither the order of work nor the
+pixels of one color of a chessboard read only those of the other color, so that neither the order of work nor the
 number of threads changes the result.
 
 Source: Bleyer, Rhemann, Rother, PatchMatch Stereo (2011); the chessboard is from Galliani, Lasinger, Schindler,
@@ -28,7 +28,7 @@ Mask = NDArray[np.bool_]
 _RADIUS = 4  # [px] of the window
 _STEP = 2  # [px] between its samples
 _SIDE = 2 * _RADIUS // _STEP + 1
-_SIMILAR = 14.0  # [grey levels] difference from the pixel at which a sample's weight is 1/e
+_SIMILAR = 14.0  # [gray levels] difference from the pixel at which a sample's weight is 1/e
 _ROUNDS = 3
 _WORST = 2.0  # cost of a plane that is visible in no source
 _GOOD = 0.3  # 1 - correlation up to which a depth is accepted
@@ -73,7 +73,7 @@ class Views(NamedTuple):
     """The sources that planes are compared with.
 
     Attributes:
-        sources: Grey values of the sources [of 255], shape (S, H, W), float32.
+        sources: Gray values of the sources [of 255], shape (S, H, W), float32.
         to_other: Transforms from the view into each source [model units], shape (S, 4, 4), float64.
         lens: fx, fy, cx, cy of all cameras [px], shape (4,), float64.
         least: Smallest inverse depth that is searched [1 / model units].
@@ -99,10 +99,10 @@ class _Window(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def refine(gray: F32, views: Views, wanted: Mask, depth: F32, normal: F32) -> F32:
-    """Improve a plane for every pixel, in rounds over the two colours of a chessboard.
+    """Improve a plane for every pixel, in rounds over the two colors of a chessboard.
 
     Args:
-        gray: Grey values of the view [of 255], shape (H, W), float32.
+        gray: Gray values of the view [of 255], shape (H, W), float32.
         views: Its sources.
         wanted: Pixels to work on, shape (H, W), bool.
         depth: Planar depth to start from, 0 where unknown [model units]; receives the result, shape (H, W), float32.
@@ -268,7 +268,7 @@ def _correlate(views: Views, source: int, window: _Window, plane: F64, scale: fl
 
 @njit(cache=True, nogil=True)
 def _carried(depth: F32, normal: F32, neighbor: tuple[int, int], pixel: tuple[int, int], lens: F64) -> float:
-    """Extend a neighbour's plane to a pixel: its inverse depth there."""
+    """Extend a neighbor's plane to a pixel: its inverse depth there."""
     (y, x), (i, j) = neighbor, pixel
     a, b, c = normal[y, x, 0], normal[y, x, 1], normal[y, x, 2]
     there = a * (x + 0.5 - lens[2]) / lens[0] + b * (y + 0.5 - lens[3]) / lens[1] + c

@@ -36,7 +36,7 @@ class PosedImage:
     """A working image and its pose.
 
     Attributes:
-        gray: Grey values, shape (H, W), uint8.
+        gray: Gray values, shape (H, W), uint8.
         pose: camera_to_world [model units], shape (4, 4), float64.
     """
 
@@ -88,7 +88,7 @@ def textured(gray: U8) -> Mask:
     alike in every view: no later step can detect it. The rim of such an area is excluded too.
 
     Args:
-        gray: Grey values, shape (H, W), uint8.
+        gray: Gray values, shape (H, W), uint8.
 
     Returns:
         Their mask, shape (H, W), bool.
@@ -155,7 +155,7 @@ def depth_of_disparity(
     Args:
         disparity: Disparities [1/16 px], shape (H', W'), int16.
         turn: Rotation from the view's axes into the common ones [1], shape (3, 3), float64.
-        plane: Focal length [px], centre (x, y) [px], focal times baseline [px model units], disparity of infinity,
+        plane: Focal length [px], center (x, y) [px], focal times baseline [px model units], disparity of infinity,
             negated [px], shape (5,), float64.
         to_other: Transform from the view into the source [model units], shape (4, 4), float64.
         camera: fx, fy, cx, cy of the working camera [px], shape (4,), float64.
@@ -195,7 +195,7 @@ def depth_of_disparity(
 
 @njit(cache=True, nogil=True)
 def _between(disparity: NDArray[np.int16], u: float, v: float, rows: int, columns: int) -> float:
-    """Interpolate a disparity [px]: bilinear if its four neighbours are one surface, else the nearest."""
+    """Interpolate a disparity [px]: bilinear if its four neighbors are one surface, else the nearest."""
     x, y = int(np.floor(u)), int(np.floor(v))
     if x < 0 or y < 0 or x + 1 >= columns or y + 1 >= rows:
         return -1.0

@@ -20,7 +20,7 @@ U8 = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
 _FREE_SPACE = 0.02  # [1] a map whose depth exceeds the point's by this share contradicts the point
-_BLENDED = 0.05  # [1] share of the depth by which neighbours of one surface may differ, steep ones too
+_BLENDED = 0.05  # [1] share of the depth by which neighbors of one surface may differ, steep ones too
 _RIM_OFF = 0.01  # [px] margin against rounding to a pixel outside the image
 
 
@@ -252,7 +252,7 @@ def _project(turn: F64, x: float, y: float, z: float, camera: F64) -> tuple[floa
 
 @njit(cache=True, nogil=True)
 def _depth_at(depth: F32, s: float, t: float) -> float:
-    """Interpolate a depth: bilinear in inverse depth if the four neighbours are one surface, else the nearest."""
+    """Interpolate a depth: bilinear in inverse depth if the four neighbors are one surface, else the nearest."""
     height, width = depth.shape
     u, v = s - 0.5, t - 0.5
     x, y = int(np.floor(u)), int(np.floor(v))
@@ -273,7 +273,7 @@ def _narrowest(to_other: F64, answer: _Answer, count: int) -> float:
         rays[n] = answer.mean
         if answer.views[n] > 0:
             turn = to_other[answer.views[n] - 1]
-            for axis in range(3):  # the other's centre in these axes is -R^T t
+            for axis in range(3):  # the other's center in these axes is -R^T t
                 rays[n, axis] += turn[0, axis] * turn[0, 3] + turn[1, axis] * turn[1, 3] + turn[2, axis] * turn[2, 3]
         length = np.sqrt(rays[n, 0] ** 2 + rays[n, 1] ** 2 + rays[n, 2] ** 2)
         for axis in range(3):
@@ -287,7 +287,7 @@ def _narrowest(to_other: F64, answer: _Answer, count: int) -> float:
 
 @njit(cache=True, nogil=True)
 def _blend(counts: I64, seen: U8, uv: F32, normals: F32, colors: U8, turns: F64) -> tuple[F32, U8]:
-    """Average normals (in the world's axes) and colours over the views of each point."""
+    """Average normals (in the world's axes) and colors over the views of each point."""
     normal, color = np.empty((len(counts), 3), np.float32), np.empty((len(counts), 3), np.uint8)
     at = 0
     for row in range(len(counts)):

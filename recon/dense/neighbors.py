@@ -38,14 +38,14 @@ class View:
 
 
 def choose_views(model: SparseModel, settings: DenseSettings) -> tuple[View, ...]:
-    """Choose for every image its neighbours and its range of depths.
+    """Choose for every image its neighbors and its range of depths.
 
     A pair is scored by the sparse points that both images see, each weighted by the angle between its two rays: with a
     small angle the depth is inexact, with a large one the images look too different to match.
 
     Args:
         model: Reconstruction.
-        settings: Limits of the angle, number of neighbours.
+        settings: Limits of the angle, number of neighbors.
 
     Returns:
         One view for each image of the model; without sources where no other image shares enough.
@@ -72,16 +72,16 @@ def choose_sources(view: View, poses: F64, camera: Pinhole, wanted: int) -> tupl
     """Choose the source images of a depth map.
 
     If the camera moved partly forwards or backwards, only the part of the image beside its path can be rectified. Such
-    a pair counts only for that share, so that a view whose neighbours all lie ahead is matched with more of them.
+    a pair counts only for that share, so that a view whose neighbors all lie ahead is matched with more of them.
 
     Args:
-        view: The view and its neighbours.
+        view: The view and its neighbors.
         poses: camera_to_world [model units] of every image, shape (I, 4, 4), float64.
         camera: Working camera of all of them.
         wanted: Sum of shares to reach; at most twice as many images are taken.
 
     Returns:
-        Rows of the images, best first; fewer where there are no more neighbours.
+        Rows of the images, best first; fewer where there are no more neighbors.
     """
     chosen: list[int] = []
     share = 0.0

@@ -41,7 +41,7 @@ class PixelFates:
         return np.load(self.folder / FOLDER / f"{row:06d}.npy", allow_pickle=False)
 
     def in_photograph(self) -> NDArray[np.int64]:
-        """Find the photograph's pixel, column and row, that shows each pixel's centre [px], shape (H, W, 2), int64.
+        """Find the photograph's pixel, column and row, that shows each pixel's center [px], shape (H, W, 2), int64.
 
         The working camera may see more than the photograph; such pixels lie outside it.
         """

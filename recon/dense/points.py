@@ -21,10 +21,10 @@ class DensePoints:
     Attributes:
         points: Positions [model units], shape (N, 3), float64.
         normals: Unit normals towards the cameras [1], shape (N, 3), float32.
-        colors: Mean sRGB colours, shape (N, 3), uint8.
+        colors: Mean sRGB colors, shape (N, 3), uint8.
         counts: Views of each point, shape (N,), int64.
         image: Row in the model of each observation, sorted by point, then ascending, shape (M,), uint32.
-        uv: Where each view shows the point [px], shape (M, 2), float32, pixel centres at +0.5.
+        uv: Where each view shows the point [px], shape (M, 2), float32, pixel centers at +0.5.
     """
 
     points: NDArray[np.float64]

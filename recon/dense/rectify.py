@@ -31,7 +31,7 @@ class RectifiedPair:
         right_center: Principal point of the right image [px]; its row is the left one's.
         left: Rotation from the reference's camera axes into the common ones [1], shape (3, 3), float64.
         right: Rotation from the source's camera axes into the common ones [1], shape (3, 3), float64.
-        baseline: Distance of the camera centres [model units].
+        baseline: Distance of the camera centers [model units].
         disparities: Number of disparities to search, from 0, a multiple of 16.
         infinity: Disparity of infinity, negated [px].
         share: Share of the reference's picture, or of the source's where that is less, on the common plane [1].
@@ -116,7 +116,7 @@ def source_maps(pair: RectifiedPair, camera: Pinhole, right: bool) -> tuple[NDAr
         right: Of the right image instead of the left one.
 
     Returns:
-        Columns and rows in the view [px], from the centre of its top-left pixel, shape (H, W) each, float32.
+        Columns and rows in the view [px], from the center of its top-left pixel, shape (H, W) each, float32.
     """
     width, height = pair.size
     center, turn = (pair.right_center, pair.right) if right else (pair.left_center, pair.left)

@@ -1,4 +1,4 @@
-"""Export the cameras of a reconstruction: a COLMAP model in metres, and a nerfstudio data set."""
+"""Export the cameras of a reconstruction: a COLMAP model in meters, and a nerfstudio data set."""
 
 import struct
 from pathlib import Path

@@ -55,7 +55,7 @@ def write_labeled_copy(
     """Write a copy of a scan with `predicted_class`, `predicted_confidence` and `predicted_instance` for each point.
 
     Order, coordinates, reference system, records and every other column do not change. If the copy is a LAS file and
-    the source is not, a new file with positions and colours is written.
+    the source is not, a new file with positions and colors is written.
 
     Args:
         source: The scan.

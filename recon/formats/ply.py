@@ -57,7 +57,7 @@ def _code(values: NDArray[Any]) -> str:
 
 
 def write_colored_points(path: Path, cloud: Cloud) -> None:
-    """Write only positions, normals and colours, as photogrammetry and splatting programs read them.
+    """Write only positions, normals and colors, as photogrammetry and splatting programs read them.
 
     Args:
         path: File to write, in a folder that the caller writes atomically.

@@ -110,7 +110,7 @@ def _plain_names(cloud: Cloud) -> dict[int, str]:
 
 
 def _origin(coord: F64) -> F64:
-    """Choose an origin near the points, in whole metres, from which single precision resolves them."""
+    """Choose an origin near the points, in whole meters, from which single precision resolves them."""
     return np.floor(np.median(coord, axis=0)) if len(coord) else np.zeros(3)
 
 

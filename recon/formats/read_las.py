@@ -260,7 +260,7 @@ class LasRows:
 
     @cached_property
     def _brightest(self) -> int:
-        """Find the largest value of a colour: some programs write 8 bits into 16, and 0 where nothing is known."""
+        """Find the largest value of a color: some programs write 8 bits into 16, and 0 where nothing is known."""
         at, brightest = _COLORS[self.header.format], 0
         for first in range(0, self.header.count, _BLOCK):
             last = min(first + _BLOCK, self.header.count)

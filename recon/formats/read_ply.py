@@ -232,7 +232,7 @@ def _scan(path: Path, columns: dict[str, NDArray[Any]], labels: bool | str) -> S
 
 
 def _color(path: Path, values: NDArray[Any]) -> NDArray[np.uint8]:
-    """Convert colours of 8 or 16 bits, or from 0 to 1."""
+    """Convert colors of 8 or 16 bits, or from 0 to 1."""
     if not np.isfinite(values).all() or values.min() < 0:
         raise InputError("not a color", where=path, field="red, green, blue")
     top = values.max()

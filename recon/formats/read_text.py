@@ -42,7 +42,7 @@ def read_text(path: Path, most_points: int, labels: bool | str = True) -> Scan:
     """Read lines of numbers, separated by blanks, tabs, commas or semicolons.
 
     A first line of names names the columns; without one their number decides: three are x y z, four have
-    intensity, six a colour, seven a colour and a label (in .pts files intensity and a colour), eight an instance too.
+    intensity, six a color, seven a color and a label (in .pts files intensity and a color), eight an instance too.
 
     Args:
         path: The file.

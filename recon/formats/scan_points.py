@@ -13,7 +13,7 @@ from usd_schemas.components import UNLABELED
 
 F64 = NDArray[np.float64]
 
-MOST_POINTS = 100_000_000  # about 4 GB with colours and labels
+MOST_POINTS = 100_000_000  # about 4 GB with colors and labels
 FARTHEST = 1e8  # [m] from the origin; map coordinates stay below half of this, even eastings that begin with a zone
 
 
@@ -23,7 +23,7 @@ class Scan:
 
     Attributes:
         coord: Positions, as a rule [m], shape (N, 3), float64.
-        color: sRGB colours, shape (N, 3), uint8.
+        color: sRGB colors, shape (N, 3), uint8.
         normal: Normals [1], shape (N, 3), float32.
         segment: Class ids, shape (N,), uint8.
         instance: Instance ids, shape (N,), uint32.
@@ -123,14 +123,14 @@ def as_ids(path: Path, name: str, values: NDArray[Any], dtype: type[np.uint8 | n
 
 
 def as_colors(path: Path, values: NDArray[Any]) -> NDArray[np.uint8]:
-    """Convert colours of 8 or 16 bits, or from 0 to 1, of a file that does not state which.
+    """Convert colors of 8 or 16 bits, or from 0 to 1, of a file that does not state which.
 
     Args:
         path: File, for the error.
         values: Red, green and blue, shape (N, 3), any dtype.
 
     Returns:
-        sRGB colours, shape (N, 3), uint8.
+        sRGB colors, shape (N, 3), uint8.
 
     Raises:
         InputError: A value that is none of these.

@@ -32,7 +32,7 @@ def unpack(request: dict[str, Any], progress: Progress) -> int:
         pye57: Any = import_module("pye57")
     except ModuleNotFoundError:
         raise InputError("the package pye57 is not installed", where=path, hint="pip install falsework[e57]") from None
-    # The package reads colours as bytes, which are wrong where they have 16 bits or are shares of one.
+    # The package reads colors as bytes, which are wrong where they have 16 bits or are shares of one.
     pye57.e57.SUPPORTED_POINT_FIELDS |= dict.fromkeys(_COLORS, "f")
     try:
         file = pye57.E57(str(path))

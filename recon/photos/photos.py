@@ -28,7 +28,7 @@ def open_photographs(folder: Path) -> Capture:
     """Open a capture, or a folder of plain photographs.
 
     Only the photographs in the folder itself are used; if there are none, those in its folder `images`. Positions
-    become metres east, north and up of the first photograph that has one; `facts` keeps that origin. A position without
+    become meters east, north and up of the first photograph that has one; `facts` keeps that origin. A position without
     height gets the median height of the others, and null as its deviation up in `gps_sigmas`.
 
     Args:
@@ -94,7 +94,7 @@ def fix_sigmas(capture: Capture) -> F64:
 
 
 def local_position(place: tuple[float, float, float], origin: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Turn a position on the earth into metres east, north and up of an origin.
+    """Turn a position on the earth into meters east, north and up of an origin.
 
     Source: the rotation between geocentric and topocentric axes, EPSG Guidance Note 7-2, 4.1.2.
 

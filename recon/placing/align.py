@@ -28,8 +28,8 @@ class Target:
         kind: `truth`, `gps`, `control points`, `scale bars` or `none`.
         centers: Camera centres [m], shape (N, 3), float64, one row per image of the capture; NaN where unknown.
         rotations: Camera-to-world rotations [1], shape (N, 3, 3), float64, or None when only positions are known.
-        center_limit: Distance above which a centre is an outlier [m].
-        sigmas: Stated standard deviation of each centre along x, y, z [m], shape (N, 3), float64, or None; infinite for
+        center_limit: Distance above which a center is an outlier [m].
+        sigmas: Stated standard deviation of each center along x, y, z [m], shape (N, 3), float64, or None; infinite for
             a height that was not measured.
         bias: Standard deviation along x, y, z of the error that all centres share [m].
         gimbal: Up direction in each camera's axes from its gimbal [1], shape (N, 3), float64, NaN where unknown; or
@@ -69,9 +69,9 @@ class Alignment:
         method: How it was found: `centres+rotations`, `centres`, `fixes+gravity`, `control points`,
             `scale bars`, or `up` alone.
         status: Reason code of every image of the capture, `ok` for valid ones.
-        center_errors: Distance between aligned and target centre [m], shape (N,), float64; NaN when unregistered.
+        center_errors: Distance between aligned and target center [m], shape (N,), float64; NaN when unregistered.
         rotation_errors: Angle between aligned and target rotation [deg], shape (N,), float64; NaN when unknown.
-        singular_values: Singular values of the centred target centres of valid cameras [m], shape (3,), float64,
+        singular_values: Singular values of the centerd target centres of valid cameras [m], shape (3,), float64,
             descending.
         agreeing: Whether each measured position agrees with the others, shape (N,), bool; None with truth.
         errors: Limits of the alignment's errors; None with truth, and where nothing was measured.
@@ -90,7 +90,7 @@ class Alignment:
 
 
 def center_limit(centers: F64, survey_kind: object, settings: AlignmentSettings) -> float:
-    """Choose the distance above which a camera centre is an outlier.
+    """Choose the distance above which a camera center is an outlier.
 
     Args:
         centers: Target camera centres [m], shape (N, 3), float64.
@@ -163,7 +163,7 @@ def align(
 
 
 def stand_upright(poses: F64, rows: NDArray[np.int64], target: Target) -> Alignment:
-    """Keep a model in its own units, but turn it upright and centre its cameras on the origin.
+    """Keep a model in its own units, but turn it upright and center its cameras on the origin.
 
     Args:
         poses: camera_to_world of the registered images [model units], shape (I, 4, 4), float64.

@@ -1,6 +1,6 @@
 """Fit of a similarity to the measured positions of a model's cameras, with its covariances.
 
-Positions are measured to metres, the model is accurate to millimetres. So the scale is estimated by least squares from
+Positions are measured to meters, the model is accurate to millimeters. So the scale is estimated by least squares from
 model to positions, together with the rotation. A ratio of spreads would count the noise of the positions as size.
 Source: least squares with a priori information and variance components; Förstner and Wrobel, Photogrammetric Computer
 Vision (2016), 4.2 and 4.7; the start is the least median of squares, Rousseeuw (1984).
@@ -69,7 +69,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class _Fixes:
-    """Camera centres, their measured positions and the stated deviations, as in `fit_to_fixes`."""
+    """Camera centers, their measured positions and the stated deviations, as in `fit_to_fixes`."""
 
     source: F64
     goal: F64
@@ -86,7 +86,7 @@ def fit_to_fixes(
     """Fit a similarity to measured positions with outliers, and to the direction of gravity.
 
     Args:
-        source: Camera centres [model units], shape (N, 3), float64, in the order in which they were flown.
+        source: Camera centers [model units], shape (N, 3), float64, in the order in which they were flown.
         goal: Their measured positions [m], shape (N, 3), float64.
         sigma: Stated standard deviation of each along x, y, z [m], shape (N, 3), float64; infinite along z where no
             height was measured. A factor for horizontal and one for vertical are estimated from the residuals.

@@ -1,4 +1,4 @@
-"""Conversion of surveyed coordinates to metres east, north and up of an origin."""
+"""Conversion of surveyed coordinates to meters east, north and up of an origin."""
 
 import re
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from recon.placing.wkt_unit import is_wkt, unit_of_wkt
 F64 = NDArray[np.float64]
 
 _A, _F, _K0 = 6_378_137.0, 1.0 / 298.257223563, 0.9996  # WGS 84; scale of UTM on its central meridian
-_GEOGRAPHIC = frozenset(  # EPSG codes of longitude and latitude, all within two metres of WGS 84
+_GEOGRAPHIC = frozenset(  # EPSG codes of longitude and latitude, all within two meters of WGS 84
     (4326, 4979, 4258, 4937, 4269, 4152, 6318, 6319, 4617, 4674, 4283, 7844, 7843, 4167, 4619, 4612, 6668, 4490, 4171)
 )
 _ANGLES = re.compile(r"\+proj=(longlat|latlong)\b")
@@ -30,7 +30,7 @@ class MapSystem:
             plane system, whose own axes are then east, north and up.
         unit: Length of one unit of the horizontal coordinates [m]; of no use for longitude and latitude.
         up_unit: Length of one unit of the heights [m].
-        assumed: Whether the text states no unit, so that metres are assumed.
+        assumed: Whether the text states no unit, so that meters are assumed.
     """
 
     name: str
@@ -54,7 +54,7 @@ class MapSystem:
         return np.column_stack([*_from_utm(points[:, 0] * self.unit, points[:, 1] * self.unit, self.zone), up])
 
     def local(self, points: F64, origin: tuple[float, float, float]) -> F64:
-        """Convert coordinates to metres east, north and up of an origin.
+        """Convert coordinates to meters east, north and up of an origin.
 
         Args:
             points: Coordinates as in the file, [deg] or [m], shape (N, 3), float64.
@@ -97,7 +97,7 @@ def read_system(text: str) -> MapSystem | None:
     if unit == 0.0 or number in _GEOGRAPHIC:
         return MapSystem(text, 0, up_unit=up_unit)
     if code or "+proj=" in plain or re.match(r"(PROJ(CS|CRS)|COMPD ?CS|COMPOUNDCRS)\b", plain, re.IGNORECASE):
-        silent = "+proj=" in plain and not unknown  # PROJ's own default is metres
+        silent = "+proj=" in plain and not unknown  # PROJ's own default is meters
         return MapSystem(text, None, unit, up_unit, assumed=stated is None and not silent)
     if re.match(r"(LOCAL ?CS|LOCAL|NONE)\b", plain, re.IGNORECASE):
         return MapSystem(text, None, unit, up_unit)
@@ -107,7 +107,7 @@ def read_system(text: str) -> MapSystem | None:
 def _stated_unit(text: str) -> tuple[float, float] | None:
     """Find the units of horizontal coordinates and of heights [m] in a PROJ string or in well-known text.
 
-    Heights of which nothing is said have the unit of the others, and of longitude and latitude metres.
+    Heights of which nothing is said have the unit of the others, and of longitude and latitude meters.
     """
     if is_wkt(text):
         unit = unit_of_wkt(text)
@@ -136,7 +136,7 @@ def _length(text: str) -> float | None:
 
 
 def _from_utm(easting: F64, northing: F64, zone: int) -> tuple[F64, F64]:
-    """Convert UTM coordinates to latitude and longitude [deg], to well below a millimetre.
+    """Convert UTM coordinates to latitude and longitude [deg], to well below a millimeter.
 
     Source: the series of Krüger (1912) in the third flattening, as in Karney, Transverse Mercator with an accuracy of a
     few nanometers (2011), to the third order.

@@ -17,7 +17,7 @@ class Similarity:
     """world = scale * rotation @ local + translation.
 
     Attributes:
-        scale: World metres per unit [m].
+        scale: World meters per unit [m].
         rotation: Rotation [1], shape (3, 3), float64.
         translation: Translation [m], shape (3,), float64.
     """

@@ -23,7 +23,7 @@ class Observations:
     Attributes:
         start: First observation of each point and the end, shape (N + 1,), int64.
         image: Row of the image in the capture, shape (M,), int64.
-        uv: Keypoint [px], shape (M, 2), float64, pixel centres at +0.5.
+        uv: Keypoint [px], shape (M, 2), float64, pixel centers at +0.5.
     """
 
     start: I64

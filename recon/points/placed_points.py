@@ -29,7 +29,7 @@ class PlacedPoints:
         fate: Fate of each, a number of `FATES`, shape (N,), uint8.
         coord: World positions [m], shape (N, 3), float64.
         normal: Unit normals [1], shape (N, 3), float32.
-        color: sRGB colours, shape (N, 3), uint8.
+        color: sRGB colors, shape (N, 3), uint8.
         reprojection_error: Mean distance between keypoints and reprojected point [px], shape (N,), float32; NaN where
             there is no keypoint, as for dense points.
         seen: Their observations.
@@ -55,7 +55,7 @@ def place_sparse(
         valid: Whether a camera of the capture is valid, shape (K,), bool.
         similarity: From the model into the world.
         settings: `max_reprojection_error`, `min_views`, `sure_views` and `max_deviation` decide which points are kept.
-        metric: Whether the world is in metres; else `max_deviation` has no meaning and is not used.
+        metric: Whether the world is in meters; else `max_deviation` has no meaning and is not used.
 
     Returns:
         The points that any valid camera saw; normals point to the mean of the cameras.

@@ -48,7 +48,7 @@ def deviations(points: F64, centers: F64, focal: float, seen: Observations) -> F
 
     Args:
         points: World positions [m], shape (N, 3), float64.
-        centers: Camera centres by row of the capture [m], shape (K, 3), float64.
+        centers: Camera centers by row of the capture [m], shape (K, 3), float64.
         focal: Focal length [px].
         seen: Observations of the points.
 

@@ -62,7 +62,7 @@ def pulses_on(strips: F64, settings: AirborneSettings) -> int:
 def airborne_rays(strips: F64, settings: AirborneSettings, rng: np.random.Generator) -> Iterator[Rays]:
     """Scan while flying: a rotating polygon mirror sends scan lines across the path, all from the same side.
 
-    Neighbouring pulses of a line differ by one angular step; each has its own position on the path, so lines are
+    Neighboring pulses of a line differ by one angular step; each has its own position on the path, so lines are
     slightly oblique.
 
     Args:

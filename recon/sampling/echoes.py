@@ -31,7 +31,7 @@ class Hits:
     Attributes:
         rows: Triangle, shape (N,), int64.
         distances: Range along the unit direction [m], shape (N,), float64.
-        colors: Linear base colours [1], shape (N, 3), float32.
+        colors: Linear base colors [1], shape (N, 3), float32.
     """
 
     rows: I64
@@ -56,7 +56,7 @@ class Echoes:
         rows: Triangle that the beam's center hit, shape (M,), int64.
         distances: True range of the beam's center [m], shape (M,), float64.
         measured: Range as measured [m], shape (M,), float64.
-        colors: Linear base colours [1], shape (M, 3), float32.
+        colors: Linear base colors [1], shape (M, 3), float32.
         intensities: Reflectance times cosine of the incidence, times the share of the pulse that hit the surface [1],
             shape (M,), float64.
         mixed: Whether the range is a mixture of two surfaces, shape (M,), bool.
@@ -79,7 +79,7 @@ class Target:
 
         Args:
             surface: Its surface.
-            look: Colours of the surface.
+            look: Colors of the surface.
             rays: The same surface for ray casting.
             water: Which triangles are water, shape (T,), bool.
             plants: Which triangles are those of trees and shrubs, shape (T,), bool.
@@ -92,7 +92,7 @@ class Target:
         Args:
             origins: Starts [m], shape (N, 3), float64.
             directions: Unit directions [1], shape (N, 3), float64.
-            colored: Whether the colours are needed.
+            colored: Whether the colors are needed.
             behind: Smallest range of a surface [m], shape (N,), float64; None for none.
         """
         rows, distances = np.full(len(origins), -1), np.full(len(origins), np.inf)

@@ -1,4 +1,4 @@
-"""Conductor of laser scanning: cast rays from a tripod, vehicle or aircraft at a stage, and write a labelled cloud."""
+"""Conductor of laser scanning: cast rays from a tripod, vehicle or aircraft at a stage, and write a labeled cloud."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -131,7 +131,7 @@ def _dense(settings: AnyScanner) -> dict[str, Any]:
 
 
 def _survey_way(scene: FlatScene, survey: str) -> F64:
-    """Return the camera centres of a survey as a path, without repeated positions."""
+    """Return the camera centers of a survey as a path, without repeated positions."""
     for product in scene.products:
         if product.name == survey and scene.cameras[product.camera].path:
             centers = scene.cameras[product.camera].poses[:, :3, 3]

@@ -35,7 +35,7 @@ class Drawn:
     Attributes:
         rows: Triangle of each, shape (N,), int64.
         places: Barycentric coordinates in it [1], shape (N, 3), float64.
-        colors: sRGB base colours, shape (N, 3), uint8.
+        colors: sRGB base colors, shape (N, 3), uint8.
         views: Cameras that see it, if requested, shape (N,), uint16.
     """
 

@@ -30,7 +30,7 @@ class Samples:
         true_points: Positions on the surface that they come from [m], shape (N, 3), float64.
         rows: Triangle that each comes from, shape (N,), int64.
         normals: Unit normals of those triangles [1], shape (N, 3), float64.
-        colors: sRGB base colours, shape (N, 3), uint8.
+        colors: sRGB base colors, shape (N, 3), uint8.
         uncertainty: Error of the measurement itself [m], shape (N,), float64.
         relative: That error over the measured distance, NaN where there is none [1], shape (N,), float64.
         views: Cameras that see the position, shape (N,), uint16.

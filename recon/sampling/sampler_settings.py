@@ -90,7 +90,7 @@ class TerrestrialSettings(ScannerSettings):
     height: float = Field(default=1.8, gt=0.0, le=20.0)
     """Height of the mirror above the ground of an automatic station [m]."""
     angular_step: float = Field(default=0.25, ge=0.005, le=10.0)
-    """Angle between neighbouring rays [deg]."""
+    """Angle between neighboring rays [deg]."""
     lowest: float = Field(default=-60.0, ge=-90.0, le=90.0)
     """Lowest elevation of the rays; the tripod is below [deg]."""
     highest: float = Field(default=90.0, ge=-90.0, le=90.0)

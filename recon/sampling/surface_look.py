@@ -1,4 +1,4 @@
-"""The unlit colour of a surface at points: vertex colour, constant or texel, with fine and macro detail."""
+"""The unlit color of a surface at points: vertex color, constant or texel, with fine and macro detail."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +26,7 @@ _CHUNK = 500_000  # points looked up at once
 
 
 class SurfaceLook:
-    """Looks up colours; a texture is read once, when first needed."""
+    """Looks up colors; a texture is read once, when first needed."""
 
     def __init__(self, scene: FlatScene, surface: SceneSurface) -> None:
         """Prepare the lookup for a scene.
@@ -46,14 +46,14 @@ class SurfaceLook:
         )
 
     def at(self, rows: I64, barycentric: F64) -> tuple[F32, NDArray[np.bool_]]:
-        """Look up the base colour.
+        """Look up the base color.
 
         Args:
             rows: Triangles, shape (N,), int64.
             barycentric: Positions in them [1], shape (N, 3), float64.
 
         Returns:
-            Linear colours [1], shape (N, 3), float32, and whether there is a surface at all where a texture cuts
+            Linear colors [1], shape (N, 3), float32, and whether there is a surface at all where a texture cuts
             holes, shape (N,), bool.
         """
         colors, solid = np.empty((len(rows), 3), np.float32), np.ones(len(rows), bool)
@@ -116,13 +116,13 @@ class SurfaceLook:
 
 
 def encode_srgb(linear: F32) -> U8:
-    """Encode linear colours as sRGB.
+    """Encode linear colors as sRGB.
 
     Args:
-        linear: Linear colours [1], shape (N, 3), float32.
+        linear: Linear colors [1], shape (N, 3), float32.
 
     Returns:
-        sRGB colours [0 to 255], shape (N, 3), uint8.
+        sRGB colors [0 to 255], shape (N, 3), uint8.
     """
     return np.rint(255 * linear_to_srgb(linear)).astype(np.uint8)
 

@@ -29,7 +29,7 @@ def project(plane: F64, model: str, params: F64) -> F64:
         params: Its parameters in COLMAP's order [px] [1], shape (K,), float64.
 
     Returns:
-        Pixels [px], shape (N, 2), float64, pixel centres at +0.5.
+        Pixels [px], shape (N, 2), float64, pixel centers at +0.5.
     """
     two = model in TWO_FOCALS
     focal = params[:2] if two else params[:1]

@@ -35,11 +35,11 @@ class SparseModel:
         camera_model: Name of the camera model of all images.
         camera_params: Its parameters in COLMAP's order [px].
         points: Positions [model units], shape (P, 3), float64, in ascending order of COLMAP's point ids.
-        colors: sRGB colours, shape (P, 3), uint8.
+        colors: sRGB colors, shape (P, 3), uint8.
         errors: Mean reprojection error of each point [px], shape (P,), float64.
         obs_point: Row in `points` of each observation, ascending, shape (M,), int64.
         obs_image: Row in `names` of each observation, shape (M,), int64.
-        obs_uv: Keypoint of each observation [px], shape (M, 2), float64, pixel centres at +0.5.
+        obs_uv: Keypoint of each observation [px], shape (M, 2), float64, pixel centers at +0.5.
     """
 
     names: tuple[str, ...]

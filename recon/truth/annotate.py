@@ -26,7 +26,7 @@ class ObservedTruth:
         label: Class id, shape (M,), uint8.
         instance: Instance id, 0 for sky, shape (M,), uint32.
         depth: True planar depth [m], +inf for sky, shape (M,), float32.
-        margin: Distance of the pixel's centre to the next label edge [px], shape (M,), float32.
+        margin: Distance of the pixel's center to the next label edge [px], shape (M,), float32.
     """
 
     label: U8

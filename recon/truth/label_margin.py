@@ -23,7 +23,7 @@ _BLOCK = 64  # pixels that are searched at a time, without branches
 
 
 def edge_distance(labels: U8, row: I64, column: I64) -> F32:
-    """Measure how far the centres of some pixels lie from the next edge between labels.
+    """Measure how far the centers of some pixels lie from the next edge between labels.
 
     Args:
         labels: Class ids, shape (H, W), uint8.

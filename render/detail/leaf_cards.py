@@ -24,7 +24,7 @@ _STEP = 0.7  # ratio of the number of cards of a level to that of the level befo
 _FEWEST = 3  # cards of the last level
 _LARGEST = 2.0  # size of a card over that in the crown as authored [1]
 _SHEETS = 0.05  # largest distance of the two sheets of one card, as a share of the card's size [1]
-_UNLIKE = 1e-3  # greatest difference of normals, texture coordinates and colours at a corner of two sheets [1]
+_UNLIKE = 1e-3  # greatest difference of normals, texture coordinates and colors at a corner of two sheets [1]
 
 
 def cards_of(soup: Soup) -> I64:
@@ -163,7 +163,7 @@ def _areas(soup: Soup, piece: I64) -> F64:
 
 
 def _apart(points: F64) -> I64:
-    """Order points by farthest point sampling, starting with the one farthest from the centre."""
+    """Order points by farthest point sampling, starting with the one farthest from the center."""
     order, away = [], np.linalg.norm(points - points.mean(axis=0), axis=1)
     for _ in range(len(points)):
         row = int(np.argmax(away))

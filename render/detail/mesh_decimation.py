@@ -66,7 +66,7 @@ def coarser_levels(soup: Soup) -> Iterator[Soup]:
 
 
 def deviation(one: Soup, other: Soup) -> float:
-    """Bound the two-sided distance of two surfaces from above, at corners, midpoints of edges and centres of triangles.
+    """Bound the two-sided distance of two surfaces from above, at corners, midpoints of edges and centers of triangles.
 
     Args:
         one: Triangles.

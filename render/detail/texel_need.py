@@ -31,7 +31,7 @@ class Sight:
     """Positions and resolution of a survey's cameras.
 
     Attributes:
-        eyes: Camera centres [m], shape (N, 3), float64.
+        eyes: Camera centers [m], shape (N, 3), float64.
         pixel: Smallest width of a pixel on a surface, as a share of its distance from the camera [1].
         near: Smallest distance of drawn surfaces [m].
     """
@@ -119,7 +119,7 @@ def _draw_needs(scene: FlatScene, sight: Sight) -> F64:
 
 
 def _densities(geometry: Geometry) -> F64:
-    """UV per metre of mesh, for each triangle and UV set, as the root of the sum of squares over both axes; (T, 2).
+    """UV per meter of mesh, for each triangle and UV set, as the root of the sum of squares over both axes; (T, 2).
 
     Triangles without area, or with one UV at all corners, need no texels: infinite.
     """

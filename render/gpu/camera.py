@@ -37,7 +37,7 @@ def clip_from_camera(camera: Pinhole, near: float) -> F64:
 def clip_from_relative(camera: Pinhole, camera_to_world: F64, near: float) -> F32:
     """Build the projection of positions relative to the camera center, in world axes.
 
-    The centre is subtracted in float64 before anything becomes float32, so that coordinates of millions of metres
+    The center is subtracted in float64 before anything becomes float32, so that coordinates of millions of meters
     lose no precision.
 
     Args:
@@ -75,7 +75,7 @@ def visible_boxes(lower: F64, upper: F64, camera: Pinhole, camera_to_world: F64)
 
 
 def _frustum_planes(camera: Pinhole) -> F64:
-    """Inward normals of the four sides and the front in camera axes, all through the centre, shape (5, 3)."""
+    """Inward normals of the four sides and the front in camera axes, all through the center, shape (5, 3)."""
     return np.array(
         [
             [camera.fx, 0.0, camera.cx],

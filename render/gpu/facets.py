@@ -57,7 +57,7 @@ class Facets:
         """Keep only those that the cameras come close enough to for `seen` to find them.
 
         Args:
-            eyes: Camera centres [m], shape (N, 3), float64.
+            eyes: Camera centers [m], shape (N, 3), float64.
             stray: Largest distance of a camera from its stated center [m].
         """
         kept = np.zeros(len(self.draw), bool)

@@ -78,7 +78,7 @@ class GlFunctions:
         """Clear one floating-point or normalised attachment of the bound framebuffer.
 
         Args:
-            attachment: Number of the colour attachment.
+            attachment: Number of the color attachment.
             value: New value of every pixel [any unit].
         """
         self._clear_float(_COLOR, attachment, (ctypes.c_float * 4)(*value))
@@ -87,7 +87,7 @@ class GlFunctions:
         """Clear one unsigned integer attachment to 0; glClear leaves it undefined.
 
         Args:
-            attachment: Number of the colour attachment.
+            attachment: Number of the color attachment.
         """
         self._clear_uint(_COLOR, attachment, (ctypes.c_uint * 4)(0, 0, 0, 0))
 
@@ -103,7 +103,7 @@ class GlFunctions:
         """Enable blending for one attachment of the bound framebuffer only.
 
         Args:
-            attachment: Number of the colour attachment.
+            attachment: Number of the color attachment.
         """
         self._enable_one(_BLEND, attachment)
 

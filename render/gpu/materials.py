@@ -19,15 +19,15 @@ _MIRROR_ROUGHNESS = 0.35  # rougher surfaces show no image of the sky
 # One row of the shader's materials; the order of material_row.glsl.
 ROW = np.dtype(
     [
-        ("base", "4f4"),  # colour, roughness
-        ("emissive", "4f4"),  # colour, metallic
+        ("base", "4f4"),  # color, roughness
+        ("emissive", "4f4"),  # color, metallic
         ("albedo", "(2,4)f4"),  # rows of the affine map of (s, t, 1) and (layer, uv set)
         ("roughness", "(2,4)f4"),
         ("normal", "(2,4)f4"),
         ("metallic", "(2,4)f4"),
-        ("frequencies", "4f4"),  # detail: tiles per metre of each octave, layer
+        ("frequencies", "4f4"),  # detail: tiles per meter of each octave, layer
         ("amplitudes", "4f4"),  # detail: contrast of each octave, macro layer
-        ("options", "4f4"),  # opacity threshold, takes the vertex colour, opacity
+        ("options", "4f4"),  # opacity threshold, takes the vertex color, opacity
         ("emission", "(2,4)f4"),
         ("specular", "4f4"),  # specular color at normal incidence
     ]
@@ -74,7 +74,7 @@ class MaterialTable:
     Attributes:
         rows: Shader rows, shape (M,), dtype `ROW`.
         variants: Variant of each material.
-        means: Mean linear base colour of each material [1], shape (M, 3), float64.
+        means: Mean linear base color of each material [1], shape (M, 3), float64.
     """
 
     rows: NDArray[np.void]

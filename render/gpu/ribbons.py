@@ -124,7 +124,7 @@ class Ribbons:
             rows: Draws, shape (N,), int64.
             lower: Lower corner of each draw's box [m], shape (D, 3), float64.
             upper: Upper corner of each draw's box [m], shape (D, 3), float64.
-            eye: Camera centre [m], shape (3,), float64.
+            eye: Camera center [m], shape (3,), float64.
             focal: Focal length [px].
             sampled: Whether edges have further samples, so that only the thinnest bars need ribbons.
         """

@@ -1,6 +1,6 @@
 """Texture files as texture arrays: one array per side length, so that one draw call can reach every texture of a size.
 
-Colours are kept as square roots of linear values: the shader squares the filtered values, which is nearly the sRGB
+Colors are kept as square roots of linear values: the shader squares the filtered values, which is nearly the sRGB
 decoding at a fraction of its cost on a CPU.
 """
 

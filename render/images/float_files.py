@@ -23,7 +23,7 @@ def decode_exr(path: Path) -> F32:
         Linear values [any unit], shape (H, W, 3), float32.
 
     Raises:
-        InputError: Not such a picture, without colours, or too large.
+        InputError: Not such a picture, without colors, or too large.
     """
     import OpenEXR
 

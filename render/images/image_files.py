@@ -27,10 +27,10 @@ WIDE_ID = 0x10000
 
 
 def encode_jpeg(pixels: NDArray[np.uint8], quality: int) -> bytes:
-    """Encode a photograph as JPEG with full colour resolution (4:4:4).
+    """Encode a photograph as JPEG with full color resolution (4:4:4).
 
     Args:
-        pixels: sRGB colours [0 to 255], shape (H, W, 3), uint8.
+        pixels: sRGB colors [0 to 255], shape (H, W, 3), uint8.
         quality: JPEG quality, 1 to 100.
 
     Returns:
@@ -46,10 +46,10 @@ def encode_jpeg(pixels: NDArray[np.uint8], quality: int) -> bytes:
 
 
 def encode_png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
-    """Encode grey values or sRGB colours as PNG.
+    """Encode gray values or sRGB colors as PNG.
 
     Args:
-        pixels: Grey, shape (H, W), uint8 or uint16; or red, green, blue, shape (H, W, 3), uint8 [0 to 255].
+        pixels: Gray, shape (H, W), uint8 or uint16; or red, green, blue, shape (H, W, 3), uint8 [0 to 255].
 
     Returns:
         The file's bytes.
@@ -84,7 +84,7 @@ def ids_file(folder: Path, name: str) -> Path:
 
 
 def decode(path: Path, size: tuple[int, int] | None = None) -> NDArray[Any]:
-    """Decode an image file without conversion: a grey one keeps its one channel, in every format; red comes first.
+    """Decode an image file without conversion: a gray one keeps its one channel, in every format; red comes first.
 
     Args:
         path: JPEG, PNG or TIFF.

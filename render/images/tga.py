@@ -28,7 +28,7 @@ def decode_tga(path: Path) -> U8:
         path: The file.
 
     Returns:
-        Grey values, shape (H, W), or red, green, blue and maybe opacity, shape (H, W, 3 or 4), uint8.
+        Gray values, shape (H, W), or red, green, blue and maybe opacity, shape (H, W, 3 or 4), uint8.
 
     Raises:
         InputError: Cut off, of an unsupported kind, or too large.

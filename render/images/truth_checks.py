@@ -90,7 +90,7 @@ def check_tables(instances: list[Any], classes: list[Any], where: Path) -> None:
         where: Folder of the truth.
 
     Raises:
-        InputError: An id out of range or duplicate, an invalid name, or an invalid colour.
+        InputError: An id out of range or duplicate, an invalid name, or an invalid color.
     """
     ids = [row["id"] for row in instances]
     texts = all(isinstance(row[key], str) for row in instances for key in ("path", "component", "class"))

@@ -1,6 +1,6 @@
 """Sun, sky panorama and sky irradiance of a scene.
 
-Radiance out of a Lambert surface is albedo * (E_sun * cos / pi * visibility + E_sky / pi). A DistantLight's colour
+Radiance out of a Lambert surface is albedo * (E_sun * cos / pi * visibility + E_sky / pi). A DistantLight's color
 times intensity is E_sun; a DomeLight's texel times intensity is the radiance of that direction.
 """
 

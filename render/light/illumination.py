@@ -120,7 +120,7 @@ class Lamps:
 
         Args:
             program: Compiled program.
-            eye: Camera centre, counted from the anchor [m], shape (3,), float64.
+            eye: Camera center, counted from the anchor [m], shape (3,), float64.
         """
         set_uniform(program, "eye", tuple(eye.tolist()))
         if self.shadow is not None:

@@ -50,7 +50,7 @@ class LightVolume:
 
     Attributes:
         lower: Position of the first probe [m], shape (3,), float64.
-        cell: Distance of neighbouring probes [m].
+        cell: Distance of neighboring probes [m].
         coefficients: Irradiance by half axis, and its mean, as in `half_axes` [1], shape (Z, Y, X, 7, 3), float32.
     """
 
@@ -82,7 +82,7 @@ def cast_light_volume(
     Args:
         scene: A scene.
         light: Its sun and sky.
-        albedo: Mean base colour of each material [1], shape (M, 3), float64.
+        albedo: Mean base color of each material [1], shape (M, 3), float64.
         box: Lower and upper corner of the region of interest [m], each of shape (3,), float64.
         sampling: Numbers of probes and rays.
         progress: Listener.

@@ -18,10 +18,10 @@ class LocalLights:
     """Spherical and flat lamps.
 
     Attributes:
-        positions: Centres in the world [m], shape (N, 3), float64.
+        positions: Centers in the world [m], shape (N, 3), float64.
         radii: Radii [m], shape (N,), float64.
         intensities: Linear radiant intensities [m2], shape (N, 3), float64.
-        sides: From the centre of each panel to two of its edges [m], shape (N, 2, 3), float64; zeros for a sphere.
+        sides: From the center of each panel to two of its edges [m], shape (N, 2, 3), float64; zeros for a sphere.
     """
 
     positions: F64

@@ -13,7 +13,7 @@ _LARGEST = 400.0  # [m] a longer box is reduced to its middle
 
 
 def region_of_interest(scene: FlatScene, lower: F64, upper: F64) -> tuple[F64, F64]:
-    """Compute the box of the labelled draws; without labels, of objects near cameras; without cameras, of everything.
+    """Compute the box of the labeled draws; without labels, of objects near cameras; without cameras, of everything.
 
     Args:
         scene: A scene.

@@ -33,7 +33,7 @@ class Shadows:
         texture: Depth texture, three times as wide as high.
         axes: Scene position, counted from the anchor, to right and up of the sun's view [m] and to the map's depth [1],
             shape (3, 4), float64.
-        maps: For each map 1 / half width [1/m], centre along right and up in half widths, and how far from the centre
+        maps: For each map 1 / half width [1/m], center along right and up in half widths, and how far from the center
             it may be used [1], shape (3, 4), float64.
         angle: Angular diameter of the sun [rad].
     """
@@ -113,7 +113,7 @@ class Shadows:
         """List the surface shader's uniforms that change with the camera.
 
         Args:
-            eye: Camera centre, counted from the anchor [m], shape (3,), float64.
+            eye: Camera center, counted from the anchor [m], shape (3,), float64.
         """
         place = self.axes[:, :3] @ eye + self.axes[:, 3]
         return {"sun_eye": tuple(place.tolist()), "shadow_maps": self.maps.astype(np.float32).tobytes()}

@@ -35,7 +35,7 @@ _WITHIN = 0.08  # it is covered if, besides, this share hits back faces: a slab 
 _COVER = 0.6
 _DARKEST = 0.03  # share of the greatest irradiance below which errors count as absolute, not relative [1]
 _TRUST = 0.1  # weight of a probe's cast value, relative to 1 for a position on a surface [1]
-_SMOOTH = 0.5  # weight of a difference between the changes of neighbouring probes, relative to `_TRUST` [1]
+_SMOOTH = 0.5  # weight of a difference between the changes of neighboring probes, relative to `_TRUST` [1]
 _STEPS = 20  # of conjugate gradients: twice as many change no surface's light by a hundredth
 _SHARE = 0.7  # share of the positions that are on labeled objects [1]
 
@@ -158,7 +158,7 @@ def fit_to_surfaces(
     Args:
         coefficients: Those of every probe, as in `half_axes` [1], shape (Z, Y, X, 7, 3), float32.
         lower: Position of the first probe [m], shape (3,), float64.
-        cell: Distance of neighbouring probes [m].
+        cell: Distance of neighboring probes [m].
         places: Positions on surfaces, N of them.
         irradiance: Their irradiance [1], shape (N, 3), float32.
         before: Coefficients of an earlier fit, whose irradiance errors are related to [1], shape (Z, Y, X, 7, 3),
@@ -214,7 +214,7 @@ def look_up_matrix(
     Args:
         counts: Probes along x, y and z.
         lower: Position of the first probe [m], shape (3,), float64.
-        cell: Distance of neighbouring probes [m].
+        cell: Distance of neighboring probes [m].
         places: Positions on surfaces.
 
     Returns:

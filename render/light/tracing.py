@@ -30,7 +30,7 @@ class Hits:
         ray: Number of the ray, shape (N,), int64.
         position: Position of the hit [m], shape (N, 3), float32.
         normal: Unit normal that faces the ray [1], shape (N, 3), float32.
-        albedo: Mean base colour there [1], shape (N, 3), float32.
+        albedo: Mean base color there [1], shape (N, 3), float32.
         near: Whether the hit is so near that the ray's start lies on or in a solid, shape (N,), bool.
         behind: Whether the ray hit the back of a face that is not `ALIKE` from both sides, shape (N,), bool.
     """
@@ -59,7 +59,7 @@ class LightTracer:
         Args:
             scene: A scene.
             light: Its sun and sky.
-            albedo: Mean base colour of each material [1], shape (M, 3), float64.
+            albedo: Mean base color of each material [1], shape (M, 3), float64.
         """
         self.scene = scene = without_mostly_transparent(scene)
         self.corners, _, self.draws = world_triangles(scene)

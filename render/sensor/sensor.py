@@ -140,7 +140,7 @@ class Sensor:
             exposure: Sensor values of this frame.
 
         Returns:
-            sRGB colours [0 to 255], shape (H, W, 3), uint8.
+            sRGB colors [0 to 255], shape (H, W, 3), uint8.
         """
         gains = np.array([exposure.red, 1.0, exposure.blue], np.float32) * np.float32(exposure.gain * self._scale)
         gains = np.tile(gains, code.shape[1])  # takes a third of the time of a broadcast over three numbers
@@ -193,7 +193,7 @@ class Sensor:
 
 
 def meter(luminance: F32, card: F32 | None = None, sky: F32 | None = None) -> float:
-    """Choose one exposure for a survey: its middle tone becomes middle grey, unless highlights would be clipped.
+    """Choose one exposure for a survey: its middle tone becomes middle gray, unless highlights would be clipped.
 
     Args:
         luminance: Linear luminance of surfaces in some frames [1], shape (N,), float32.

@@ -47,7 +47,7 @@ class Sight:
 
     @property
     def eye(self) -> F64:
-        """Camera centre [m], shape (3,), float64."""
+        """Camera center [m], shape (3,), float64."""
         return self.pose[:3, 3]
 
 

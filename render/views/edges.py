@@ -2,7 +2,7 @@
 
 At the border of two surfaces, a pixel is blended as if a straight edge passed through the steps of the ids.
 
-Source: Reshetov, Morphological antialiasing, HPG 2009; edges come from ids and depth instead of colours.
+Source: Reshetov, Morphological antialiasing, HPG 2009; edges come from ids and depth instead of colors.
 """
 
 import cv2

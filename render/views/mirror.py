@@ -29,7 +29,7 @@ class Image:
 
     Attributes:
         level: Height of the water [m].
-        eye: Camera centre that it was drawn for [m], shape (3,), float64.
+        eye: Camera center that it was drawn for [m], shape (3,), float64.
         clip: Projection of positions on the water, relative to that center, to the image [1], shape (4, 4), float64.
     """
 

@@ -46,7 +46,7 @@ class ViewOptions:
         quality: `fast`, `standard` or `fine`.
         extra: `NORMALS` or `TRIANGLES` for one more exact image, or empty.
         finer: Resolution of the exact images as a multiple of the photograph's, along rows and columns.
-        cards: Everything is drawn as a grey card.
+        cards: Everything is drawn as a gray card.
         edge_samples: Samples of the photograph in each pixel in which surfaces meet [1]; 0: edges are smoothed.
     """
 

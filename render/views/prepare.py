@@ -51,7 +51,7 @@ class Prepared:
         warnings: One line for each thing that is not drawn as authored.
         light: Its illumination, as prepared.
         box: Lower and upper corner of the region of interest [m], each of shape (3,), float64.
-        flight: Centres of all cameras [m], shape (N, 3), float64, and the largest distance of one from its stated
+        flight: Centers of all cameras [m], shape (N, 3), float64, and the largest distance of one from its stated
             position [m]; None for any.
     """
 
@@ -91,7 +91,7 @@ class Prepared:
         Args:
             camera: Intrinsics of every view.
             sharp: Draw with the settings' quality; else with one sample per pixel, which is enough for metering.
-            cards: Draw everything as grey cards, which show the incident light.
+            cards: Draw everything as gray cards, which show the incident light.
         """
         quality, extra = self.settings.quality, "NORMALS" if self.settings.normals else ""
         if not sharp:
@@ -169,7 +169,7 @@ def prepare(
         progress: Listener for the light volume.
         cast: Casts the light volume, or loads one that was cast before.
         needs: Least width of a pixel in widths of each texture [1]; None for every texel.
-        flight: Centres of all cameras that will be drawn [m], shape (N, 3), float64, and the largest distance from
+        flight: Centers of all cameras that will be drawn [m], shape (N, 3), float64, and the largest distance from
             its stated position [m]; None for cameras anywhere.
         bars: Members that may be thinner than a pixel; found here when not given.
 

@@ -44,7 +44,7 @@ def export_capture(folder: Path, to: str, out: Path, progress: Progress) -> list
 
 
 def write_colmap(capture: Capture, out: Path, progress: Progress) -> list[str]:
-    """Write the true cameras, and points of the true surface in the colours of the photographs, as a COLMAP text model.
+    """Write the true cameras, and points of the true surface in the colors of the photographs, as a COLMAP text model.
 
     Args:
         capture: A capture with truth.

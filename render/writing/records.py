@@ -20,7 +20,7 @@ _STREAM = 0x70726972  # the prior's own random stream beside the sensor's
 
 
 def draw_prior(camera: Pinhole, settings: RenderSettings, seed: int) -> CalibrationPrior:
-    """Draw the calibration of a data sheet: a focal length near the truth, the principal point in the centre.
+    """Draw the calibration of a data sheet: a focal length near the truth, the principal point in the center.
 
     Args:
         camera: Exact intrinsics.

@@ -1,4 +1,4 @@
-"""The bridge of boxes as a whole scene on disk, with flat colours: valid, and quick to write."""
+"""The bridge of boxes as a whole scene on disk, with flat colors: valid, and quick to write."""
 
 from pathlib import Path
 

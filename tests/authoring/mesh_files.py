@@ -1,4 +1,4 @@
-"""Model files for tests: a town without colours as trimesh exports it, and a photographed tile in every format."""
+"""Model files for tests: a town without colors as trimesh exports it, and a photographed tile in every format."""
 
 import base64
 import json
@@ -75,7 +75,7 @@ def decoded(data: bytes) -> U8:
 
 
 def sheet(folder: Path) -> bytes:
-    """Write the four-coloured image beside a model."""
+    """Write the four-colored image beside a model."""
     data = cv2.imencode(".png", PIXELS[..., ::-1])[1].tobytes()
     (folder / "sheet.png").write_bytes(data)
     return data
@@ -166,7 +166,7 @@ def ply(folder: Path) -> Path:
 
 
 def usd(folder: Path, image: str = "./sheet.png") -> Path:
-    """Write the fused surface as a stage: y up, centimetres, moved by a transform."""
+    """Write the fused surface as a stage: y up, centimeters, moved by a transform."""
     sheet(folder)
     nodes, faces, uv = photographed()
     file = folder / "tile.usda"

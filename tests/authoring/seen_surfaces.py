@@ -72,7 +72,7 @@ def plates(materials: list[Material]) -> Iterator[Prepared]:
     """Level plates of 40 m, one for each material, in sun and sky."""
     builder = SceneBuilder(materials=materials)
     for row in range(len(materials)):
-        st = _CORNERS[..., :2] * PLATE + 3.7  # metres
+        st = _CORNERS[..., :2] * PLATE + 3.7  # meters
         builder.add_mesh(_CORNERS, placed((_APART * row, 0, 0), (PLATE, PLATE, 1.0)), row + 1, material=row, st=st)
     scene = builder.build(np.eye(4)[None], CAMERA)
     lit = replace(scene, dome=Dome((0.3, 0.3, 0.32)), sun=Sun((0.35, 0.45, 0.82), (3.0, 3.0, 3.0)))

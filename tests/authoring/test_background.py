@@ -136,7 +136,7 @@ def test_ways_face_up(world: World) -> None:
 
 
 def test_far_roads_stay_above_ground(world: World) -> None:
-    """Within half a kilometre no road vertex is covered by the ground, nor does it float."""
+    """Within half a kilometer no road vertex is covered by the ground, nor does it float."""
     site, pieces = world
     ground = np.concatenate([part.mesh.points for part in solids(pieces) if part.group == "Ground"])
     for road in (part for part in solids(pieces) if part.role == "asphalt" and "Road_" in part.name):

@@ -97,7 +97,7 @@ def test_a_site_with_fields_has_car_parks(kind: CrossingKind) -> None:
 
 @pytest.mark.parametrize("land", ["fields", "town"])
 def test_lots_lie_on_paved_plots_only(land: LandUse) -> None:
-    """Every half metre of each lot lies on a plot whose cover becomes paved; no corner is on a lawn beside it."""
+    """Every half meter of each lot lies on a plot whose cover becomes paved; no corner is on a lawn beside it."""
     found = 0
     for seed in range(5):
         settings = SiteSettings(crossing="road", land=land, fine_spacing=2.0, coarse_spacing=8.0)

@@ -130,7 +130,7 @@ def test_keep_out_is_empty(kind: CrossingKind) -> None:
         station, left = axis.locate(points)
         deep = np.minimum(station - site.field.stations[0], site.field.stations[-1] - station)
         deep = np.minimum(deep, np.minimum(left - site.field.lefts[0], site.field.lefts[-1] - left))
-        # Half a sleeper lies over the joint; float32 vertices are a quarter of a millimetre apart at 2 km and beyond.
+        # Half a sleeper lies over the joint; float32 vertices are a quarter of a millimeter apart at 2 km and beyond.
         assert deep.max() < (0.2 if "Sleepers" in piece.name else 1e-3), piece.name
 
 

@@ -9,7 +9,7 @@ from authoring.surveys.coverage import Wanted, choose_views
 
 
 def test_greedy_choice_takes_what_adds_most() -> None:
-    """Elements count once a place, preferred neighbours go first, and nothing is taken below its worth."""
+    """Elements count once a place, preferred neighbors go first, and nothing is taken below its worth."""
     shows = sparse.csr_matrix(np.array([[1, 1, 1, 0], [1, 1, 1, 0], [0, 1, 1, 0], [0, 0, 0, 1]]))
     poses = np.tile(np.eye(4), (4, 1, 1))
     poses[:, 0, 3] = [0.0, 0.0, 50.0, 90.0]
@@ -32,7 +32,7 @@ def test_greedy_choice_takes_what_adds_most() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_greedy_choice_has_a_plain_twin(seed: int) -> None:
-    """View after view by loops: needs, worth, places, and neighbours within 3.5 m and 46 degrees."""
+    """View after view by loops: needs, worth, places, and neighbors within 3.5 m and 46 degrees."""
     rng = np.random.default_rng(seed)
     shows, place = rng.random((30, 12)) < 0.3, np.sort(rng.integers(0, 12, 30))
     poses = np.tile(np.eye(4), (30, 1, 1))

@@ -109,7 +109,7 @@ def test_a_turned_sun_comes_home(scene: Path, other: Usd.Stage) -> None:
 
 
 def test_new_cameras_and_lamps_come_home(scene: Path, tmp_path: Path) -> None:
-    """From a file in centimetres with y up: each pose, the lens and the lamp in metres with z up; and gone with it."""
+    """From a file in centimeters with y up: each pose, the lens and the lamp in meters with z up; and gone with it."""
     file = tmp_path / "centimetres.usda"
     _write_centimeters(scene, file, lamp=True)
     found = harvest_edits(file, scene, Labeling())
@@ -175,7 +175,7 @@ def test_deletions_are_told_and_made_on_demand(scene: Path, other: Usd.Stage) ->
 
 
 def test_new_objects_keep_their_ids(scene: Path, other: Usd.Stage) -> None:
-    """Labelled by rule, else by themselves, else background; numbered apart from all others, and for good."""
+    """Labeled by rule, else by themselves, else background; numbered apart from all others, and for good."""
     cube(other, "/World/Alpha")
     cube(other, "/World/Beta").GetPrim().CreateAttribute("userProperties:component", Sdf.ValueTypeNames.String).Set(
         "kerb"
@@ -256,7 +256,7 @@ def test_a_disconnected_color_is_an_edit_inside_the_look(scene: Path, other: Usd
 
 
 def _write_centimeters(scene: Path, file: Path, *, lamp: bool) -> None:
-    """Write the scene as one layer under a y-up root in centimetres, with a camera of three poses and a lamp."""
+    """Write the scene as one layer under a y-up root in centimeters, with a camera of three poses and a lamp."""
     flat = Usd.Stage.Open(str(scene)).Flatten(False)
     stage = Usd.Stage.CreateNew(str(file)) if not file.exists() else Usd.Stage.Open(str(file))
     stage.GetRootLayer().Clear()

@@ -81,7 +81,7 @@ def bounds(stage: Usd.Stage, path: str) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", SHAPES)
 def test_solids_come_home_as_meshes(scene: Path, other: Usd.Stage, kind: str) -> None:
-    """Where they stand, as large as they are to the facets of a circle, in their colour, with a label and an id."""
+    """Where they stand, as large as they are to the facets of a circle, in their color, with a label and an id."""
     prim = other.DefinePrim(f"/World/My{kind}", kind)
     UsdGeom.Xformable(prim).AddTranslateOp().Set(Gf.Vec3d(3, -40, 7))
     UsdGeom.Gprim(prim).CreateDisplayColorAttr([(0.2, 0.4, 0.6)])
@@ -110,7 +110,7 @@ def test_solids_come_home_as_meshes(scene: Path, other: Usd.Stage, kind: str) ->
 
 
 def test_references_and_instances_come_home(scene: Path, other: Usd.Stage, tmp_path: Path) -> None:
-    """Each body of a referenced model, instanced or not, with its materials; labelled by the name of the whole."""
+    """Each body of a referenced model, instanced or not, with its materials; labeled by the name of the whole."""
     truck = Usd.Stage.CreateNew(str(tmp_path / "truck.usda"))
     truck.SetDefaultPrim(UsdGeom.Xform.Define(truck, "/Truck").GetPrim())
     for name, color in (("Cab", (0.9, 0.1, 0.1)), ("Box", (0.1, 0.1, 0.9))):

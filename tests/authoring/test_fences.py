@@ -61,7 +61,7 @@ def test_posts_stand_in_the_ground(site: Site) -> None:
 
 
 def test_fences_keep_to_the_toes_and_end_at_the_walls(site: Site) -> None:
-    """Beyond the wing walls' ends no post is on the fill or the road; the last stands a metre from the wall."""
+    """Beyond the wing walls' ends no post is on the fill or the road; the last stands a meter from the wall."""
     land = site.land
     for part in fences(site, "_Posts"):
         middles, _ = posts(part)

@@ -92,7 +92,7 @@ def test_pictures_go_on_over_every_border() -> None:
 
 
 def test_ground_is_worn_where_it_should_be() -> None:
-    """Earth under water and at its edge is dark; far from it the picture is grey on the whole, and never black."""
+    """Earth under water and at its edge is dark; far from it the picture is gray on the whole, and never black."""
     site, (square, *_) = site_of("river"), site_of("river").squares
     crossing, picture = site.land.crossing, pictures("river")[0]
     steps = (np.arange(TEXELS) + 0.5) * square.side / TEXELS

@@ -241,7 +241,7 @@ def test_a_railway_under_the_bridge_ends_at_buffer_stops() -> None:
 
 
 def test_ground_has_no_gap_and_no_overlap(world: World) -> None:
-    """The plan areas of ground and open water add up to the land less the site; it reaches over four kilometres."""
+    """The plan areas of ground and open water add up to the land less the site; it reaches over four kilometers."""
     _, site, pieces = world
     parts = [part for part in solids(pieces) if part.group == "Ground"]
     corners = np.concatenate([part.mesh.points[triangles(part.mesh)] for part in parts])

@@ -65,7 +65,7 @@ def check_town(model: CityModel, volume: float, count: int) -> None:
 @pytest.mark.parametrize("kind", ["glb", "gltf", "obj", "ply"])
 @pytest.mark.parametrize("turned", [False, True])
 def test_town_comes_back_in_every_format(tmp_path: Path, kind: str, turned: bool) -> None:
-    """As trimesh exports it, z up; and y up in centimetres: the same houses, areas and volume in metres."""
+    """As trimesh exports it, z up; and y up in centimeters: the same houses, areas and volume in meters."""
     meshes, volume, count = town()
     for mesh in meshes:
         if turned:  # x, y, z become x, z, -y
@@ -130,7 +130,7 @@ def check_photographed(model: CityModel) -> None:
     assert block.triangles[..., 2].max() == pytest.approx(12.0, abs=1e-3)
     for piece in model.textured:
         middle, st = piece.triangles.mean(axis=1), piece.st.mean(axis=1)
-        east, north = middle[:, 0] > 0.0, middle[:, 1] > 0.0  # the middle of the tile is a border of colours
+        east, north = middle[:, 0] > 0.0, middle[:, 1] > 0.0  # the middle of the tile is a border of colors
         clear = np.abs(middle[:, :2]).min(axis=1) > 1.0
         texel = np.clip((64 * np.stack([st[:, 0], 1.0 - st[:, 1]], axis=1)).astype(int), 0, 63)
         expected = PIXELS[np.where(north, 0, 63), np.where(east, 63, 0)]
@@ -159,7 +159,7 @@ def test_attribution_is_kept(tmp_path: Path) -> None:
 
 
 def test_vertex_colors_become_a_palette(tmp_path: Path) -> None:
-    """Each triangle keeps its colour, looked up in the middle of one texel."""
+    """Each triangle keeps its color, looked up in the middle of one texel."""
     meshes, _, count = town()
     rng = np.random.default_rng(1)
     colors = [rng.integers(0, 256, 3) for _ in meshes]

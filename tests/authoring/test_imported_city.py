@@ -40,7 +40,7 @@ def box_corners(x: float, y: float, size: tuple[float, float, float]) -> list[li
 
 
 def document(**changes: Any) -> dict[str, Any]:
-    """A city of one box of 10 x 8 x 6 m with a part, in millimetres about a far origin."""
+    """A city of one box of 10 x 8 x 6 m with a part, in millimeters about a far origin."""
     vertices = [[round(1000 * v) for v in row] for row in box_corners(0.0, 0.0, (10.0, 8.0, 6.0))]
     solid = {"type": "Solid", "lod": "2", "boundaries": [BOX], "semantics": SEMANTICS}
     rough = {"type": "Solid", "lod": "1", "boundaries": [BOX[:1]]}
@@ -105,7 +105,7 @@ def test_rings_with_holes_keep_their_area_and_side(seed: int) -> None:
 
 
 def test_solid_is_read_at_its_finest_with_semantics(tmp_path: Path) -> None:
-    """The box of level 2, not of level 1; its part counts as the building; metres about the middle; attribution."""
+    """The box of level 2, not of level 1; its part counts as the building; meters about the middle; attribution."""
     model = read(tmp_path, document())
     (building,) = model.buildings
     assert building.name == "House"
@@ -255,7 +255,7 @@ def test_no_place_is_an_error(site: Site) -> None:
 
 
 def check_world(pieces: tuple[Component | Scatter, ...], site: Site) -> int:
-    """Keep-out empty, buildings clear of the roads, everything labelled background, ids unique; count buildings."""
+    """Keep-out empty, buildings clear of the roads, everything labeled background, ids unique; count buildings."""
     (box,) = site.keep_out
     solids = [piece for piece in pieces if isinstance(piece, Component)]
     ids = [piece.instance_id for piece in solids]

@@ -83,7 +83,7 @@ def test_everything_that_can_be_seen_is_seen(
 
 
 def test_an_inspection_is_steady_and_obeys_its_gimbal(slab: Drawn) -> None:
-    """Within a leg neighbours are 2 m and 20 degrees apart at most; no camera looks up further than asked."""
+    """Within a leg neighbors are 2 m and 20 degrees apart at most; no camera looks up further than asked."""
     settings = MEMBERS.model_copy(update={"pitch_limit": 24.0})
     poses = fly_inspection(settings, slab.subject, stream(3, "survey/inspection"))
     few = settings.model_copy(update={"members": bearings_of(slab)})
@@ -162,7 +162,7 @@ def test_free_places_equal_a_slow_twin(slab: Drawn) -> None:
 
 
 def _axes(places: np.ndarray) -> np.ndarray:
-    """Find the axes of a lattice from its first cells: neighbours along z and across."""
+    """Find the axes of a lattice from its first cells: neighbors along z and across."""
     steps = places[1:400] - places[0]
     length = np.linalg.norm(steps, axis=1)
     flat = steps[(np.abs(steps[:, 2]) < 1e-9) & (np.abs(length - length[np.abs(steps[:, 2]) < 1e-9].min()) < 1e-6)][0]

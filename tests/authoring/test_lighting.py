@@ -109,7 +109,7 @@ def _on_level_ground(settings: LightSettings, folder: Path) -> tuple[float, floa
     ],
 )
 def test_light_adds_up_on_level_ground(tmp_path: Path, cover: float, turbidity: float) -> None:
-    """Sun and sky together make 18 % grey 0.18, however many clouds; an overcast sky has no sun."""
+    """Sun and sky together make 18 % gray 0.18, however many clouds; an overcast sky has no sun."""
     sky, sun = _on_level_ground(LightSettings(cloud_cover=cover, turbidity=turbidity, sky_height=128), tmp_path)
     assert 0.18 * (sky + sun) / np.pi == pytest.approx(0.18, rel=0.005)
     assert (sun == 0.0) == (cover == 1.0)
@@ -239,7 +239,7 @@ def test_a_veiled_sun_stays_in_the_picture() -> None:
 
 
 def test_photographed_sky_lights_like_a_computed_one(tmp_path: Path) -> None:
-    """Grey is 0.18 under it; its sun turns with it; `.exr` and `.hdr` of one picture agree; the bytes repeat."""
+    """Gray is 0.18 under it; its sun turns with it; `.exr` and `.hdr` of one picture agree; the bytes repeat."""
     picture, _ = _picture(direction(40.0, 90.0), 3000.0, 256)
     (tmp_path / "sky.exr").write_bytes(encode_exr(picture.astype(np.float32)))
     cv2.imwrite(str(tmp_path / "sky.hdr"), picture[..., ::-1].astype(np.float32))

@@ -295,7 +295,7 @@ def test_a_long_way_is_cut_to_the_images_asked_for(subject: Subject) -> None:
 
 
 def test_grid_covers_the_sides_at_the_sampling_asked_for(subject: Subject) -> None:
-    """Cameras stand square to a side at sampling x focal length; neighbours overlap as asked; all are safe."""
+    """Cameras stand square to a side at sampling x focal length; neighbors overlap as asked; all are safe."""
     settings = GridSettings(kind="grid", sampling=0.008, overlap=0.8, oblique=0)
     poses = fly_grid(settings, subject, np.random.default_rng(0))
     box = oriented_box(subject.bridge.reshape(-1, 3))

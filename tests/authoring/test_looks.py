@@ -89,7 +89,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Mat
 
 @pytest.mark.parametrize("name", sorted(set(RECIPES) - {"paint_colours", "leaves"}))  # these charts never repeat
 def test_sheet_has_no_seam(small: tuple[Path, dict[str, MaterialRecipe]], name: str) -> None:
-    """The step across the wrap is no larger than the largest step between neighbouring lines inside."""
+    """The step across the wrap is no larger than the largest step between neighboring lines inside."""
     folder, recipes = small
     files = (recipes[name].albedo_file, recipes[name].roughness_file, recipes[name].normal_file)
     for file in filter(None, files):
@@ -112,7 +112,7 @@ def test_detail_is_a_zero_mean_factor_that_tiles(draw: Callable[[], U8], low: fl
 def test_detail_keeps_the_mean_albedo(
     small: tuple[Path, dict[str, MaterialRecipe]], proof_count: Count, record_proof: RecordProof
 ) -> None:
-    """Mean colour with the detail is that without it within 2 %, and the sheet's file has the mean that it states."""
+    """Mean color with the detail is that without it within 2 %, and the sheet's file has the mean that it states."""
     folder, recipes = small
     places = _rng().uniform(0, 2000, (proof_count(20_000, 100_000), 2))
     pictures = {"detail": detail_texture() / 255.0, "grain": grain_texture() / 255.0}
@@ -163,7 +163,7 @@ def test_albedo_is_that_of_the_material(
 
 
 def test_no_surface_is_neon(small: tuple[Path, dict[str, MaterialRecipe]]) -> None:
-    """But for paints no mean colour is more saturated than turf or fired clay; nothing is whiter than fresh paint."""
+    """But for paints no mean color is more saturated than turf or fired clay; nothing is whiter than fresh paint."""
     folder, recipes = small
     for name, recipe in recipes.items():
         assert name.startswith("paint_") or 1 - min(recipe.color) / max(recipe.color) < 0.8, name
@@ -316,7 +316,7 @@ def test_materials_validate_and_resolve(tmp_path: Path, parts: tuple[Component, 
 
 
 def test_material_network_follows_the_preview_specification(tmp_path: Path) -> None:
-    """Colour spaces, repeat, placement by sheet size, normal scale and bias, and the detail schema."""
+    """Color spaces, repeat, placement by sheet size, normal scale and bias, and the detail schema."""
     recipe = bake_surface(SheetName("brick", 0, 256), tmp_path, library=tmp_path / "library")
     stage = Usd.Stage.CreateInMemory()
     material = author_material(stage, "/Brick", recipe)

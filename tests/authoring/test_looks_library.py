@@ -115,7 +115,7 @@ def test_library_moves_with_the_environment(monkeypatch: pytest.MonkeyPatch, tmp
 
 
 def test_neighbors_wear_different_sheets() -> None:
-    """All three sheets are in use, the first component wears the first, hardly any two neighbours the same."""
+    """All three sheets are in use, the first component wears the first, hardly any two neighbors the same."""
     numbers = list(sheet_numbers(_columns(60)).values())
     assert numbers[0] == 0
     assert set(numbers) == set(range(SHEETS))

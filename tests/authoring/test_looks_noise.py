@@ -30,7 +30,7 @@ def test_fractal_keeps_to_its_band(longest: float, shortest: float) -> None:
 
 
 def test_fractal_is_drawn_out_along_the_stretched_axis() -> None:
-    """Neighbours along u are more alike than neighbours along v when u is stretched."""
+    """Neighbors along u are more alike than neighbors along v when u is stretched."""
     field = fractal(_tile(256), 0.5, 0.05, stretch=(8.0, 1.0))
     assert np.abs(np.diff(field, axis=1)).mean() < 0.3 * np.abs(np.diff(field, axis=0)).mean()
 

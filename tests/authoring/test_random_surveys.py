@@ -87,7 +87,7 @@ def check_flight(settings: AnySurvey, poses: F64, drawn: Drawn) -> tuple[float, 
     if isinstance(settings, LocalSettings):
         chords = np.linalg.norm(np.diff(places, axis=0), axis=1)
         assert 0.45 <= chords.min() <= chords.max() <= 0.5 + np.sqrt(3.0) * 10.0**-DECIMALS  # positions are rounded
-        assert turns.max() < 40.0  # no flip: neighbouring images turn little
+        assert turns.max() < 40.0  # no flip: neighboring images turn little
         if settings.pitch == "limited":
             assert np.degrees(pitch_of(turned)).max() <= settings.pitch_limit + 1e-6
     return clear - safety, float(turns.max())

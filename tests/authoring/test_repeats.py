@@ -123,7 +123,7 @@ def test_each_lamp_is_a_labeled_prim_of_its_own(original: Path) -> None:
 
 
 def test_they_stand_where_the_generator_put_them(original: Path) -> None:
-    """Place, turn and size of every instance to the micrometre, of its own id."""
+    """Place, turn and size of every instance to the micrometer, of its own id."""
     flat = read_stage(original / "scene.usda")
     for piece in town():
         if not isinstance(piece, Scatter) or piece.kind == "vegetation":
@@ -223,7 +223,7 @@ def test_nothing_changed_is_no_edit(scene: Path, other: Usd.Stage) -> None:
 
 
 def test_a_lamp_that_was_moved_comes_home(scene: Path, other: Usd.Stage) -> None:
-    """One instance stands elsewhere; its neighbours, its turn and its size stay."""
+    """One instance stands elsewhere; its neighbors, its turn and its size stay."""
     before = read_stage(scene)
     moved = other.GetPrimAtPath(f"{LAMPS}/Town_Lamps_004")
     place = UsdGeom.Xformable(moved).GetOrderedXformOps()[0]

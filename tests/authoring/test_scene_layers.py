@@ -42,7 +42,7 @@ def bridge_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_geometry_comes_back(bridge_file: Path) -> None:
-    """Points, faces, normals and both UV sets of every mesh read back as given, to the micrometre."""
+    """Points, faces, normals and both UV sets of every mesh read back as given, to the micrometer."""
     stage = Usd.Stage.Open(str(bridge_file))
     for piece in PIECES:
         if isinstance(piece, Component):
@@ -78,7 +78,7 @@ def test_instances_agree_with_the_ray_caster(bridge_file: Path) -> None:
 
 
 def test_labels_stand_in_their_own_layer(bridge_file: Path) -> None:
-    """Every leaf is labelled once, and muting the semantics layer takes the labels and nothing else."""
+    """Every leaf is labeled once, and muting the semantics layer takes the labels and nothing else."""
     stage = Usd.Stage.Open(str(bridge_file))
     cap = stage.GetPrimAtPath(f"{BRIDGE.group('Substructure')}/Pier_001_Cap")
     assert list(UsdSemantics.LabelsAPI(cap, "class").GetLabelsAttr().Get()) == ["pier_cap"]
@@ -90,7 +90,7 @@ def test_labels_stand_in_their_own_layer(bridge_file: Path) -> None:
 
 
 def test_look_fills_the_roles(bridge_file: Path) -> None:
-    """Switching the variant changes the colour that the same binding resolves to, there and back."""
+    """Switching the variant changes the color that the same binding resolves to, there and back."""
     stage = Usd.Stage.Open(str(bridge_file))
     deck = stage.GetPrimAtPath(f"{BRIDGE.group('Superstructure')}/Deck_000")
     looks = stage.GetPrimAtPath("/Bridge").GetVariantSet("look")

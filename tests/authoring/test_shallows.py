@@ -1,4 +1,4 @@
-"""A river's colour by its depth: the picture of its bed lies where the bed lies, and ends in deep water."""
+"""A river's color by its depth: the picture of its bed lies where the bed lies, and ends in deep water."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def test_the_picture_lies_on_the_water_once(site: Site) -> None:
 
 
 def test_shallow_water_shows_its_bed_and_deep_water_does_not(site: Site) -> None:
-    """Where the charts say that a texel lies, the depth of the ground below tells its colour; the edges show none."""
+    """Where the charts say that a texel lies, the depth of the ground below tells its color; the edges show none."""
     pixels = 256
     picture = shallows(site, pixels, stream(5, "surface/shallows"))
     mesh, crossing = water_of(site).mesh, site.land.crossing

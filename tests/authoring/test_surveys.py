@@ -44,7 +44,7 @@ def subject() -> Subject:
 
 
 def test_box_is_the_turned_rectangle() -> None:
-    """A turned and moved block gives its own size, centre and direction."""
+    """A turned and moved block gives its own size, center and direction."""
     rng = np.random.default_rng(1)
     for angle in rng.uniform(-np.pi / 2, np.pi / 2, 20):
         inside = rng.uniform(-1, 1, (200, 3))
@@ -306,7 +306,7 @@ def test_pixels_agree_with_the_pinhole() -> None:
 
 
 def test_every_class_is_well_seen(proof_count: Count, record_proof: RecordProof) -> None:
-    """On drawn bridges every class has enough large views, bearings included, and neighbours overlap."""
+    """On drawn bridges every class has enough large views, bearings included, and neighbors overlap."""
     seeds = range(proof_count(2, 30))
     seen: dict[str, list[float]] = {}
     overlaps, counts = [], []

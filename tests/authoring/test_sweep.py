@@ -77,7 +77,7 @@ def test_texture_is_an_isometry_of_every_face(name: str, axis: Axis, chamfer: fl
     """Every distance between two corners of a face is the same in st, and no face is mirrored.
 
     At corners that point inward a groove's or chamfer's ring is longer than the side that it belongs to: there texture
-    is squeezed by about the groove's depth, so that neighbouring sides share none.
+    is squeezed by about the groove's depth, so that neighboring sides share none.
     """
     squeeze = 0.0 if is_convex(OUTLINES[name]) else 1.1 * GROOVE_DEPTH  # two such corners on a side
     surface = Prism(OUTLINES[name], -2.0, 9.0, axis, LEVEL, chamfer, grooves=(1.0, 4.0)).surface
@@ -161,7 +161,7 @@ def test_corners_on_straight_sides_make_no_flat_triangle(corners: int, seed: int
 
 
 def test_corners_in_line_by_chance_make_no_sliver() -> None:
-    """A girder's section whose far corners lie in one line, to ten micrometres: no triangle joins those three."""
+    """A girder's section whose far corners lie in one line, to ten micrometers: no triangle joins those three."""
     foot = [(0.2355, 0.0), (0.2625, 0.027), (0.2625, 0.1155), (0.258731578, 0.141963371)]
     neck = [(0.2325, 0.2322), (0.2325, 0.7048), (0.294613764, 0.756375842), (0.305, 0.7785), (0.305, 0.87)]
     outline = mirrored([*foot, *neck])

@@ -89,7 +89,7 @@ def textured(pieces: tuple[Component | Scatter, ...]) -> list[Component]:
 
 
 def test_the_site_stays_free(site: Site, world: CityModel, pieces: tuple[Component | Scatter, ...]) -> None:
-    """No corner of any triangle lies in the keep-out volume or on a way; most of the tile is there; all is labelled."""
+    """No corner of any triangle lies in the keep-out volume or on a way; most of the tile is there; all is labeled."""
     found = textured(pieces)
     clearance = Clearance.of(site)
     for piece in found:

@@ -158,7 +158,7 @@ def test_provenance_names_seed_and_recipe(stored_scene: Path) -> None:
 
 
 def _world(path: Path, *, texture: bool = True, outside: bool = False) -> Path:
-    """Write a textured cube of 2 m at (0, 30, 1) m, in centimetres and y-up, with a sun and a camera."""
+    """Write a textured cube of 2 m at (0, 30, 1) m, in centimeters and y-up, with a sun and a camera."""
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageMetersPerUnit(stage, 0.01)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
@@ -181,7 +181,7 @@ def _world(path: Path, *, texture: bool = True, outside: bool = False) -> Path:
 
 @pytest.mark.parametrize("outside", [False, True])
 def test_own_world_as_background(own_scene: Path, tmp_path: Path, outside: bool) -> None:
-    """In metres, z-up, with its texture, labelled background, without its sun; materials beside the root prim stay."""
+    """In meters, z-up, with its texture, labeled background, without its sun; materials beside the root prim stay."""
     (tmp_path / "mine").mkdir()
     world = _world(tmp_path / "mine/My town.usda", outside=outside)
     before = file_bytes(own_scene.parent)
@@ -277,7 +277,7 @@ def test_world_in_the_way_is_told(own_scene: Path, tmp_path: Path) -> None:
 
 
 def test_a_world_in_map_coordinates_is_moved(own_scene: Path, tmp_path: Path) -> None:
-    """By the point that is named, in metres with z up, to the millimetre; where its own numbers are coarse, it says."""
+    """By the point that is named, in meters with z up, to the millimeter; where its own numbers are coarse, it says."""
     file = tmp_path / "map.usda"
     stage = Usd.Stage.CreateNew(str(file))
     UsdGeom.SetStageMetersPerUnit(stage, 0.01)

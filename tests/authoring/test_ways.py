@@ -34,7 +34,7 @@ def test_equal_steps_and_rounding(subject: Subject) -> None:
         curve = rounded_way(line + aside, subject, 1.0)
         for corner in line + aside:
             assert np.linalg.norm(curve - corner, axis=1).min() < 1e-9
-        assert 72 <= len(curve) <= 74  # a decimetre each
+        assert 72 <= len(curve) <= 74  # a decimeter each
         steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
         assert 0.05 < steps.min() < steps.max() < 0.2
     turned = np.diff(curve, axis=0) / steps[:, None]
@@ -67,7 +67,7 @@ def test_a_leg_that_comes_too_near_stays_straight(subject: Subject) -> None:
 
 
 def test_safe_is_what_keeps_its_distance_between_the_probes(subject: Subject) -> None:
-    """A way along the wall is safe at its distance less half a probe; looked at every decimetre all along."""
+    """A way along the wall is safe at its distance less half a probe; looked at every decimeter all along."""
     along = np.array([[2.0, -5.0, 5.0], [2.0, 5.0, 5.0]])
     assert is_safe(along, subject, 1.94)
     assert not is_safe(along, subject, 1.96)

@@ -89,7 +89,7 @@ def test_worlds_keep_their_promises(name: str, proof_count: Count, record_proof:
     ["road", "valley", "harbour", *[pytest.param(kind, marks=pytest.mark.proof_only) for kind in ("rail", "river")]],
 )
 def test_ground_is_fine_round_every_bridge(crossing: CrossingKind) -> None:
-    """No edge of the ground is longer than half a metre along or across within 30 m of a bridge of 240 m."""
+    """No edge of the ground is longer than half a meter along or across within 30 m of a bridge of 240 m."""
     layout = Layout(Alignment(14.0), (0.0, 60.0, 180.0, 240.0), 11.5, 1.9)
     site = draw_site(SiteSettings(crossing=crossing), layout, stream(5, "site"))
     stations, lefts = site.field.stations, site.field.lefts

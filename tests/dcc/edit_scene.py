@@ -97,7 +97,7 @@ def slide_uv(name: str, layer: str, by: float) -> None:
 
 
 def paint(name: str, color: list[float]) -> None:
-    """Give a material one colour in place of its texture."""
+    """Give a material one color in place of its texture."""
     tree = bpy.data.materials[name].node_tree
     (surface,) = [node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"]
     entry = surface.inputs["Base Color"]
@@ -133,7 +133,7 @@ def add_cube(name: str, at: list[float], size: float) -> None:
 
 
 def fly(name: str, lens: float, start: list[float], frames: int) -> None:
-    """Add a camera that looks north, with a lens [mm], and flies east from a point by a metre a frame [m]."""
+    """Add a camera that looks north, with a lens [mm], and flies east from a point by a meter a frame [m]."""
     thing = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     thing.data.lens, thing.data.sensor_width, thing.data.clip_start = lens, 36.0, 0.5
     thing.rotation_euler = (math.pi / 2, 0.0, 0.0)

@@ -51,7 +51,7 @@ def box(name: str, link: bool = True) -> Any:
 
 
 def material(name: str, color: tuple[float, float, float]) -> Any:
-    """Make a material of one colour."""
+    """Make a material of one color."""
     made = bpy.data.materials.new(name)
     made.use_nodes = True
     made.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (*color, 1.0)

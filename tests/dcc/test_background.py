@@ -1,4 +1,4 @@
-"""A world that was made in the real Blender becomes a background: in metres, upright, textured, and background only."""
+"""A world that was made in the real Blender becomes a background: in meters, upright, textured, and background only."""
 
 import json
 from dataclasses import asdict

@@ -1,4 +1,4 @@
-"""A level card of 18 % grey renders at 0.18 at exposure 0 in Blender too, under sun, clouds and photographs."""
+"""A level card of 18 % gray renders at 0.18 at exposure 0 in Blender too, under sun, clouds and photographs."""
 
 import json
 from pathlib import Path
@@ -41,7 +41,7 @@ def test_gray_card_in_blender(name: str, tmp_path: Path) -> None:
 
 
 def _card(path: Path) -> Usd.Stage:
-    """Lay a matt grey card on the ground, with a camera above it."""
+    """Lay a matt gray card on the ground, with a camera above it."""
     stage = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 1)

@@ -59,7 +59,7 @@ def test_native_instances_are_edited_one_by_one(
 
 
 def test_run_goes_on_from_the_edited_stage(tmp_path: Path, record_proof: RecordProof) -> None:
-    """`falsework run` with `[stage] path` gives a labelled cloud of the bridge as it was edited."""
+    """`falsework run` with `[stage] path` gives a labeled cloud of the bridge as it was edited."""
     scene = small_scene(tmp_path / "scene", CHAIN, scene_seed(3, 0))
     out, _ = trip(
         scene,

@@ -108,7 +108,7 @@ def test_round_trip_without_edits_writes_an_empty_layer(
 
 
 def test_layer_holds_the_four_changes_and_no_other(original: Path, home: Path, record_proof: RecordProof) -> None:
-    """Translations of the pier's parts, points of one deck, one colour inside the look, one new object."""
+    """Translations of the pier's parts, points of one deck, one color inside the look, one new object."""
     found = opinions(home)
     crate = found.pop("/World/Additions/Crate")
     assert {"points", "xformOp:transform", "semantics:labels:component", "userProperties:falseworkId"} <= crate
@@ -124,7 +124,7 @@ def test_layer_holds_the_four_changes_and_no_other(original: Path, home: Path, r
 
 
 def test_edits_have_the_values_of_blender(original: Path, home: Path) -> None:
-    """1.5 m along x and not a micrometre elsewhere; one vertex of the deck; the cube where it was put."""
+    """1.5 m along x and not a micrometer elsewhere; one vertex of the deck; the cube where it was put."""
     before, after = (Usd.Stage.Open(str(path)) for path in (original, home))
     for prim in before.GetPrimAtPath(SUBSTRUCTURE).GetChildren():
         old, new = (

@@ -83,7 +83,7 @@ def test_no_output_holds_an_absolute_path(chain: Chain) -> None:
 @pytest.mark.proof_only
 @pytest.mark.parametrize("seed", DEMO_SEEDS)
 def test_demo_keeps_its_promises(seed: int, tmp_path: Path, record_proof: RecordProof) -> None:
-    """The demo's bridge of this seed reconstructs well and is labelled rightly, class by class."""
+    """The demo's bridge of this seed reconstructs well and is labeled rightly, class by class."""
     scenario = demo_scenario().model_copy(update={"seed": seed})
     figures = demo_figures(scenario, tmp_path / "demo")
     record_proof(f"demo: annotated cloud, seed {seed}", int(figures["points"]), seed, figures)

@@ -1,4 +1,4 @@
-"""The first scenes of the paper's two data sets, none left out: what is registered, labelled and complete.
+"""The first scenes of the paper's two data sets, none left out: what is registered, labeled and complete.
 
 One row for each scene: `python -m benchmarks.falsework.recipes` makes the table of them, and says whether few enough
 are rejected, which a scene may be, as in the paper.
@@ -27,7 +27,7 @@ BACKGROUND = 0
 @pytest.mark.proof_only
 @pytest.mark.parametrize("index", LOCAL)
 def test_local_scene_becomes_a_dense_cloud(index: int, tmp_path: Path, record_proof: RecordProof) -> None:
-    """Registered, labelled, complete and exact, with the poses of structure from motion."""
+    """Registered, labeled, complete and exact, with the poses of structure from motion."""
     before = _processor_time()
     made = _reconstruct("paper-local", index, tmp_path / "run")
     if isinstance(made, str):
@@ -52,7 +52,7 @@ def test_local_scene_becomes_a_dense_cloud(index: int, tmp_path: Path, record_pr
 @pytest.mark.proof_only
 @pytest.mark.parametrize("index", GLOBAL)
 def test_global_scene_becomes_a_sparse_cloud(index: int, tmp_path: Path, record_proof: RecordProof) -> None:
-    """Registered and labelled."""
+    """Registered and labeled."""
     before = _processor_time()
     made = _reconstruct("paper-global", index, tmp_path / "run")
     if isinstance(made, str):
@@ -116,7 +116,7 @@ def _points(cloud: Cloud) -> dict[str, int]:
 
 def _hold(figures: dict[str, float]) -> None:
     assert figures["registered_share"] >= 0.95, figures
-    assert figures["valid_share"] >= 0.95, figures  # the centre error is that of valid cameras
+    assert figures["valid_share"] >= 0.95, figures  # the center error is that of valid cameras
     assert figures["centre_error_median_m"] < max(0.02, 0.0002 * figures["path_extent_m"]), figures
     assert figures["label_error"] <= 0.015, figures
     assert figures["label_error_margin_3px"] <= 0.004, figures

@@ -98,7 +98,7 @@ def test_the_card_tells_numbers_and_how_to_load(folder: Path, tmp_path: Path, mo
 @pytest.mark.slow
 @pytest.mark.proof_only
 def test_three_scenes_are_small_and_good(tmp_path: Path, record_proof: RecordProof) -> None:
-    """Less than 60 MB; every photograph registered; three families; medians of uncertainty of centimetres."""
+    """Less than 60 MB; every photograph registered; three families; medians of uncertainty of centimeters."""
     names, out, images = [], tmp_path / "bridges", 0
     command("dataset", "demo", "-o", out, "--photographs")
     size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())

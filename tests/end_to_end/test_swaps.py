@@ -78,7 +78,7 @@ def test_look_changes_rgb_alone(scene: Path, base: Path, tmp_path: Path, record_
 
 
 def test_own_look_changes_rgb_alone(scene: Path, base: Path, tmp_path: Path, record_proof: RecordProof) -> None:
-    """A look of the user's in other colours: all truth byte-equal, nearly all of the bridge's pixels changed."""
+    """A look of the user's in other colors: all truth byte-equal, nearly all of the bridge's pixels changed."""
     stage = Usd.Stage.CreateInMemory()
     stage.SetDefaultPrim(stage.DefinePrim("/Mine", "Scope"))
     for role in tokens.ROLES:
@@ -92,7 +92,7 @@ def test_own_look_changes_rgb_alone(scene: Path, base: Path, tmp_path: Path, rec
 
 
 def test_one_png_changes_rgb_alone(scene: Path, base: Path, tmp_path: Path, record_proof: RecordProof) -> None:
-    """One texture file replaced by hand: all truth byte-equal, and most of the bridge's pixels another colour."""
+    """One texture file replaced by hand: all truth byte-equal, and most of the bridge's pixels another color."""
     root = _copy(scene, tmp_path)
     file = root.parent / "bridge/looks/weathered/textures/macro.png"
     picture = cv2.imread(str(file))
@@ -143,7 +143,7 @@ def test_background_leaves_the_bridge(
 def test_baked_scene_renders_alike(
     country: tuple[Path, Path], tmp_path: Path, proof_count: Count, record_proof: RecordProof
 ) -> None:
-    """Burnt into plain textures, bridge, site and background have the same depth and nearly the same colours."""
+    """Burnt into plain textures, bridge, site and background have the same depth and nearly the same colors."""
     scene, before = country
     (tmp_path / "baked").mkdir()
     lines: list[str] = []

@@ -54,7 +54,7 @@ def test_a_textured_mesh(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_axes_and_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A mesh in millimetres, and options that a format has no use for."""
+    """A mesh in millimeters, and options that a format has no use for."""
     meshes, _, count = town()
     whole = trimesh.util.concatenate(meshes)
     whole.apply_scale(1000.0)

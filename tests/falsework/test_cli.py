@@ -58,7 +58,7 @@ def test_a_stop_during_an_import_is_a_stop(
 
 
 def test_unknown_key(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The line names the file, the key and its nearest neighbour."""
+    """The line names the file, the key and its nearest neighbor."""
     scenario = tmp_path / "s.toml"
     scenario.write_text("[sitte]\ncrossing = 'river'\n")
     line = _fails(["run", scenario, "-o", tmp_path / "out"], capsys)

@@ -70,7 +70,7 @@ def unpacked(text: str, kind: str) -> np.ndarray:
 
 
 def test_every_uncertainty_has_a_level() -> None:
-    """Each tenfold is a quarter of the scale, whose colours go from blue to red; the unknown has a level apart."""
+    """Each tenfold is a quarter of the scale, whose colors go from blue to red; the unknown has a level apart."""
     given = np.array([0.0, 0.001, 0.01, 0.1, 1.0, 10.0, np.inf, np.nan], np.float32)
     assert uncertainty_levels(given).tolist() == pytest.approx([0, 0, 63.5, 127, 190.5, 254, 254, 255], abs=0.5)
     scale = uncertainty_scale().astype(int)
@@ -81,14 +81,14 @@ def test_every_uncertainty_has_a_level() -> None:
 
 
 def test_components_are_told_apart() -> None:
-    """A hundred of them have a hundred colours; what belongs to none is grey."""
+    """A hundred of them have a hundred colors; what belongs to none is gray."""
     assert len({instance_color(number) for number in range(1, 101)}) == 100
     red, green, blue = instance_color(0)
     assert max(red, green, blue) - min(red, green, blue) < 20
 
 
 def test_the_page_is_given_the_points() -> None:
-    """Every third point of many, to a hundredth of the span over 655; class, colour and number as in the cloud."""
+    """Every third point of many, to a hundredth of the span over 655; class, color and number as in the cloud."""
     rng, count = np.random.default_rng(1), 2 * SHOWN_POINTS + 1
     cloud = toy_cloud(
         1,

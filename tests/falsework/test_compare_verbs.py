@@ -164,7 +164,7 @@ def _adds_up(row: dict[str, Any], scores: dict[str, Any], found: list[np.ndarray
 
 
 def test_no_bridge_is_trained_on_and_tested(whole: Path) -> None:
-    """Training, validation and test share no bridge, in any artefact of the experiment."""
+    """Training, validation and test share no bridge, in any artifact of the experiment."""
     tested = set()
     for path in (whole / "cmp/store/scores").glob("*/scores.json"):
         tested |= set(json.loads(path.read_text())["bridges"])

@@ -24,7 +24,7 @@ U8 = NDArray[np.uint8]
 
 
 def test_a_sheet_has_a_row_for_each_bridge() -> None:
-    """Three pictures side by side, bridges one below the other, colours kept."""
+    """Three pictures side by side, bridges one below the other, colors kept."""
     colors = [(200, 30, 30), (30, 200, 30), (30, 30, 200)]
     pictures = tuple(np.full((60, 100, 3), color, np.uint8) for color in colors)
     data = contact_sheet([("one", pictures), ("two", pictures)], letters=0.3, quality=82)

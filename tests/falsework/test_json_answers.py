@@ -103,7 +103,7 @@ def test_sample_and_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 
 
 def test_background(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Counts, bytes and metres are numbers; what people wrote is text under a name of its own."""
+    """Counts, bytes and meters are numbers; what people wrote is text under a name of its own."""
     out = tmp_path / "tile"
     with served_here():
         imported = told(capsys, "background", "import", gltf(tmp_path), "-o", out)

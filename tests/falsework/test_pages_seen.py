@@ -91,7 +91,7 @@ def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tab]:
 
 @needs_browser
 def test_the_page_of_flights_shows_bridge_and_cameras(pages: dict[str, Path], tab: Tab) -> None:
-    """In space the surface wears the colours of its classes; figures are judged as on the command line."""
+    """In space the surface wears the colors of its classes; figures are judged as on the command line."""
     page = pages["flights"]
     tab.open(page)
     told = tab.run(FLIGHTS)

@@ -30,7 +30,7 @@ def check_common(scenario: Scenario) -> None:
 
 
 def test_local_set() -> None:
-    """399 close flights of 74 images on average, every half metre, dense clouds."""
+    """399 close flights of 74 images on average, every half meter, dense clouds."""
     scenario = load_scenario(SCENARIOS / "paper-local.toml")
     check_common(scenario)
     flight = scenario.survey[0]

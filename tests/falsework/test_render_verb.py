@@ -71,7 +71,7 @@ def test_wrong_words_are_said_before_the_stage_is_read(
 
 
 def test_words_do_what_they_say(tmp_path: Path, capsys: pytest.CaptureFixture[str], record_proof: RecordProof) -> None:
-    """A metre stage with an empty camera is drawn; size, camera and frames are those asked for; coal stays black."""
+    """A meter stage with an empty camera is drawn; size, camera and frames are those asked for; coal stays black."""
     stage = write_stage(tmp_path, DARK)
     fast = ["--quality", "fast", "--no-noise", "--width", "48"]
     assert run(["render", str(stage), "-o", str(tmp_path / "all"), *fast, "--height", "36"]) == 0

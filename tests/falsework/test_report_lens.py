@@ -82,7 +82,7 @@ def test_where_points_miss_their_keypoints() -> None:
 
 
 def test_what_a_pixel_covers() -> None:
-    """Ten metres away at a focal length of 500 px: 2 cm; a camera that was lost does not count."""
+    """Ten meters away at a focal length of 500 px: 2 cm; a camera that was lost does not count."""
     cloud = small_cloud(30)
     columns = {**cloud.columns, "coord": np.zeros((30, 3))}
     cloud = replace(cloud, columns=columns)
@@ -95,7 +95,7 @@ def test_what_a_pixel_covers() -> None:
 
 
 def test_the_ends_of_the_scale_of_depths() -> None:
-    """Between them the colours change, beyond them they do not; sky alone has no ends."""
+    """Between them the colors change, beyond them they do not; sky alone has no ends."""
     depth = np.geomspace(1.0, 1000.0, 10_001, dtype=np.float32).reshape(1, -1)
     ends = depth_range(depth)
     assert ends == pytest.approx((1000.0**0.01, 1000.0**0.99), rel=1e-3)

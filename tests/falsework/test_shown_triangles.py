@@ -32,7 +32,7 @@ def bridge_and(corners: F64, draw: NDArray[np.uint32]) -> tuple[F64, NDArray[np.
 
 
 def edge_ends(corners: F64) -> F64:
-    """Find the ends of edges that belong to one triangle only, to a tenth of a millimetre, shape (E, 2, 3)."""
+    """Find the ends of edges that belong to one triangle only, to a tenth of a millimeter, shape (E, 2, 3)."""
     places = [tuple(place) for place in corners.reshape(-1, 3).round(4).tolist()]
     edges = Counter(
         tuple(sorted((places[3 * row + k], places[3 * row + (k + 1) % 3])))

@@ -306,7 +306,7 @@ def test_a_surface_that_claims_terabytes_allocates_nothing(capture: Path) -> Non
 
 @pytest.mark.faults
 def test_images_of_the_truth_are_of_its_size_and_kind(capture: Path) -> None:
-    """Depth of another shape, labels in colour, a photograph that claims to be enormous: all are refused."""
+    """Depth of another shape, labels in color, a photograph that claims to be enormous: all are refused."""
     truth, labels = truth_of(capture), capture / "truth/semantic/000000.png"
     depth = capture / "truth/depth"
     (depth / "000000.tiff").write_bytes((capture / "truth/semantic/000001.png").read_bytes())

@@ -111,7 +111,7 @@ def test_killed_at_random(
 @pytest.mark.faults
 @pytest.mark.proof_only
 def test_killed_in_the_dense_step(start_reconstruct: Start, tmp_path: Path) -> None:
-    """Kill a dense run while depth is measured and while points are labelled: the same bytes, and one model only."""
+    """Kill a dense run while depth is measured and while points are labeled: the same bytes, and one model only."""
     settings = f'[recon]\nmode = "dense"\nquality = "medium"\n{FEW}'
     calm, out, folder = tmp_path / "calm", tmp_path / "out", tmp_path / "out" / WORK
     finish(start_reconstruct(calm, settings=settings))

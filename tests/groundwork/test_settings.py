@@ -1,4 +1,4 @@
-"""Settings: unknown keys name their nearest neighbour, wrong values their field, in one line."""
+"""Settings: unknown keys name their nearest neighbor, wrong values their field, in one line."""
 
 from pathlib import Path
 from typing import Any

@@ -32,7 +32,7 @@ WRITING_ENDS = {name.rpartition(".")[2] for name in WRITING_CALLS}  # what a cal
 OPEN_WORK = re.compile(r"\b(?:TO" r"DO|FIX" r"ME|XX" r"X)\b")
 MACHINE_PATH = re.compile(r"(?<![\w./-])/(?:work|home|root|Users|opt/(?:wheels|pypi))/")
 HOST = re.compile(r"https?://([\w.-]+)|(?<![\w.])((?:[a-z0-9-]+\.)+(?:org|com))(?![\w.(])")
-HOSTS = {"www.apache.org", "openusd.org", "doi.org", "www.w3.org", "github.com"}  # a licence, standards, papers, peers
+HOSTS = {"www.apache.org", "openusd.org", "doi.org", "www.w3.org", "github.com"}  # a license, standards, papers, peers
 TEXT = {".py", ".pyi", ".md", ".toml", ".txt", ".usda", ".glsl", ".json", ".html", ".j2", ".sh", ".yaml", ""}
 
 

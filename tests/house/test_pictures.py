@@ -61,7 +61,7 @@ def test_names_and_folders(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_sheet_of_surfaces(tmp_path: Path) -> None:
-    """Thirteen surfaces are two rows of twelve cells; concrete is grey and paint blue."""
+    """Thirteen surfaces are two rows of twelve cells; concrete is gray and paint blue."""
     import cv2
 
     from docs import surfaces_picture

@@ -42,7 +42,7 @@ def broken_in_room(room: str, path: Path) -> list[str]:
 def test_a_room_keeps_every_rule(room: str) -> None:
     """Small modules and functions, few arguments by place, annotations, docstrings with shapes; compiled kernels kept.
 
-    No file is written that could be seen half written. No import leads to a room above or a neighbour, nor to a folder
+    No file is written that could be seen half written. No import leads to a room above or a neighbor, nor to a folder
     above, and no module lies beside the folders unless it has a floor there.
     """
     found = [line for path in python_files(room) for line in broken_in_room(room, path)]

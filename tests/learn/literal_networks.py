@@ -1,4 +1,4 @@
-"""The published networks written out literally: Conv2d over (batch, channels, points, neighbours), brute force.
+"""The published networks written out literally: Conv2d over (batch, channels, points, neighbors), brute force.
 
 Slow on purpose and independent of `learn`: nothing but the weights is taken from the networks under test, layer after
 layer in the order in which the papers describe them.

@@ -1,4 +1,4 @@
-"""A model that knows the truth: the class of a point is written in its colour."""
+"""A model that knows the truth: the class of a point is written in its color."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class ColorModel:
     seen: list[Sample] = field(default_factory=list)
 
     def probabilities(self, samples: Sequence[Sample]) -> list[NDArray[np.float32]]:
-        """Read the classes off the colours.
+        """Read the classes off the colors.
 
         Args:
             samples: Clouds.

@@ -134,7 +134,7 @@ def test_the_incidence_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_where_the_sensor_stood(tmp_path: Path) -> None:
-    """Stations as they are, a path every two metres, camera centres of a reconstruction; a mesh has no sensor."""
+    """Stations as they are, a path every two meters, camera centers of a reconstruction; a mesh has no sensor."""
     cloud = floor_cloud(1, 100)
     mesh = written(tmp_path / "mesh", cloud)
     with pytest.raises(InputError, match="no sensor"):

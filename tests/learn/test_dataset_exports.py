@@ -40,7 +40,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_hdf5_and_parquet_hold_the_draws(dataset: Path, tmp_path: Path) -> None:
-    """Row by row the samples of the splits, bit for bit: coordinates, colours, labels and bridges."""
+    """Row by row the samples of the splits, bit for bit: coordinates, colors, labels and bridges."""
     for kind in ("hdf5", "parquet"):
         (tmp_path / kind).mkdir()
         export_dataset(dataset, kind, tmp_path / kind)
@@ -115,7 +115,7 @@ def test_names_from_elsewhere_can_be_exported(tmp_path: Path) -> None:
 
 
 def semantic_ply(path: Path, points: np.ndarray, colors: np.ndarray, labels: np.ndarray) -> Path:
-    """Write PLY as SemanticBridge does: positions, colours and labels in an element each."""
+    """Write PLY as SemanticBridge does: positions, colors and labels in an element each."""
     count = len(points)
     head = f"ply\nformat binary_little_endian 1.0\nelement vertex {count}\n"
     head += "".join(f"property double {name}\n" for name in "xyz") + f"element color {count}\n"
@@ -164,7 +164,7 @@ def test_semanticbridge(tmp_path: Path) -> None:
 
 
 def test_text_and_asprs(tmp_path: Path) -> None:
-    """Seven numbers a line are a labelled scan, named columns too; LAS codes 17 and 26 are the bridge."""
+    """Seven numbers a line are a labeled scan, named columns too; LAS codes 17 and 26 are the bridge."""
     rng = np.random.default_rng(1)
     places = np.round(rng.uniform(0, 9, (60, 3)) + np.array([4e5, 5e6, 3.0]), 3)
     rows = np.column_stack([places, rng.integers(0, 256, (60, 3)), rng.integers(0, 4, 60)])

@@ -21,7 +21,7 @@ from learn.training.event_file import crc32c, event_file
     ],
 )
 def test_checksums_are_the_published_ones(data: bytes, sum_: int) -> None:
-    """The examples of RFC 3720, appendix B.4, and the check value of the catalogue of CRCs."""
+    """The examples of RFC 3720, appendix B.4, and the check value of the catalog of CRCs."""
     assert crc32c(data) == sum_
 
 

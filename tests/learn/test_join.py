@@ -1,4 +1,4 @@
-"""The verbs of learning as one chain: clouds, data set, model, scores, labelled scan."""
+"""The verbs of learning as one chain: clouds, data set, model, scores, labeled scan."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def votes(model: TrainedModel, split: StoredSplit) -> dict[tuple[int, ...], NDAr
 
 @pytest.mark.parametrize("name", list(MODELS))
 def test_a_scan_gets_what_the_scored_model_says(chain: Path, tmp_path: Path, name: str) -> None:
-    """The labelled copy has the classes that the scored model gives the test split's points; most of them are right."""
+    """The labeled copy has the classes that the scored model gives the test split's points; most of them are right."""
     out = tmp_path / "labelled.laz"
     assert call("predict", chain / "scan.laz", "-o", out, "--model", chain / name, "--unit", "m") == 0
     labeled = laspy.read(out)

@@ -62,7 +62,7 @@ def test_absent_classes_are_left_out_and_unlabeled_points_do_not_count() -> None
 
 
 def test_nothing_scores_nothing() -> None:
-    """Without a labelled point every score is NaN."""
+    """Without a labeled point every score is NaN."""
     result = scores(confusion(np.array([255]), np.array([1]), 3))
     assert np.isnan([result.overall_accuracy, result.mean_iou, result.mean_accuracy, result.mean_f1]).all()
     assert np.isnan(mean_iou(np.zeros((2, 3, 3)))).all()

@@ -57,7 +57,7 @@ def test_balls_equal_brute_force(seed: int, radius: float, count: int) -> None:
 
 
 def test_a_point_on_the_ball_is_inside_and_an_empty_ball_has_the_nearest() -> None:
-    """Distance equal to the radius counts; a centre far from every point sees the one nearest to it."""
+    """Distance equal to the radius counts; a center far from every point sees the one nearest to it."""
     coord = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]], np.float32)
     assert ONE.ball(coord, coord[:1], 1.0, 3).tolist() == [[0, 1, 0]]
     assert ONE.ball(coord, np.array([[9, 0, 0]], np.float32), 1.0, 3).tolist() == [[2, 2, 2]]

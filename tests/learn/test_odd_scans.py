@@ -1,4 +1,4 @@
-"""Scans whose colours, labels, classes or units are not the usual ones are read right, and predicted or refused."""
+"""Scans whose colors, labels, classes or units are not the usual ones are read right, and predicted or refused."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from usd_schemas.taxonomies import taxonomy
 
 
 def test_e57(tmp_path: Path) -> None:
-    """Scans of an E57 file are read each at its place, in metres as its standard has it, and labelled as a new LAZ."""
+    """Scans of an E57 file are read each at its place, in meters as its standard has it, and labeled as a new LAZ."""
     pye57 = pytest.importorskip("pye57")
     coord, color = lattice(400)
     file = pye57.E57(str(tmp_path / "a.e57"), mode="w")
@@ -58,7 +58,7 @@ def test_e57(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("most", "kind"), [(65535, "u2"), (1, "f4")])
 def test_e57_with_colors_of_other_ranges(most: int, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Colours of 16 bits and from 0 to 1 are brought to 8 bits; the package alone reads them wrong."""
+    """Colors of 16 bits and from 0 to 1 are brought to 8 bits; the package alone reads them wrong."""
     pye57 = pytest.importorskip("pye57")
     library = pye57.libe57
     coord, color = lattice(300)
@@ -66,7 +66,7 @@ def test_e57_with_colors_of_other_ranges(most: int, kind: str, tmp_path: Path, m
     integer, real = library.IntegerNode, library.FloatNode
 
     def node(file: Any, *numbers: int) -> Any:
-        if numbers == (0, 0, 255):  # what the package writes for a colour
+        if numbers == (0, 0, 255):  # what the package writes for a color
             return integer(file, 0, 0, most) if kind == "u2" else real(file, 0.0, library.E57_SINGLE, 0.0, 1.0)
         return integer(file, *numbers)
 
@@ -87,7 +87,7 @@ def test_e57_with_colors_of_other_ranges(most: int, kind: str, tmp_path: Path, m
 
 
 def test_labels_that_are_none_hinder_no_prediction(tmp_path: Path) -> None:
-    """A scan whose own labels are -1, 300 or 12.5 is labelled all the same, and keeps them; a data set refuses it."""
+    """A scan whose own labels are -1, 300 or 12.5 is labeled all the same, and keeps them; a data set refuses it."""
     coord, color = lattice(300)
     odd = np.resize([-1.0, 300.0, 12.5], 300)
     head = "ply\nformat binary_little_endian 1.0\nelement vertex 300\n"

@@ -1,4 +1,4 @@
-"""A user's own labelled patch and classes: from a class map over a trained model to a labelled scan."""
+"""A user's own labeled patch and classes: from a class map over a trained model to a labeled scan."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def write_patch(path: Path, seed: int) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def office(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Train on three bridges of ours, then the head alone on one labelled patch with other classes."""
+    """Train on three bridges of ours, then the head alone on one labeled patch with other classes."""
     root = tmp_path_factory.mktemp("office")
     clouds = [write_toy(root / f"{i}", i, 3000, f"b{i}") for i in range(3)]
     (root / "mine.toml").write_text(CLASS_MAP)

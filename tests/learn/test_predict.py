@@ -31,7 +31,7 @@ from tests.learn.toy_bridge import toy_cloud, write_toy
 
 
 def lattice(count: int = 3000, seed: int = 0) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """Give points no two of which share a cube of 0.05 m, shuffled, and a colour each; classes are slabs in height."""
+    """Give points no two of which share a cube of 0.05 m, shuffled, and a color each; classes are slabs in height."""
     rng = np.random.default_rng(seed)
     cell = rng.choice(40 * 40 * 20, count, replace=False)
     coord = (
@@ -71,7 +71,7 @@ def write_las(path: Path, coord: NDArray[np.float64], color: NDArray[np.uint8], 
 
 @pytest.mark.parametrize("kinds", [("las", "las"), ("laz", "laz"), ("laz", "las"), ("las", "laz")])
 def test_a_copy_of_las_changes_nothing_but_three_columns(kinds: tuple[str, str], tmp_path: Path) -> None:
-    """Every point has the class of its colour; every other column, record and header field is as it was, in order."""
+    """Every point has the class of its color; every other column, record and header field is as it was, in order."""
     coord, color = lattice()
     source, out = write_las(tmp_path / f"a.{kinds[0]}", coord, color), tmp_path / f"b.{kinds[1]}"
     made = predict_scan(source, out, ColorModel(), PredictSettings())
@@ -152,7 +152,7 @@ def test_prediction_cuts_as_training_does(tmp_path: Path) -> None:
 
 
 def test_units_and_axes_do_not_matter(tmp_path: Path) -> None:
-    """Feet, millimetres, an offset and y up: the model is asked about the same tiles, up to rounding."""
+    """Feet, millimeters, an offset and y up: the model is asked about the same tiles, up to rounding."""
     coord, color = lattice(800)
     coord -= np.array([4e5, 5e6, 30.0])
     asked = []
@@ -199,7 +199,7 @@ def test_other_formats_are_copied(tmp_path: Path) -> None:
     coord, color = lattice(500)
     expected = color[:, 0] // 64
     meters = PredictSettings(unit="m")
-    # PLY, positions and colours in elements of their own, and bytes of a third element behind them
+    # PLY, positions and colors in elements of their own, and bytes of a third element behind them
     head = (
         b"ply\nformat binary_little_endian 1.0\ncomment kept\nelement vertex 500\nproperty double x\n"
         b"property double y\nproperty double z\nelement color 500\nproperty uchar red\nproperty uchar green\n"
@@ -381,7 +381,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_another_unit_than_the_scans_is_doubted() -> None:
-    """Two ways to say a foot are one; a metre that is called a foot is named; a scan that says nothing is believed."""
+    """Two ways to say a foot are one; a meter that is called a foot is named; a scan that says nothing is believed."""
     turn = np.eye(3)
     assert contradiction(None, Frame(0.3048, turn)) == ""
     assert contradiction(1200 / 3937, Frame(0.3048, turn)) == ""

@@ -22,7 +22,7 @@ def open3d_ml() -> None:
 
 @pytest.mark.parametrize("layers", RANDLANET)
 def test_logits_equal_those_of_open3d_ml(layers: str) -> None:
-    """Copied weights, the same points and neighbours: Open3D-ML's RandLA-Net gives the same logits.
+    """Copied weights, the same points and neighbors: Open3D-ML's RandLA-Net gives the same logits.
 
     Its attention has random biases, which change nothing. The limits are some roundings of numbers of about 1.
     """

@@ -24,7 +24,7 @@ CHANNELS = ("x", "y", "z", "red", "green", "blue", "nz", "height")
 
 @cache
 def piece(count: int = 4000) -> Patch:
-    """Draw a piece 10 m wide, every point with a colour of its own kind and its number as uncertainty."""
+    """Draw a piece 10 m wide, every point with a color of its own kind and its number as uncertainty."""
     rng = np.random.default_rng(0)
     coord = (rng.random((count, 3)) * 10.0 - [5.0, 5.0, 0.0]).astype(np.float32)
     inputs = {
@@ -107,7 +107,7 @@ def test_a_hole_is_empty() -> None:
 
 
 def test_tilt_and_color() -> None:
-    """A lean is a rotation about a level axis, 2 degrees in the root mean square; without colour a sample is black."""
+    """A lean is a rotation about a level axis, 2 degrees in the root mean square; without color a sample is black."""
     leans = [changed(seed, 400, tilt=2.0)[1] for seed in range(300)]
     for lean in leans:
         assert np.allclose(lean @ lean.T, np.eye(3), atol=1e-12)

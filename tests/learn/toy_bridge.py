@@ -1,4 +1,4 @@
-"""A toy bridge whose every point is labelled by a formula: deck, piers and a wavy ground."""
+"""A toy bridge whose every point is labeled by a formula: deck, piers and a wavy ground."""
 
 from __future__ import annotations
 

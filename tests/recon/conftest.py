@@ -57,7 +57,7 @@ def poses_on_arc(count: int) -> F64:
 
 
 def noise_texture(rng: np.random.Generator) -> NDArray[np.float32]:
-    """Mix band-limited noise over four octaves: grey values 0 to 255, shape (TEXELS, TEXELS), float32."""
+    """Mix band-limited noise over four octaves: gray values 0 to 255, shape (TEXELS, TEXELS), float32."""
     total = np.zeros((TEXELS, TEXELS), np.float32)
     for sigma in (1.6, 3.2, 6.4, 12.8):
         octave = cv2.GaussianBlur(rng.normal(size=(TEXELS, TEXELS)).astype(np.float32), (0, 0), sigma)
@@ -66,7 +66,7 @@ def noise_texture(rng: np.random.Generator) -> NDArray[np.float32]:
 
 
 def see(camera: Pinhole, pose: F64, textures: list[NDArray[np.float32]]) -> tuple[NDArray[np.float32], F64, F64]:
-    """Ray cast all planes: grey image (H, W), planar depth [m] (H, W), and instance id (H, W)."""
+    """Ray cast all planes: gray image (H, W), planar depth [m] (H, W), and instance id (H, W)."""
     columns, rows = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     pixels = np.column_stack([columns.ravel(), rows.ravel()]).astype(np.float64)
     eye = pose[:3, 3]

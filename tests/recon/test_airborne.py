@@ -44,7 +44,7 @@ def first_hits(rays: Rays) -> F64:
 
 @pytest.mark.parametrize("heading", [0.0, 33.0, 90.0, None])
 def test_strips_cover_the_box(heading: float | None) -> None:
-    """Each place of the box lies below a strip; neighbours are flown against each other and overlap as asked."""
+    """Each place of the box lies below a strip; neighbors are flown against each other and overlap as asked."""
     settings = AirborneSettings(altitude=150.0, overlap=0.25, heading=heading)
     box = np.array([[-210.0, 40.0, -5.0], [320.0, 260.0, 30.0]])
     strips = strips_over(box, 20.0, settings, np.random.default_rng(3))
@@ -113,7 +113,7 @@ def test_every_pulse_meets_what_it_should(tmp_path: Path) -> None:
 
 
 def test_the_whole_surroundings_are_seen(tmp_path: Path) -> None:
-    """A hundred metres on every side without saying so; the points of a square metre follow from speed and rates."""
+    """A hundred meters on every side without saying so; the points of a square meter follow from speed and rates."""
     given = {name: value for name, value in CLEAR.items() if name != "reach"}
     cloud = scanned(deck_on_walls(), tmp_path / "c", **given, altitude=300.0, line_rate=60.0, pulses_per_line=220)
     settings = AirborneSettings()

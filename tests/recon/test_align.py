@@ -69,7 +69,7 @@ def test_known_similarity_comes_back(settings: AlignmentSettings) -> None:
 
 @pytest.mark.parametrize("settings", [DEFAULT, PAPER])
 def test_half_the_cameras_may_lie(settings: AlignmentSettings) -> None:
-    """With 50 % of the centres misplaced by metres, the others still give the exact similarity."""
+    """With 50 % of the centres misplaced by meters, the others still give the exact similarity."""
     rng = np.random.default_rng(3)
     true, model, known = flight(rng, rng.normal(0, 8, (40, 3)))
     liars = np.arange(40) % 2 == 1
@@ -101,7 +101,7 @@ def test_two_degrees_make_a_rotation_outlier(degrees: float, status: str) -> Non
 
 
 def test_nearly_straight_flight_needs_rotations() -> None:
-    """On a 30 m line with 1 cm of sway, centres leave the roll open: points 5 m off the path go astray by metres."""
+    """On a 30 m line with 1 cm of sway, centres leave the roll open: points 5 m off the path go astray by meters."""
     rng = np.random.default_rng(7)
     centers = np.column_stack([np.linspace(0, 30, 60), np.zeros(60), np.full(60, 3.0)])
     true, model, known = flight(rng, centers + rng.normal(0, 0.002, (60, 3)))

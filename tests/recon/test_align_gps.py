@@ -55,7 +55,7 @@ def test_stated_limits_hold(proof_count: Count, record_proof: RecordProof) -> No
 
 
 def test_exact_positions_give_the_exact_similarity() -> None:
-    """Without noise the known similarity comes back, whatever gravity says: it says little against millimetres."""
+    """Without noise the known similarity comes back, whatever gravity says: it says little against millimeters."""
     for seed in range(5):
         rng = np.random.default_rng(seed)
         true, model, known = level_flight(rng, rng.normal(0, 20, (15, 3)))
@@ -66,7 +66,7 @@ def test_exact_positions_give_the_exact_similarity() -> None:
 
 
 def test_a_fix_that_strays_costs_no_camera() -> None:
-    """A third of the fixes hundreds of metres off, one camera without any: all cameras stay, the fixes are named."""
+    """A third of the fixes hundreds of meters off, one camera without any: all cameras stay, the fixes are named."""
     rng = np.random.default_rng(5)
     true, model, known = level_flight(rng, rng.normal(0, 40, (18, 3)))
     gps = true[:, :3, 3] + rng.normal(0, 1.0, (18, 3))
@@ -121,7 +121,7 @@ def test_a_gimbal_knows_up_where_fixes_do_not() -> None:
 
 
 def test_a_straight_flight_stands_upright() -> None:
-    """Fixes along a line say nothing of the roll about it; level photographs do, and metres aside are right."""
+    """Fixes along a line say nothing of the roll about it; level photographs do, and meters aside are right."""
     rng = np.random.default_rng(12)
     line = np.column_stack([np.linspace(0, 30, 40), np.zeros(40), np.full(40, 3.0)])
     _, model, known = level_flight(rng, line)
@@ -158,7 +158,7 @@ def test_what_fixes_no_frame_is_said(kind: str) -> None:
 
 
 def test_better_fixes_weigh_more() -> None:
-    """Ten fixes to a centimetre among thirty to metres, as of a receiver that now and then had its corrections."""
+    """Ten fixes to a centimeter among thirty to meters, as of a receiver that now and then had its corrections."""
     rng = np.random.default_rng(7)
     sharp = np.arange(40) % 4 == 0
     stated = np.where(sharp, 0.01, 3.0)[:, None] * np.ones(3)

@@ -28,7 +28,7 @@ PATHS = ("/World/Bridge/A", "/World/Bridge/B", "/World/Site/C")
 
 
 def test_only_the_shape_of_the_bridge_counts() -> None:
-    """Order, ids, labels, the site and rounding change nothing; a millimetre or a triangle more does."""
+    """Order, ids, labels, the site and rounding change nothing; a millimeter or a triangle more does."""
     found = bridge_digest(BOXES, IDS, LABELS, rows(*PATHS))
     assert len(found) == 64
     order = np.random.default_rng(0).permutation(60)

@@ -221,7 +221,7 @@ def test_noise_is_made_on_read(cloud: Cloud) -> None:
 
 
 def test_laz_holds_the_points(cloud: Cloud, tmp_path: Path) -> None:
-    """Positions to the tenth of a millimetre, classes, colours and extra dimensions, the class table, a forced date."""
+    """Positions to the tenth of a millimeter, classes, colors and extra dimensions, the class table, a forced date."""
     write_laz(tmp_path / "cloud.laz", cloud)
     back = laspy.read(tmp_path / "cloud.laz")
     assert (str(back.header.version), back.header.point_format.id) == ("1.4", 7)

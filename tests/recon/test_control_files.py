@@ -120,7 +120,7 @@ def test_units_by_their_lengths(name: str, units: tuple[float, float, bool]) -> 
 
 
 def test_utm_against_colmap() -> None:
-    """Latitude and longitude of UTM coordinates in both halves of the earth, against COLMAP's, to a millimetre."""
+    """Latitude and longitude of UTM coordinates in both halves of the earth, against COLMAP's, to a millimeter."""
     rng = np.random.default_rng(0)
     for zone in (1, 17, 33, 60, -4, -55):
         low, high = (1.0, 80.0) if zone > 0 else (-75.0, -1.0)

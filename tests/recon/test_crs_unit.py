@@ -65,7 +65,7 @@ def keys(*rows: tuple[int, int]) -> dict[tuple[str, int], bytes]:
 
 
 def test_geokeys() -> None:
-    """Key 3076 says metre or foot; a geographic model has no length; a torn record says nothing."""
+    """Key 3076 says meter or foot; a geographic model has no length; a torn record says nothing."""
     assert meters_per_height_unit(keys((1024, 1), (3076, 9001), (4099, 9003))) == METERS["us-ft"]
     assert meters_per_height_unit(keys((1024, 1), (3076, 9001))) is None
     assert meters_per_unit(keys((1024, 1), (3076, 9001))) == 1.0

@@ -80,7 +80,7 @@ def dense_cloud(shot: Path, sparse: Sparse, tmp_path_factory: pytest.TempPathFac
 
 
 def test_the_planes_are_covered(dense_cloud: Cloud, truth: Truth) -> None:
-    """Points on nearly all that three cameras see, millimetres off, with the right labels and hardly any in the sky."""
+    """Points on nearly all that three cameras see, millimeters off, with the right labels and hardly any in the sky."""
     samples, _ = visible_surface(truth, 15.0, 3)
     columns, figures = dense_cloud.columns, dense_cloud.statistics
     seen, poses = dense_cloud.observations, truth.poses  # near enough to measure depths with

@@ -120,7 +120,7 @@ def test_the_sky_beside_a_plane_stays_empty() -> None:
 
 
 def test_bland_images_have_no_depth(views: list[PosedImage]) -> None:
-    """A bare wall with a sensor's noise: not one pixel; and the mask is about grey values alone."""
+    """A bare wall with a sensor's noise: not one pixel; and the mask is about gray values alone."""
     rng = np.random.default_rng(1)
     bare = [
         PosedImage(np.clip(rng.normal(128, 0.4, view.gray.shape), 0, 255).astype(np.uint8), view.pose) for view in views

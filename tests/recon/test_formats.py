@@ -104,7 +104,7 @@ def test_las(source: Path, to: str) -> None:
 
 
 def test_las_says_its_unit_where_there_is_one(source: Path) -> None:
-    """Our reader takes the metre from the reference system; a cloud that nothing brought to scale says no unit.
+    """Our reader takes the meter from the reference system; a cloud that nothing brought to scale says no unit.
 
     The record stands in the header beside the class table, and the file has the same bytes each time.
     """
@@ -167,7 +167,7 @@ def test_a_cloud_states_its_unit_only_where_it_has_one(source: Path, tmp_path: P
 
 
 def test_las_of_a_wide_cloud_takes_a_coarser_scale(source: Path, tmp_path: Path) -> None:
-    """Where 32 bits do not reach over 2000 km in tenths of a millimetre, the scale grows instead of wrapping round."""
+    """Where 32 bits do not reach over 2000 km in tenths of a millimeter, the scale grows instead of wrapping round."""
     cloud = sampled_cloud()
     wide = {**cloud.columns, "coord": cloud.columns["coord"] * [1.0, 1e5, 1.0]}
     (tmp_path / "wide").mkdir()
@@ -179,7 +179,7 @@ def test_las_of_a_wide_cloud_takes_a_coarser_scale(source: Path, tmp_path: Path)
 
 
 def test_ply(source: Path) -> None:
-    """Two readers that know nothing of us find positions, normals, colours and every further column."""
+    """Two readers that know nothing of us find positions, normals, colors and every further column."""
     cloud = read_cloud(source)
     path = export(source, "ply") / "cloud.ply"
     mesh = trimesh.load(path, process=False)

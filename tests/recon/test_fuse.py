@@ -28,7 +28,7 @@ POSES = [
 
 
 def view_of(image: int, depth: F64) -> DepthView:
-    """Make a view with the plane's normal and a colour of its own."""
+    """Make a view with the plane's normal and a color of its own."""
     near = np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
     normal = np.tile((POSES[image][:3, :3].T @ PLANE.normal).astype(np.float32), (*depth.shape, 1))
     color = np.full((*depth.shape, 3), 10 * image, np.uint8)
@@ -99,7 +99,7 @@ def is_inside(point: F64, pose: F64) -> bool:
 
 
 def depth_between(depth: NDArray[np.float32], s: float, t: float) -> float:
-    """Read a depth between pixel centres by its inverse, or the nearest one where surfaces change."""
+    """Read a depth between pixel centers by its inverse, or the nearest one where surfaces change."""
     x, y = int(np.floor(s - 0.5)), int(np.floor(t - 0.5))
     if min(x, y) >= 0 and x + 1 < depth.shape[1] and y + 1 < depth.shape[0]:
         around = depth[y : y + 2, x : x + 2].astype(float)

@@ -170,7 +170,7 @@ def test_noise_stays_within_the_stated_limits(proof_count: Count, record_proof: 
 
 
 def test_a_point_surveyed_wrongly_is_named() -> None:
-    """One of seven points two metres off is left out and reported so; the others still fit to a millimetre."""
+    """One of seven points two meters off is left out and reported so; the others still fit to a millimeter."""
     _, _, known, true = flown()
     more = np.concatenate([CORNERS, [[15.0, 10.0, 1.0], [45.0, 25.0, 3.0]]])
     points = list(marked(more, true))
@@ -197,7 +197,7 @@ def test_scale_bars_alone_give_meters() -> None:
 
 @pytest.mark.parametrize("bars", [1, 2])
 def test_limits_of_scale_bars_hold(bars: int, proof_count: Count, record_proof: RecordProof) -> None:
-    """Bars of ten metres known to 5 mm, their ends marked to a pixel: the limit of 95 % counts both errors."""
+    """Bars of ten meters known to 5 mm, their ends marked to a pixel: the limit of 95 % counts both errors."""
     _, _, known, true = flown()
     count, starts = proof_count(60, 1000), np.array([[10.0, 10.0, 0.0], [45.0, 25.0, 1.0]])[:bars]
     kept = []
@@ -235,7 +235,7 @@ def test_one_wrong_mark_leaves_the_limits_of_the_others() -> None:
     "system", ["+proj=lcc +lat_1=35 +units=us-ft +no_defs", 'PROJCS["x",UNIT["US survey foot",0.3048006096]]']
 )
 def test_feet_become_meters(system: str) -> None:
-    """A plane system in feet: the scale is that of metres, and so is the origin."""
+    """A plane system in feet: the scale is that of meters, and so is the origin."""
     _, _, known, true = flown()
     feet = tuple(
         replace(point, position=tuple((np.array(point.position) / METERS["us-ft"] + [2e6, 5e5, 0.0]).tolist()))
@@ -283,7 +283,7 @@ def test_photographs_are_laid_onto_control(
     monkeypatch: pytest.MonkeyPatch,
     record_proof: RecordProof,
 ) -> None:
-    """The planes' model, placed by corners that photographs show: residuals stand in cloud.json, metres are right."""
+    """The planes' model, placed by corners that photographs show: residuals stand in cloud.json, meters are right."""
     truth = read_capture(plane_capture)
     bare, folder = tmp_path / "bare", tmp_path / "cloud"
     shutil.copytree(plane_capture, bare, ignore=shutil.ignore_patterns("truth"))

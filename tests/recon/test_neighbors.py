@@ -1,4 +1,4 @@
-"""Neighbours and depth ranges read off sparse points whose angles are known."""
+"""Neighbors and depth ranges read off sparse points whose angles are known."""
 
 import numpy as np
 import pytest

@@ -16,7 +16,7 @@ BACKGROUND, ABUTMENT, BEARING = (
 
 
 def strip(low: float, high: float, heading: float) -> np.ndarray:
-    """Two triangles over a stretch of a bridge one metre wide: shape (2, 3, 3)."""
+    """Two triangles over a stretch of a bridge one meter wide: shape (2, 3, 3)."""
     flat = np.array([[[low, 0, 0], [high, 0, 0], [high, 1, 0]], [[low, 0, 0], [high, 1, 0], [low, 1, 0]]], float)
     turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
     flat[..., :2] = flat[..., :2] @ turn.T + [300.0, -40.0]

@@ -65,7 +65,7 @@ def test_packets_as_drones_write_them() -> None:
 
 
 def exif_of(place: tuple[float, float, float], error: float) -> bytes:
-    """Write EXIF of a place in degrees north and east and metres, with the receiver's error along the ground [m]."""
+    """Write EXIF of a place in degrees north and east and meters, with the receiver's error along the ground [m]."""
     entries: list[tuple[int, int, bytes, int]] = [(1, 2, b"N\x00", 2), (3, 2, b"E\x00", 2)]
     for tag, angle in ((2, place[0]), (4, place[1])):
         entries.append((tag, 5, struct.pack(">6I", int(angle), 1, 0, 1, round((angle % 1.0) * 3.6e9), 1_000_000), 3))
@@ -81,7 +81,7 @@ def exif_of(place: tuple[float, float, float], error: float) -> bytes:
 
 
 def test_errors_in_exif_weigh_as_they_are(tmp_path: Path) -> None:
-    """Without XMP, EXIF's own error of the place counts: centimetres place to centimetres, metres only to metres."""
+    """Without XMP, EXIF's own error of the place counts: centimeters place to centimeters, meters only to meters."""
     rng = np.random.default_rng(0)
     eyes = np.column_stack([rng.uniform(0, 60, 12), rng.uniform(0, 40, 12), rng.uniform(30, 45, 12)])
     poses = np.stack([look_at(eye, eye + np.array([0.0, 1.0, -1.0])) for eye in eyes])
@@ -117,7 +117,7 @@ def read_header_with_both(folder: Path) -> tuple[float, float, float]:
 
 
 def test_corrected_places_weigh_as_they_are(tmp_path: Path) -> None:
-    """Photographs whose XMP has RTK accuracies and gimbal angles are placed to centimetres, and say so."""
+    """Photographs whose XMP has RTK accuracies and gimbal angles are placed to centimeters, and say so."""
     rng = np.random.default_rng(0)
     eyes = np.column_stack([rng.uniform(0, 60, 12), rng.uniform(0, 40, 12), rng.uniform(30, 45, 12)])
     poses = np.stack([look_at(eye, eye + np.array([0.0, 1.0, -1.0])) for eye in eyes])

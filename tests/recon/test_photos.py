@@ -67,7 +67,7 @@ def with_exif(data: bytes, exif: bytes) -> bytes:
 
 
 def test_our_own_exif_comes_back(tmp_path: Path) -> None:
-    """Size, focal length from the equivalent of 35 mm, and a place that is right to a millimetre."""
+    """Size, focal length from the equivalent of 35 mm, and a place that is right to a millimeter."""
     (tmp_path / "a.JPG").write_bytes(tagged((30.0, -20.0, 5.0)))
     header = read_header(tmp_path / "a.JPG")
     assert header.size == (64, 48)
@@ -81,7 +81,7 @@ def test_focal_length_from_the_sensor(tmp_path: Path, order: str, width: int, fo
     """The pitch goes before the rounded equivalent in a shrunk photograph, unless the width at its taking was lost."""
     lens = {
         0x920A: (5, struct.pack(order + "II", 88, 10), 1),  # 8.8 mm
-        0xA20E: (5, struct.pack(order + "II", 128, 1), 1),  # 128 pixels a centimetre
+        0xA20E: (5, struct.pack(order + "II", 128, 1), 1),  # 128 pixels a centimeter
         0xA210: (3, struct.pack(order + "H", 3), 1),
         0xA002: (4, struct.pack(order + "I", width), 1),  # taken at twice the size
         0xA405: (3, struct.pack(order + "H", 30), 1),
@@ -130,7 +130,7 @@ def test_png_with_exif(tmp_path: Path) -> None:
 
 
 def test_places_become_meters(tmp_path: Path) -> None:
-    """East, north, up of the first that has a place, to a centimetre over hundreds of metres; the origin is kept."""
+    """East, north, up of the first that has a place, to a centimeter over hundreds of meters; the origin is kept."""
     places: list[Place] = [(0.0, 0.0, 0.0), (300.0, -150.0, 40.0), (-80.0, 220.0, -12.0)]
     for number, place in enumerate(places):
         (tmp_path / f"{number}.jpg").write_bytes(tagged(place))
@@ -231,7 +231,7 @@ def test_what_lies_behind_a_photograph_is_no_damage(options: list[int], tmp_path
 
 
 def test_gray_and_transparent_pictures_are_photographs(tmp_path: Path) -> None:
-    """Grey is three equal colours, opacity is left out; 16 bits are one line."""
+    """Gray is three equal colors, opacity is left out; 16 bits are one line."""
     picture = textured()
     clear = np.dstack([picture, picture[:, :, 0]])
     for name, stored, wanted in (

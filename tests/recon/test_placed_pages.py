@@ -122,7 +122,7 @@ def test_a_frame_made_of_gps_says_how_far_it_is_off(
 def test_without_a_frame_lengths_have_no_unit(
     bare: Path, plane_cloud: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Fixes in one place fix no frame: the unit is unknown in all three, and no axis of the page is in metres."""
+    """Fixes in one place fix no frame: the unit is unknown in all three, and no axis of the page is in meters."""
     file = bare / "cameras.json"
     told = json.loads(file.read_text())
     for row in told["images"]:

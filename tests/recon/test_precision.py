@@ -113,7 +113,7 @@ def fates(model: SparseModel, **how: Any) -> list[str]:
 
 
 def test_unsure_points_go() -> None:
-    """A near point stays, a far one does not, however many views from nearly one place; without metres, all do."""
+    """A near point stays, a far one does not, however many views from nearly one place; without meters, all do."""
     found = placed(example([0, 1, 2, 3]))
     assert found.judged.all()
     assert found.coord[:, 2].tolist() == [2.0, 60.0, 60.0]
@@ -122,7 +122,7 @@ def test_unsure_points_go() -> None:
     assert fates(example([0, 1, 2, 3]), sure_views=4) == ["kept", "deviation", "kept"]
     assert fates(example([0, 1, 2, 3]), sure_views=2) == ["kept"] * 3
     assert fates(example([0, 1, 2, 3]), metric=False) == ["kept"] * 3
-    assert fates(example([0, 1, 2, 3]), scale=0.005) == ["kept"] * 3  # the limit is one of the world's metres
+    assert fates(example([0, 1, 2, 3]), scale=0.005) == ["kept"] * 3  # the limit is one of the world's meters
     assert fates(example([0, 1, 2, 3]), min_views=3, sure_views=2) == ["views", "views", "kept"]
     poor = replace(example([0, 1, 2, 3]), errors=np.array([3.0, 0.4, 0.4]))
     assert fates(poor, sure_views=2) == ["reprojection", "kept", "kept"]

@@ -92,7 +92,7 @@ def test_where_the_mappers_meet() -> None:
 
 
 def test_equal_accuracy() -> None:
-    """A millimetre or a tenth may be lost, and one camera of a hundred; a way without a model is never equal."""
+    """A millimeter or a tenth may be lost, and one camera of a hundred; a way without a model is never equal."""
     every = row_of("exhaustive", 100, 1.0, 0.02)
     assert equally_accurate(row_of("spatial", 100, 1.0, 0.0219), every)
     assert not equally_accurate(row_of("spatial", 100, 1.0, 0.0221), every)

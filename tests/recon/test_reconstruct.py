@@ -32,7 +32,7 @@ def cloud(plane_cloud: Path) -> Cloud:
 
 
 def test_the_planes_come_back(cloud: Cloud) -> None:
-    """Every camera within millimetres, every point on its plane with its plane's label; nothing left behind."""
+    """Every camera within millimeters, every point on its plane with its plane's label; nothing left behind."""
     figures = cloud.statistics
     assert figures["registered_share"] == 1.0
     assert figures["center_error_median"] < 0.01
@@ -147,7 +147,7 @@ def test_several_threads_map_alike(
 @pytest.mark.usefixtures("no_children")
 @pytest.mark.parametrize("left", [300, pytest.param(20_000, marks=pytest.mark.proof_only), -2])
 def test_a_cut_image_is_named(left: int, plane_capture: Path, tmp_path: Path) -> None:
-    """COLMAP would take the grey rest of a cut JPEG for a picture; we find it before anything else runs."""
+    """COLMAP would take the gray rest of a cut JPEG for a picture; we find it before anything else runs."""
     capture, folder = tmp_path / "capture", tmp_path / "cloud"
     shutil.copytree(plane_capture, capture)
     path = capture / "images" / "000004.jpg"

@@ -56,7 +56,7 @@ def test_rows_agree_and_disparity_is_depth(name: str) -> None:
         columns, rows = source_maps(pair, CAMERA, right)
         inside = ((places[right] > 1.0) & (places[right] < np.array(pair.size) - 1.0)).all(axis=1)
         assert inside.mean() > 0.6
-        # Where the map is nearly linear, its value between pixel centres is the mean of those around.
+        # Where the map is nearly linear, its value between pixel centers is the mean of those around.
         np.testing.assert_allclose(_between(columns, places[right][inside]), seen[inside, 0] - 0.5, atol=0.02)
         np.testing.assert_allclose(_between(rows, places[right][inside]), seen[inside, 1] - 0.5, atol=0.02)
 
@@ -126,7 +126,7 @@ def test_what_lies_beside_is_whole() -> None:
 
 
 def _between(image: NDArray[np.float32], places: F64) -> F64:
-    """Read an image between pixel centres, which lie at +0.5."""
+    """Read an image between pixel centers, which lie at +0.5."""
     low = np.floor(places - 0.5).astype(int)
     (x, y), (a, b) = low.T, (places - 0.5 - low).T
     above = (1 - a) * image[y, x] + a * image[y, x + 1]

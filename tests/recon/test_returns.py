@@ -113,7 +113,7 @@ def test_only_trees_and_shrubs_let_a_pulse_through(kind: str) -> None:
 
 
 def test_a_scan_holds_the_returns_and_follows_the_seed(tmp_path: Path) -> None:
-    """Points of the ground below leaves are labelled so; same seed, same bytes; one return unless an aircraft scans."""
+    """Points of the ground below leaves are labeled so; same seed, same bytes; one return unless an aircraft scans."""
     given = {**EXACT, "kind": "airborne", "altitude": 60.0, "line_rate": 60.0, "pulses_per_line": 60, "reach": 1.0}
     digests = []
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):

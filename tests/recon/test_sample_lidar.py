@@ -18,7 +18,7 @@ from usd_schemas.flat_scene import FlatScene, Material, Texture
 
 
 def test_ranges_to_a_plane(tmp_path: Path) -> None:
-    """Height over the sine of the depression, to a millionth of a millimetre, for every ray that must come back."""
+    """Height over the sine of the depression, to a millionth of a millimeter, for every ray that must come back."""
     cloud = scanned(
         ground(),
         tmp_path / "c",

@@ -246,7 +246,7 @@ def test_scope_and_density(tmp_path: Path) -> None:
 
 
 def test_colors_are_those_of_the_texels(tmp_path: Path) -> None:
-    """Four texels on a square of one metre, v upwards; the transparent one is a hole in the surface."""
+    """Four texels on a square of one meter, v upwards; the transparent one is a hole in the surface."""
     texels = np.array([[[10, 20, 30, 255], [40, 50, 60, 255]], [[70, 80, 90, 255], [200, 210, 220, 0]]], np.uint8)
     cv2.imwrite(str(tmp_path / "t.png"), texels[..., [2, 1, 0, 3]])
     builder = SceneBuilder()

@@ -26,7 +26,7 @@ LEAST_MEMORY = 64_000_000  # [bytes] for a file of some kilobytes
 
 
 def small_cloud() -> Cloud:
-    """Make a labelled cloud on a map far from the origin."""
+    """Make a labeled cloud on a map far from the origin."""
     rng = np.random.default_rng(3)
     columns = {
         name: np.zeros((COUNT, kind.width) if kind.width > 1 else COUNT, kind.dtype) for name, kind in COLUMNS.items()
@@ -54,7 +54,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.mark.parametrize("kind", ["las", "laz", "ply", "cloud"])
 def test_our_own_files_come_back(files: dict[str, Path], kind: str) -> None:
-    """Positions within the rounding of the format, colours, labels and instances exactly."""
+    """Positions within the rounding of the format, colors, labels and instances exactly."""
     scan, columns = read_scan(files[kind]), small_cloud().columns
     np.testing.assert_allclose(scan.coord, columns["coord"], rtol=0, atol=0.51e-4 if "la" in kind else 0)
     for name in ("color", "segment", "instance"):
@@ -101,7 +101,7 @@ def test_every_point_format_of_las(kind: int, tmp_path: Path) -> None:
 
 
 def test_ply_of_other_programs(tmp_path: Path) -> None:
-    """What trimesh and Open3D write: float and double, text and binary, with and without colours, a mesh's vertices."""
+    """What trimesh and Open3D write: float and double, text and binary, with and without colors, a mesh's vertices."""
     rng = np.random.default_rng(1)
     points, colors = rng.normal(0, 50, (80, 3)), rng.integers(0, 256, (80, 4)).astype(np.uint8)
     for encoding in ("ascii", "binary"):
@@ -123,7 +123,7 @@ def test_ply_of_other_programs(tmp_path: Path) -> None:
 
 
 def test_ply_whose_columns_are_spread_over_elements(tmp_path: Path) -> None:
-    """Positions, colours as shares of one, and labels as floats, each in an element of its own, big-endian."""
+    """Positions, colors as shares of one, and labels as floats, each in an element of its own, big-endian."""
     rng = np.random.default_rng(1)
     xyz, rgb = rng.normal(size=(40, 3)).astype(">f4"), rng.random((40, 3)).astype(">f4")
     label = rng.integers(0, 9, 40).astype(">f4")
@@ -162,7 +162,7 @@ def test_labels_are_found_under_the_names_of_other_programs(name: str, tmp_path:
 
 
 def test_pts_has_the_intensity_before_the_color(tmp_path: Path) -> None:
-    """A count, then x y z intensity r g b, as scanners write it; the same numbers in .txt are colour and label."""
+    """A count, then x y z intensity r g b, as scanners write it; the same numbers in .txt are color and label."""
     (tmp_path / "a.pts").write_text("2\n1.5 2 3 -1240 10 20 30\n4 5 6 2047 40 50 60\n")
     scan = read_scan(tmp_path / "a.pts")
     np.testing.assert_array_equal(scan.coord, [[1.5, 2, 3], [4, 5, 6]])
@@ -176,7 +176,7 @@ def test_pts_has_the_intensity_before_the_color(tmp_path: Path) -> None:
 
 
 def test_text_that_is_no_scan_says_why(tmp_path: Path) -> None:
-    """Nothing in it, five columns without names, colours that are none: one line each."""
+    """Nothing in it, five columns without names, colors that are none: one line each."""
     for text, reason in (
         ("", "holds no points"),
         ("1 2 3 4 5\n", "columns without names"),

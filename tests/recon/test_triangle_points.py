@@ -52,9 +52,9 @@ def test_a_triangle_that_is_a_point_is_nearest_there() -> None:
 
 
 def test_thin_triangles_keep_their_millimeters(monkeypatch: pytest.MonkeyPatch, record_proof: RecordProof) -> None:
-    """Points beside two slivers 350 m long and a millimetre wide: 1 to 50 cm off, right to less than a tenth of a mm.
+    """Points beside two slivers 350 m long and a millimeter wide: 1 to 50 cm off, right to less than a tenth of a mm.
 
-    Of the two the engine may take the farther one: half a millimetre aside, at 1 cm, makes 0.05 mm.
+    Of the two the engine may take the farther one: half a millimeter aside, at 1 cm, makes 0.05 mm.
     """
     rng = np.random.default_rng(1)
     shares = rng.uniform(0.05, 0.95, 400)

@@ -44,7 +44,7 @@ def test_points_come_back_to_their_pixels(k1: float, downscale: int) -> None:
 
 @pytest.mark.parametrize("k1", [-0.1, 0.0, 0.08])
 def test_the_picture_moves_with_the_points(k1: float) -> None:
-    """Grey values in closed form lie where the pixels say; half a pixel of shift would show."""
+    """Gray values in closed form lie where the pixels say; half a pixel of shift would show."""
     camera = working_camera(model_with((150.0, 99.0, 76.0, k1)), SIZE, 1)
 
     def shade(places: np.ndarray) -> np.ndarray:

@@ -184,7 +184,7 @@ def test_every_absent_camera_has_a_reason() -> None:
 
 
 def flown(rng: np.random.Generator, centers: F64) -> tuple[F64, F64]:
-    """Make true poses at given centres, and the same poses in model units with a millimetre of error."""
+    """Make true poses at given centers, and the same poses in model units with a millimeter of error."""
     true = np.stack([look_at(eye, eye + rng.normal([0.0, 4.0, 0.0], [1.0, 0.0, 1.0])) for eye in centers])
     turn = look_at(np.array([3.0, 1.0, -2.0]), np.zeros(3))[:3, :3]
     model = true.copy()
@@ -214,7 +214,7 @@ def test_the_paper_rule_over_all_images(wrong: int, verdict: str) -> None:
 
 
 def test_a_straight_flight_is_placed_by_its_rotations() -> None:
-    """On a line, points beside it come out right to centimetres by rotations; the paper's way is refused."""
+    """On a line, points beside it come out right to centimeters by rotations; the paper's way is refused."""
     rng = np.random.default_rng(4)
     true, model = flown(rng, np.linspace([0.0, 0.0, 3.0], [30.0, 0.0, 3.0], 40))
     capture = capture_of([f"{row}.jpg" for row in range(40)])
@@ -233,7 +233,7 @@ def test_a_straight_flight_is_placed_by_its_rotations() -> None:
 
 
 def test_positions_that_do_not_fit_leave_photographs_in_their_own_units() -> None:
-    """GPS from another flight, or all in one place: no rejection of photographs, but no metres either."""
+    """GPS from another flight, or all in one place: no rejection of photographs, but no meters either."""
     rng = np.random.default_rng(6)
     _, model = flown(rng, rng.normal(0, 6, (10, 3)))
     for gps in (rng.normal(0, 900, (10, 3)), np.zeros((10, 3))):
@@ -249,7 +249,7 @@ FOCAL = 220.0  # [px]
 
 
 def noise(rng: np.random.Generator, height: int, width: int) -> NDArray[np.float32]:
-    """Mix grey noise with plenty of keypoints, shape (height, width), float32."""
+    """Mix gray noise with plenty of keypoints, shape (height, width), float32."""
     fine = cv2.GaussianBlur(rng.normal(size=(height, width)).astype(np.float32), (0, 0), 1.5)
     return np.clip(128 + 40 * fine / fine.std(), 0, 255).astype(np.float32)
 
@@ -306,7 +306,7 @@ def test_hopeless_flights_have_reasons(kind: str, reason: str, tmp_path: Path) -
 
 @pytest.mark.usefixtures("no_children")
 def test_a_walk_straight_ahead_has_a_model(tmp_path: Path) -> None:
-    """Six views, each half a metre nearer to the wall: COLMAP alone finds no two of them to begin with."""
+    """Six views, each half a meter nearer to the wall: COLMAP alone finds no two of them to begin with."""
     heard = Heard()
     poses = np.stack(
         [look_at(np.array([0.02 * row, -9.0 + 0.52 * row, 1.8]), np.array([0.0, 50.0, 1.8])) for row in range(6)]

@@ -1,4 +1,4 @@
-"""A plane with a texture in closed form: every grey value and every depth of any view is exact."""
+"""A plane with a texture in closed form: every gray value and every depth of any view is exact."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ SKY = 200.0
 
 @dataclass(frozen=True)
 class WavyPlane:
-    """All points p with normal @ p = offset, grey by a sum of waves in space.
+    """All points p with normal @ p = offset, gray by a sum of waves in space.
 
     Attributes:
         normal: Unit normal, shape (3,), float64.

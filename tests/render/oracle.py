@@ -54,7 +54,7 @@ class Oracle:
     def cast(
         self, camera: Pinhole, poses: F64, bands: Bands, distortion: Distortion = NO_DISTORTION
     ) -> tuple[F64, U32, F64]:
-        """Cast a ray through every pixel centre: planar depth, id, geometric normal facing the camera."""
+        """Cast a ray through every pixel center: planar depth, id, geometric normal facing the camera."""
         v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
         bent = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy], axis=-1)
         rays = np.concatenate([distortion.undistort(bent), np.ones((*u.shape, 1))], axis=-1)

@@ -1,6 +1,6 @@
-"""Stages written by hand, one for each thing that a stage may say, from the file to colour, depth and ids of pixels.
+"""Stages written by hand, one for each thing that a stage may say, from the file to color, depth and ids of pixels.
 
-Camera 8 m above the origin, looking down; under a plain white dome a matt surface shows its own colour.
+Camera 8 m above the origin, looking down; under a plain white dome a matt surface shows its own color.
 """
 
 from dataclasses import dataclass
@@ -56,7 +56,7 @@ class Picture:
     light: F64
 
     def seen(self, x: float, y: float, z: float) -> tuple[F64, float, int]:
-        """Tell what the pixel shows that looks at a point: colour, height [m] and instance id."""
+        """Tell what the pixel shows that looks at a point: color, height [m] and instance id."""
         (u, v), _ = (rows[0] for rows in project(np.array([[x, y, z]]), CAMERA, self.scene.cameras[0].poses[0]))
         row, column = int(v), int(u)
         ids = np.concatenate([[0], self.scene.draws.instance])
@@ -162,7 +162,7 @@ SHAPES: dict[str, tuple[str, list[tuple[Point, tuple[Color | None, float]]]]] = 
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_shapes(name: str, gl: Gl, ideal: RenderSettings, tmp_path: Path, record_proof: RecordProof) -> None:
-    """Colour and depth of a pixel or two of each kind of geometry."""
+    """Color and depth of a pixel or two of each kind of geometry."""
     body, expected = SHAPES[name]
     picture = take(gl, ideal, tmp_path, body, DOME)
     off = [0.0]
@@ -277,7 +277,7 @@ def write_pictures(folder: Path) -> None:
 
 @pytest.mark.parametrize("name", MATERIALS)
 def test_materials(name: str, gl: Gl, ideal: RenderSettings, tmp_path: Path, record_proof: RecordProof) -> None:
-    """Colour of a pixel or two of each kind of material; the unknown costs one warning and is drawn all the same."""
+    """Color of a pixel or two of each kind of material; the unknown costs one warning and is drawn all the same."""
     write_pictures(tmp_path)
     body, expected, warned = MATERIALS[name]
     picture = take(gl, ideal, tmp_path, body, DOME)
@@ -310,7 +310,7 @@ def test_lights(name: str, gl: Gl, ideal: RenderSettings, tmp_path: Path, record
 
 
 def flat_picture(path: Path, value: tuple[int, int, int]) -> None:
-    """Write a picture of one colour: red, green, blue."""
+    """Write a picture of one color: red, green, blue."""
     cv2.imwrite(str(path), np.full((16, 16, 3), value[::-1], np.uint8))
 
 

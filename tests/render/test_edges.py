@@ -1,4 +1,4 @@
-"""Edges of the photograph: slanted ones become as smooth as their coverage, corners stay, one colour stays."""
+"""Edges of the photograph: slanted ones become as smooth as their coverage, corners stay, one color stays."""
 
 import numpy as np
 import pytest

@@ -256,7 +256,7 @@ def test_raw_colors_channels_and_gains_of_textures(gl: Gl, ideal: RenderSettings
 def test_metallic_is_looked_up_where_the_texture_says(
     gl: Gl, ideal: RenderSettings, tmp_path: Path, quality: str
 ) -> None:
-    """Under a white dome a metal mirrors its own colour and has no gloss beside it; a dielectric has 4 % more.
+    """Under a white dome a metal mirrors its own color and has no gloss beside it; a dielectric has 4 % more.
 
     Left half metal, right half paint, in the blue channel of a picture whose red and green say the opposite. `fast`
     takes the mean, in which half of the diffuse light is lost.
@@ -298,7 +298,7 @@ def test_edges_of_triangles_are_as_sharp_as_their_middle(gl: Gl, ideal: RenderSe
 
 
 def test_a_missing_texture_is_told_and_drawn_gray(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
-    """One warning that names the file; the constant colour stays."""
+    """One warning that names the file; the constant color stays."""
     texture = Texture(str(tmp_path / "gone.png"), True)
     scene = plate(Material("card", base_color=(0.4, 0.4, 0.4), base_texture=texture)).build(DOWN[None])
     scene = replace(scene, dome=WHITE_DOME)
@@ -328,7 +328,7 @@ def test_cut_outs_open_color_depth_and_shadow(gl: Gl, ideal: RenderSettings, tmp
 def test_gray_card_under_our_own_day(
     gl: Gl, ideal: RenderSettings, tmp_path: Path, cover: float, proof_count: Count
 ) -> None:
-    """A level card of 18 % grey has radiance 0.18 under the light that a scene gets, clear or overcast."""
+    """A level card of 18 % gray has radiance 0.18 under the light that a scene gets, clear or overcast."""
     settings = LightSettings(cloud_cover=cover, sky_height=proof_count(128, 512))
     lighting = bake_light(settings, tmp_path, np.random.default_rng(4))
     upright = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))

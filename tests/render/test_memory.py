@@ -75,7 +75,7 @@ def plate_from(height: float, material: Material, tiles: float = 1.0) -> FlatSce
 @pytest.mark.parametrize("scale", [(1.0, 1.0), (2.0, 4.0)])
 @pytest.mark.parametrize("height", [5.0, 40.0])
 def test_need_is_that_of_the_nearest_pixel(tiles: float, scale: tuple[float, float], height: float) -> None:
-    """In closed form: a pixel covers height / focal metres, of which the UV map makes its share of the sheet."""
+    """In closed form: a pixel covers height / focal meters, of which the UV map makes its share of the sheet."""
     texture = Texture("sheet.png", True, scale=scale)
     needs = texel_needs(plate_from(height, Material("m", base_texture=texture), tiles), _sight(height))
     (need,) = needs.values()

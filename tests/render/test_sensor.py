@@ -95,7 +95,7 @@ def test_corners_lose_the_light_that_was_asked_for() -> None:
 
 
 def test_without_noise_the_tone_curve_alone_is_left() -> None:
-    """A grey stays one value; sensor white and middle grey come where a camera puts them."""
+    """A gray stays one value; sensor white and middle gray come where a camera puts them."""
     sensor = Sensor(SensorSettings(noise=False), Metering(1.0), BRIGHTEST, SHAPE, 5)
     for level, low, high in ((0.0, 0, 0), (GRAY, 110, 140), (1.0, 200, 235), (6.0, 245, 255)):
         pixels = sensor.develop(coded(level), sensor.expose(0, coded(level)))
@@ -117,7 +117,7 @@ def test_metering_brings_the_middle_tone_to_gray_and_keeps_highlights() -> None:
 
 
 def test_white_is_balanced_by_the_share_that_is_told() -> None:
-    """Grey comes out grey with a share of 1, untouched with 0, half way in stops with a half."""
+    """Gray comes out gray with a share of 1, untouched with 0, half way in stops with a half."""
     day = np.array([2.0, 1.5, 0.9])
     for share in (0.0, 0.5, 1.0):
         red, blue = balance(day, share)
@@ -170,7 +170,7 @@ def test_colored_stone_and_grass_do_not_pass_for_gray(light: tuple[float, float,
 
 @pytest.mark.parametrize(("level", "share"), [(0.1, 1.0), (0.1, 0.5), (0.4, 0.5), (0.2, 1.0), (0.001, 1.0), (0.1, 0.0)])
 def test_a_frame_follows_its_own_light_as_far_as_it_is_told(level: float, share: float) -> None:
-    """The gain moves by the stated share of the stops between the frame's middle tone and grey, two at most.
+    """The gain moves by the stated share of the stops between the frame's middle tone and gray, two at most.
 
     A sky that fills most of the frame is held at 1.9 times white, however dark the ground.
     """
@@ -256,7 +256,7 @@ def test_no_number_keeps_a_photograph_from_its_exif(
 
 
 def test_a_lens_of_meters_is_noted_as_far_as_exif_goes(record_proof: RecordProof) -> None:
-    """A focal length of 5 m (50 tenths of a unit of 1 m) stands in the file to a tenth of a micrometre."""
+    """A focal length of 5 m (50 tenths of a unit of 1 m) stands in the file to a tenth of a micrometer."""
     jpeg = encode_jpeg(np.zeros((8, 8, 3), np.uint8), 90)
     tagged = insert_exif(jpeg, Shot(5.0, 2.0955, 0.001, 0.0, None, (0.0, 0.0, 0.0)), 8, 8)
     tiff = tagged[12:]

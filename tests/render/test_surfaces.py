@@ -1,4 +1,4 @@
-"""What lets light through, glows, shines in a colour of its own, ends at its edges, or comes from unusual files."""
+"""What lets light through, glows, shines in a color of its own, ends at its edges, or comes from unusual files."""
 
 import struct
 from pathlib import Path
@@ -89,7 +89,7 @@ def test_alpha_of_a_picture_is_blended(gl: Gl, ideal: RenderSettings, tmp_path: 
 
 
 def test_opacity_of_another_picture(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
-    """A grey picture cuts a plain colour, and one with a picture of its own; `scale` and `bias` turn the mask round."""
+    """A gray picture cuts a plain color, and one with a picture of its own; `scale` and `bias` turn the mask round."""
     cv2.imwrite(str(tmp_path / "mask.png"), np.repeat([[0] * 32 + [255] * 32], 64, axis=0).astype(np.uint8))
     cv2.imwrite(str(tmp_path / "red.png"), np.full((32, 32, 3), (0, 0, coded(0.8)), np.uint8))
     cut = "float inputs:opacity.connect = </Mat/A.outputs:r>\nfloat inputs:opacityThreshold = 0.5\n"
@@ -162,7 +162,7 @@ def test_textures_go_on_beyond_their_edges(
 
 
 def test_a_picture_glows(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
-    """An emissive texture adds its colour times `scale` plus `bias`, also beyond 1."""
+    """An emissive texture adds its color times `scale` plus `bias`, also beyond 1."""
     cv2.imwrite(str(tmp_path / "glow.png"), np.full((32, 32, 3), (0, coded(0.5), 0), np.uint8))
     body = "color3f inputs:diffuseColor = (0.2, 0.2, 0.2)\ncolor3f inputs:emissiveColor.connect = </Mat/A.outputs:rgb>"
     strong = "float4 inputs:scale = (9, 10, 1, 1)\nfloat4 inputs:bias = (0, 1, 0.1, 0)"
@@ -172,7 +172,7 @@ def test_a_picture_glows(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
 
 
 def test_the_specular_workflow_shines_as_it_says(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
-    """A specular colour of 0.04 is the dielectric that metallic 0 is; a metal is a black body with a shine."""
+    """A specular color of 0.04 is the dielectric that metallic 0 is; a metal is a black body with a shine."""
     sun = SUN.format(moved(TURN.format("(0, 10, 0)")))
     rough = "float inputs:roughness = 0.5\n"
     pairs = [
@@ -217,7 +217,7 @@ def test_ior_shines_as_the_specular_color_that_it_means(gl: Gl, ideal: RenderSet
 
 
 def test_metals_are_lit_by_lamps_in_fast(gl: Gl, ideal: RenderSettings, tmp_path: Path) -> None:
-    """A metal below a lamp is as bright as a matt surface of its colour where no shine is drawn."""
+    """A metal below a lamp is as bright as a matt surface of its color where no shine is drawn."""
     lamp = LAMP.format(moved("double3 xformOp:translate = (0, 0, 2)"))
     body = "color3f inputs:diffuseColor = (0.9, 0.6, 0.2)\nfloat inputs:metallic = {}"
     metal, matt = (take(gl, ideal, tmp_path, network(body.format(m)), lamp).seen(0, 0, 0)[0] for m in (1, 0))
@@ -238,7 +238,7 @@ def tga(kind: int, bits: int, body: bytes, width: int, height: int, flags: int, 
 
 
 def test_tga_is_read(tmp_path: Path, gl: Gl, ideal: RenderSettings) -> None:
-    """Plain and packed, grey, mapped, 15, 24 and 32 bits, from any corner: the same picture, and it is drawn."""
+    """Plain and packed, gray, mapped, 15, 24 and 32 bits, from any corner: the same picture, and it is drawn."""
     rng = np.random.default_rng(3)
     image = rng.integers(0, 2, (6, 5, 1), np.uint8) * rng.integers(1, 255, (1, 1, 4), np.uint8)
     file = tmp_path / "a.tga"
@@ -282,7 +282,7 @@ BROKEN = [
 
 @pytest.mark.parametrize("data", BROKEN)
 def test_a_broken_tga_is_named(data: bytes, tmp_path: Path) -> None:
-    """Cut off, without pixels, of unknown kinds, with colours that its table lacks, or huge: one line."""
+    """Cut off, without pixels, of unknown kinds, with colors that its table lacks, or huge: one line."""
     file = tmp_path / "broken.tga"
     file.write_bytes(data)
     with pytest.raises(InputError, match=r"broken\.tga"):

@@ -27,7 +27,7 @@ def draw_views(gl: Gl, scene: FlatScene, settings: RenderSettings, camera: Pinho
 
 
 def cast_rays(scene: FlatScene, pose: F64, camera: Pinhole = CAMERA) -> tuple[F64, NDArray[np.uint32], F64]:
-    """Cast a ray through every pixel centre: planar depth, id, geometric normal facing the camera."""
+    """Cast a ray through every pixel center: planar depth, id, geometric normal facing the camera."""
     corners, ids, _ = world_triangles(scene)
     v, u = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
     rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], axis=-1)
@@ -41,7 +41,7 @@ def cast_rays(scene: FlatScene, pose: F64, camera: Pinhole = CAMERA) -> tuple[F6
 
 
 def inner(ids: NDArray[np.uint32], depth: F64) -> NDArray[np.bool_]:
-    """Mark pixels whose eight neighbours show the same part without a step in depth."""
+    """Mark pixels whose eight neighbors show the same part without a step in depth."""
     result = np.zeros(ids.shape, bool)
     result[1:-1, 1:-1] = True
     middle = np.where(np.isfinite(depth), depth, 1e12)

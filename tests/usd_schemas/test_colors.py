@@ -1,4 +1,4 @@
-"""Colours without a material: those of instances, of instancers, and of primvars that a shader names."""
+"""Colors without a material: those of instances, of instancers, and of primvars that a shader names."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ SQUARE_MESH = f'def Mesh "M" {{\n{SQUARE}\n%s\n}}\n'
 
 
 def drawn(scene: FlatScene) -> list[tuple[float, ...]]:
-    """List the colour of each draw, whether a material or the vertices hold it."""
+    """List the color of each draw, whether a material or the vertices hold it."""
     geometry, found = scene.geometry, []
     for part, row in zip(scene.draws.part.tolist(), scene.draws.material.tolist(), strict=True):
         material = scene.materials[row]
@@ -28,7 +28,7 @@ def colored(value: str, interpolation: str = "constant") -> str:
 
 
 def test_each_instance_has_its_own_color(tmp_path: Path) -> None:
-    """Instances of one mesh wear the displayColor of their own roots, and share its vertices; none stands for grey."""
+    """Instances of one mesh wear the displayColor of their own roots, and share its vertices; none stands for gray."""
     body = 'class "Proto" {\n' + SQUARE_MESH % "" + "}\n"
     for name, color in (("A", "(1, 0, 0)"), ("B", "(0, 1, 0)"), ("C", "")):
         own = colored(color) if color else ""
@@ -60,7 +60,7 @@ INSTANCER = """def PointInstancer "P" {
 
 
 def test_instancers_color_what_they_place(tmp_path: Path) -> None:
-    """Each place has its own colour, hidden places take none away, and one colour serves all."""
+    """Each place has its own color, hidden places take none away, and one color serves all."""
     three = colored("(1, 0, 0), (0, 1, 0), (0, 0, 1)", "vertex")
     assert drawn(read_body(tmp_path, INSTANCER % ("", three, SQUARE, ""))) == [RED, GREEN, BLUE]
     assert drawn(read_body(tmp_path, INSTANCER % ("8", three, SQUARE, ""))) == [RED, BLUE]
@@ -72,7 +72,7 @@ def test_instancers_color_what_they_place(tmp_path: Path) -> None:
 
 
 def test_many_colors_are_kept_to_a_shade(tmp_path: Path) -> None:
-    """More colours of instances than are kept: each is within a thirtieth of its own."""
+    """More colors of instances than are kept: each is within a thirtieth of its own."""
     colors = np.random.default_rng(1).random((5000, 3)).astype(np.float32)
     rows = ", ".join(f"({r}, {g}, {b})" for r, g, b in colors.tolist())
     places = ", ".join(f"({n}, 0, 0)" for n in range(5000))

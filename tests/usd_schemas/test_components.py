@@ -35,7 +35,7 @@ PAPER = (
 
 
 def test_the_seventeen_classes_and_unlabeled() -> None:
-    """Ids 0 to 16 in the paper's order, 255 for what has no class; names and colours are unique."""
+    """Ids 0 to 16 in the paper's order, 255 for what has no class; names and colors are unique."""
     rows = class_rows()
     assert tuple(row.name for row in rows[:-1]) == PAPER
     assert [row.id for row in rows] == [*range(17), 255]

@@ -46,7 +46,7 @@ def standard(inputs: str, nodes: str = "") -> str:
 
 
 def test_omnipbr_constants(tmp_path: Path) -> None:
-    """Colour times tint, roughness, metallic, emission only where it is on; no warning."""
+    """Color times tint, roughness, metallic, emission only where it is on; no warning."""
     scene, material = read_one(
         tmp_path,
         omni("""
@@ -146,7 +146,7 @@ def test_omnipbr_fed_by_a_node_is_named(tmp_path: Path) -> None:
 
 
 def test_standard_surface_constants(tmp_path: Path) -> None:
-    """Its weights multiply its colours; glass is drawn blended, with a warning."""
+    """Its weights multiply its colors; glass is drawn blended, with a warning."""
     scene, material = read_one(
         tmp_path,
         standard("""
@@ -167,7 +167,7 @@ def test_standard_surface_constants(tmp_path: Path) -> None:
 
 
 def test_standard_surface_textures(tmp_path: Path) -> None:
-    """An image by its primvar, a tiled one, a normal map through its node; colour spaces as stated."""
+    """An image by its primvar, a tiled one, a normal map through its node; color spaces as stated."""
     inputs = """
         color3f inputs:base_color.connect = </Mat/A.outputs:out>
         float inputs:specular_roughness.connect = </Mat/B.outputs:out>

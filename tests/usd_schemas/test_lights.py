@@ -48,7 +48,7 @@ def test_a_sun_that_is_not_normalized_gives_by_its_disc(angle: float, given: flo
 
 @pytest.mark.parametrize(("header", "unit"), [(Z_UP, 1.0), (Y_UP, 0.01)])
 def test_sphere_lights(header: str, unit: float, tmp_path: Path) -> None:
-    """Radiance times pi r^2 in metres; normalized, the power over 4 pi stage units squared gives that radiance."""
+    """Radiance times pi r^2 in meters; normalized, the power over 4 pi stage units squared gives that radiance."""
     text = """def Xform "Pole" {
         double3 xformOp:translate = (1, 2, 3)
         float3 xformOp:scale = (2, 2, 2)
@@ -97,7 +97,7 @@ def test_sphere_lights(header: str, unit: float, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("header", "unit"), [(Z_UP, 1.0), (Y_UP, 0.01)])
 def test_panels(header: str, unit: float, tmp_path: Path) -> None:
-    """RectLights and DiskLights: radiance times area in metres; normalized, divided by the area in stage units."""
+    """RectLights and DiskLights: radiance times area in meters; normalized, divided by the area in stage units."""
     text = """def Xform "Pole" {
         double3 xformOp:translate = (1, 2, 3)
         float3 xformOp:scale = (%s, 2, 2)
@@ -188,7 +188,7 @@ def test_dome_orientation(
 
 
 def test_missing_sky_is_plain(tmp_path: Path) -> None:
-    """A dome whose picture is gone keeps its colour, with a warning."""
+    """A dome whose picture is gone keeps its color, with a warning."""
     scene = read_body(tmp_path, GROUND + 'def DomeLight "Sky" {\nasset inputs:texture:file = @./no.exr@\n}\n')
     assert scene.dome is not None
     assert scene.dome.file == ""

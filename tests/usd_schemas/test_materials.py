@@ -86,7 +86,7 @@ def test_constants(tmp_path: Path) -> None:
 
 
 def test_textures_and_their_placement(tmp_path: Path) -> None:
-    """Three textures: colour as sRGB, data as raw, the atlas as second set, files absolute."""
+    """Three textures: color as sRGB, data as raw, the atlas as second set, files absolute."""
     scene, material = read_one(
         tmp_path,
         network(
@@ -176,7 +176,7 @@ def test_interface_inputs_are_followed(tmp_path: Path) -> None:
 
 
 def test_packed_channels_with_scale_and_bias(tmp_path: Path) -> None:
-    """Roughness from green and metallic from blue of one picture, each with its own scale and bias; a tinted colour."""
+    """Roughness from green and metallic from blue of one picture, each with its own scale and bias; a tinted color."""
     scene, material = read_one(
         tmp_path,
         network(
@@ -256,7 +256,7 @@ def test_missing_texture_is_gray(tmp_path: Path) -> None:
 
 
 def test_unknown_surface_falls_back(tmp_path: Path) -> None:
-    """A material that is no preview surface: one warning, then displayColor where there is one, else grey."""
+    """A material that is no preview surface: one warning, then displayColor where there is one, else gray."""
     body = network("").replace("UsdPreviewSurface", "ND_surface_of_nobody")
     scene, material = read_one(tmp_path, body)
     assert material == scene.materials[0]
@@ -278,7 +278,7 @@ def test_only_an_mdl_surface(tmp_path: Path) -> None:
 
 
 def test_display_color_reader(tmp_path: Path) -> None:
-    """A diffuse colour that reads displayColor uses the vertex colours."""
+    """A diffuse color that reads displayColor uses the vertex colors."""
     reader = """def Shader "A" {
         uniform token info:id = "UsdPrimvarReader_float3"
         string inputs:varname = "displayColor"
@@ -291,7 +291,7 @@ def test_display_color_reader(tmp_path: Path) -> None:
 
 
 def test_cut_outs_and_glass(tmp_path: Path) -> None:
-    """Alpha of the colour texture with a threshold is a cut-out; a see-through constant is blended."""
+    """Alpha of the color texture with a threshold is a cut-out; a see-through constant is blended."""
     diffuse = "color3f inputs:diffuseColor.connect = </Mat/A.outputs:rgb>\n"
     alpha = "float inputs:opacity.connect = </Mat/A.outputs:a>\nfloat inputs:opacityThreshold = 0.375\n"
     scene, material = read_one(tmp_path, network(diffuse + alpha, texture("A", "./a.png")))

@@ -1,4 +1,4 @@
-"""Meshes of every kind: winding, normals, UV sets, colours, subsets, and arrays that contradict each other."""
+"""Meshes of every kind: winding, normals, UV sets, colors, subsets, and arrays that contradict each other."""
 
 from pathlib import Path
 
@@ -170,7 +170,7 @@ def test_two_uv_sets(tmp_path: Path) -> None:
     [("constant", 1), ("uniform", 2), ("vertex", 6), ("faceVarying", 8)],
 )
 def test_display_color(interpolation: str, values: int, tmp_path: Path) -> None:
-    """Vertex colours of every interpolation arrive, and the draw uses them."""
+    """Vertex colors of every interpolation arrive, and the draw uses them."""
     colors = ", ".join("(0.1, 0.2, 0.3)" for _ in range(values))
     text = f'color3f[] primvars:displayColor = [{colors}] (interpolation = "{interpolation}")'
     scene = read_body(tmp_path, mesh(TWO_FACES + text))
@@ -179,7 +179,7 @@ def test_display_color(interpolation: str, values: int, tmp_path: Path) -> None:
 
 
 def test_inherited_display_color(tmp_path: Path) -> None:
-    """A constant colour on a parent colours what is below."""
+    """A constant color on a parent colors what is below."""
     color = 'color3f[] primvars:displayColor = [(1, 0, 0)] (interpolation = "constant")'
     scene = read_body(tmp_path, f'def Xform "X" {{\n{color}\n{mesh(SQUARE)}}}')
     np.testing.assert_allclose(scene.geometry.colors, np.tile([1.0, 0.0, 0.0], (4, 1)))
@@ -270,7 +270,7 @@ def test_time_samples_are_read_at_the_first(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("axis", ["Y", "Z"])
 def test_units_and_up_axis(axis: str, tmp_path: Path) -> None:
-    """Centimetres with y up become metres with z up."""
+    """Centimeters with y up become meters with z up."""
     box = mesh(CUBE + 'uniform token subdivisionScheme = "none"' + SCALED.format("100, 200, 300"))
     scene = read_body(tmp_path, box, f'upAxis = "{axis}"\n metersPerUnit = 0.01')
     expected = [[0, 0, 0], [1, 2, 3]] if axis == "Z" else [[0, -3, 0], [1, 0, 2]]

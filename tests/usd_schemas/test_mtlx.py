@@ -130,7 +130,7 @@ def test_prims_lie_where_other_programs_put_them(tmp_path: Path) -> None:
 
 
 def test_gltf_surfaces(tmp_path: Path) -> None:
-    """gltf_pbr with constants: colour, metallic, roughness, emission, and blended alpha."""
+    """gltf_pbr with constants: color, metallic, roughness, emission, and blended alpha."""
     write_document(tmp_path, GLTF)
     material, said = material_of(tmp_path, "Paint")
     assert said == ()

@@ -1,4 +1,4 @@
-"""The camera convention: pixel centres, projection and its inverse, aiming."""
+"""The camera convention: pixel centers, projection and its inverse, aiming."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def test_axes_right_down_forward() -> None:
 
 
 def test_agrees_with_opencv_up_to_half_a_pixel() -> None:
-    """OpenCV counts from pixel centres: its principal point is ours minus 0.5, and so are its pixels."""
+    """OpenCV counts from pixel centers: its principal point is ours minus 0.5, and so are its pixels."""
     import cv2
 
     points = np.random.default_rng(3).uniform(-1, 1, (10, 3)) + np.array([0, 0, 5])

@@ -24,7 +24,7 @@ def curves(content: str, kind: str = "linear", counts: str = "2", more: str = ""
 
 
 def colors_of(scene: FlatScene) -> set[tuple[float, ...]]:
-    """List the colours of all vertices."""
+    """List the colors of all vertices."""
     return set(map(tuple, np.round(scene.geometry.colors, 3).tolist()))
 
 
@@ -88,7 +88,7 @@ def test_a_loop_has_no_ends(tmp_path: Path) -> None:
 
 
 def test_colors_of_curves(tmp_path: Path) -> None:
-    """One colour a curve, curves of different lengths in any order; one a point; one for all."""
+    """One color a curve, curves of different lengths in any order; one a point; one for all."""
     rows = "(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 2, 0), (1, 2, 0), (0, 4, 0), (1, 4, 0), (2, 4, 0)"
     color = 'float[] widths = [0.1]\ncolor3f[] primvars:displayColor = [%s] (interpolation = "%s")'
     three = "(1, 0, 0), (0, 1, 0), (0, 0, 1)"
@@ -104,7 +104,7 @@ def test_colors_of_curves(tmp_path: Path) -> None:
 
 
 def test_points_are_balls(tmp_path: Path) -> None:
-    """Each point is a ball of its own width and colour."""
+    """Each point is a ball of its own width and color."""
     body = """def Points "P" {
         point3f[] points = [(0, 0, 0), (5, 0, 0)]
         float[] widths = [2, 1]

@@ -52,7 +52,7 @@ def test_a_cube_goes_where_the_rules_say() -> None:
 def test_refined_cages_come_to_the_limit() -> None:
     """The vertices of valence 3 of the cube run to their limit, which is worked out on the cage."""
     mesh = cage(CUBE_POINTS, CUBE_FACES)
-    # Limit mask of valence n: n^2 v, 4 times its neighbours, and the diagonals of its faces, over n (n + 5).
+    # Limit mask of valence n: n^2 v, 4 times its neighbors, and the diagonals of its faces, over n (n + 5).
     vertex, edges, diagonals = CUBE_POINTS[7], CUBE_POINTS[[3, 5, 6]], CUBE_POINTS[[1, 2, 4]]
     limit = (9 * vertex + 4 * edges.sum(axis=0) + diagonals.sum(axis=0)) / 24
     for _ in range(5):

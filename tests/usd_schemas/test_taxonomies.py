@@ -95,7 +95,7 @@ def test_every_component_has_a_row(name: str) -> None:
 
 @pytest.mark.parametrize("name", TAXONOMIES)
 def test_rows_are_unique_and_fit_a_byte(name: str) -> None:
-    """Ids, names and colours differ; 0 is what the sky shows, and 16 and 255 keep their meaning in every table."""
+    """Ids, names and colors differ; 0 is what the sky shows, and 16 and 255 keep their meaning in every table."""
     rows = taxonomy(name).rows
     assert [row.id for row in rows] == sorted({row.id for row in rows})
     assert len({row.name for row in rows}) == len({row.color for row in rows}) == len(rows)

@@ -42,7 +42,7 @@ def read_cameras(
 
     Args:
         stage: Composed stage.
-        stage_to_world: Stage units to metres with z up [m per stage unit], shape (4, 4), float64.
+        stage_to_world: Stage units to meters with z up [m per stage unit], shape (4, 4), float64.
         warn: Called with one line for each camera that is left out.
         frames: Time codes of every camera's images, instead of its own [time codes]; empty for its own.
     """

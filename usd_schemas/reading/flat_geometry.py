@@ -68,7 +68,7 @@ def flatten(runs: list[list[Placement]], stage_to_world: F64, table: Taxonomy, l
 
     Args:
         runs: What is drawn, in groups: first what never moves, then what moves, one group for each moment.
-        stage_to_world: Stage units to metres with z up [m per stage unit], shape (4, 4), float64.
+        stage_to_world: Stage units to meters with z up [m per stage unit], shape (4, 4), float64.
         table: Class table of the stage.
         level: How many times subdivision surfaces are refined.
         warn: Called with one line for each thing that could not be read as authored.

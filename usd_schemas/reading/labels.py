@@ -1,4 +1,4 @@
-"""Labels of drawn prims: class, component and instance id, inherited from the nearest labelled ancestor."""
+"""Labels of drawn prims: class, component and instance id, inherited from the nearest labeled ancestor."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -178,7 +178,7 @@ def _value(prim: Usd.Prim, name: str) -> Any:
 
 
 def _read_rows(prim: Usd.Prim, warn: Warn) -> tuple[ClassRow, ...] | None:
-    """Read names, ids and colours of the classes; None where there are none or they are unusable."""
+    """Read names, ids and colors of the classes; None where there are none or they are unusable."""
     names = _value(prim, tokens.CLASS_NAMES)
     if not names:
         return None

@@ -1,6 +1,6 @@
 """The sun, the sky and the lamps of a stage, in the units of UsdLux.
 
-Intensity times 2^exposure times colour is the radiance of a light's surface; with `normalize` it is divided by the area
+Intensity times 2^exposure times color is the radiance of a light's surface; with `normalize` it is divided by the area
 of that surface in stage units, or for a DistantLight by pi sin^2(angle / 2), so that it becomes the irradiance of a
 surface that faces it.
 
@@ -52,7 +52,7 @@ def read_lights(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> Lights:
 
     Args:
         stage: Composed stage.
-        stage_to_world: Stage units to metres with z up [m per stage unit], shape (4, 4), float64.
+        stage_to_world: Stage units to meters with z up [m per stage unit], shape (4, 4), float64.
         warn: Called with one line for each light that is left out.
     """
     suns: list[Sun] = []

@@ -88,7 +88,7 @@ def read_mesh(
         uv_names: Primvars that the bound material reads as first and second UV set; either may be empty.
         time: Time code at which it is read.
         level: How many times a subdivision surface is refined.
-        color_name: Primvar of its colours.
+        color_name: Primvar of its colors.
 
     Raises:
         UnreadableMeshError: Points or face arrays are wrong.

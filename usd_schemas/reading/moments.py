@@ -52,7 +52,7 @@ def flatten_moments(
         cameras: Its cameras.
         choices: What the user chose.
         table: Class table in force.
-        stage_to_world: Stage units to metres with z up [m per stage unit], shape (4, 4), float64.
+        stage_to_world: Stage units to meters with z up [m per stage unit], shape (4, 4), float64.
         warn: Called with one line for each thing that could not be read as authored.
 
     Returns:

@@ -23,7 +23,7 @@ class Source:
         value: The constant, or None.
         shader: The shader whose output is connected, or None.
         output: Name of that output.
-        color_space: Colour space that the attribute states, or empty.
+        color_space: Color space that the attribute states, or empty.
     """
 
     value: Any = None

@@ -57,7 +57,7 @@ def read_stage(path: Path | str, *, survey: str | None = None, choices: StageCho
         choices: Camera, frames, purposes, variants and the like, to override those of the stage.
 
     Returns:
-        The stage in metres with z up; moving objects at the time of each image.
+        The stage in meters with z up; moving objects at the time of each image.
 
     Raises:
         MissingError: There is no such file.
@@ -185,7 +185,7 @@ def texture_files(scene: FlatScene) -> set[str]:
 
 
 def stage_to_world(stage: Usd.Stage, where: Path | None = None) -> F64:
-    """Find the transform from stage units and the stage's up axis to metres with z up.
+    """Find the transform from stage units and the stage's up axis to meters with z up.
 
     Args:
         stage: Any stage.

@@ -32,7 +32,7 @@ class Strands:
     Attributes:
         points: Positions [stage units], shape (V, 3), float64.
         normals: Unit normals [1], shape (V, 3), float64.
-        colors: Linear colours [1], shape (V, 3), float64, or None.
+        colors: Linear colors [1], shape (V, 3), float64, or None.
         counts: Corners of each face, shape (F,), int64.
         corners: Point of each corner, counter-clockwise from outside, shape (C,), int64.
     """
@@ -80,7 +80,7 @@ def read_strands(prim: Usd.Prim, time: Usd.TimeCode, color_name: str, notes: lis
     Args:
         prim: A prim of a type in `STRANDS`.
         time: Time code at which they are read.
-        color_name: Primvar of their colours.
+        color_name: Primvar of their colors.
         notes: Receives a line for each thing that is not drawn as authored.
 
     Raises:

@@ -42,7 +42,7 @@ class Cage:
 
 @dataclass(frozen=True)
 class _Edges:
-    """Edges of a cage: ends, edge of each corner and the next, number of faces, mean of their centres, sharpness."""
+    """Edges of a cage: ends, edge of each corner and the next, number of faces, mean of their centers, sharpness."""
 
     ends: I64
     of_corner: I64

@@ -46,7 +46,7 @@ def closed_and_outward(bridge: Bridge) -> list[str]:
 
 
 def no_degenerate_triangle(bridge: Bridge) -> list[str]:
-    """No triangle is flatter than a hundredth of a millimetre."""
+    """No triangle is flatter than a hundredth of a millimeter."""
     sides = np.linalg.norm(bridge.corners - np.roll(bridge.corners, 1, axis=1), axis=2).max(axis=1)
     height = np.linalg.norm(bridge.crossed, axis=1) / np.maximum(sides, 1e-30)
     bridge.note("least_height_of_a_triangle_m", height.min())
@@ -206,7 +206,7 @@ def named_and_numbered(bridge: Bridge) -> list[str]:
 
 
 def even_texels(bridge: Bridge) -> list[str]:
-    """One metre of texture is one metre of surface: 20 % in the mean of both ways, 50 % in either, over a member."""
+    """One meter of texture is one meter of surface: 20 % in the mean of both ways, 50 % in either, over a member."""
     st = np.concatenate([m.mesh.st.astype(np.float64)[_fan(m.mesh.face_counts)] for m in bridge.members])
     one, two = bridge.corners[:, 1] - bridge.corners[:, 0], bridge.corners[:, 2] - bridge.corners[:, 0]
     p, q = st[:, 1] - st[:, 0], st[:, 2] - st[:, 0]

@@ -8,7 +8,7 @@ import numpy as np
 from authoring.shapes.component import F64
 from tests.authoring.bridges.built import Bridge
 
-_ROUNDED = 0.02  # [1] of a band's ends that rounding to centimetres may take
+_ROUNDED = 0.02  # [1] of a band's ends that rounding to centimeters may take
 _COLUMNS = frozenset(("column", "wall_pier"))
 
 

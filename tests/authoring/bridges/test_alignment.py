@@ -60,7 +60,7 @@ def tightest() -> list[Alignment]:
 
 
 def places(seed: int, count: int) -> tuple[F64, F64]:
-    """Scatter bridge coordinates: half over the site, half over four kilometres."""
+    """Scatter bridge coordinates: half over the site, half over four kilometers."""
     rng = np.random.default_rng(seed)
     near = rng.uniform([-140.0, -90.0], [200.0, 90.0], (count // 2, 2))
     far = rng.uniform(-4000.0, 4000.0, (count - count // 2, 2))
@@ -107,7 +107,7 @@ def test_clothoid_is_the_fresnel_integral() -> None:
 
 
 def test_sine_follows_the_wave() -> None:
-    """Turned back into its own axes the curve is y = a sin(x / b), to three millimetres over 150 m."""
+    """Turned back into its own axes the curve is y = a sin(x / b), to three millimeters over 150 m."""
     a, b = 12.0, 60.0
     curve = PlanCurve(sine_elements(a, b, 150.0))
     turn = np.arctan(a / b) - curve.first_heading
@@ -136,7 +136,7 @@ def test_straight_axis_keeps_its_closed_forms(skew: float) -> None:
 
 
 def test_locate_undoes_point(proof_count: Count) -> None:
-    """Random axes, places on the bridge and four kilometres off: identity within a nanometre."""
+    """Random axes, places on the bridge and four kilometers off: identity within a nanometer."""
     for seed, axis in enumerate([*tightest(), *(curved(seed) for seed in range(proof_count(24, 400)))]):
         station, left = places(seed, 600)
         found = axis.locate(axis.point(station, left, np.zeros(600)))
@@ -229,7 +229,7 @@ def test_crest_is_a_parabola_between_its_tangents() -> None:
 
 
 def test_superelevation_is_a_plumb_shear_that_fades_out() -> None:
-    """Inside the arc the road falls towards the centre by the crossfall; webs stay plumb; the approaches are level."""
+    """Inside the arc the road falls towards the center by the crossfall; webs stay plumb; the approaches are level."""
     axis = drawn(5, kind="arc", turn="left", radius=150.0, superelevation=0.06, skew=0.0)
     station, left = np.meshgrid([0.0, 17.0, 50.0], [-5.0, 0.0, 4.0])
     rise = axis.point(station, left, np.zeros_like(left))[..., 2] - axis.height(station)
@@ -257,7 +257,7 @@ def test_supports_of_a_skewed_bridge_are_parallel_and_girders_keep_their_distanc
 
 @pytest.mark.parametrize("seed", range(6))
 def test_frames_meet_the_bridge_where_they_stand(seed: int) -> None:
-    """A support's frame agrees on its whole line; a right-angled frame at its place, with right angles and metres."""
+    """A support's frame agrees on its whole line; a right-angled frame at its place, with right angles and meters."""
     axis = curved(seed)
     left = np.linspace(-12.0, 12.0, 7)
     station, above = np.full(7, 20.0), np.linspace(-3.0, 1.0, 7)

@@ -47,7 +47,7 @@ def coordinates(bridge: Bridge, member: Component) -> F64:
 
 @pytest.mark.parametrize("axis", AXES, ids=str)
 def test_axis_meets_its_closed_form(axis: ArchAxis) -> None:
-    """Nodes obey the equation of their curve; chords stay within a millimetre of sag per metre of radius."""
+    """Nodes obey the equation of their curve; chords stay within a millimeter of sag per meter of radius."""
     x = axis.nodes(1.0)
     y = axis.height(x)
     off = x - 0.5 * axis.span

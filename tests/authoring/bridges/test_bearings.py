@@ -1,4 +1,4 @@
-"""Bearings by themselves: sizes to the millimetre, what a skew and a flange change, how often each kind is drawn."""
+"""Bearings by themselves: sizes to the millimeter, what a skew and a flange change, how often each kind is drawn."""
 
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def test_a_skewed_bearing_stays_under_its_girder() -> None:
     for skew in (0.0, 0.2, -0.5):
         turned = _askew(Bearings(0.4, 0.3, 0.09, 0.06, 0.2), skew)
         reach = turned.pad_width * np.cos(skew) + turned.pad_length * np.sin(abs(skew))
-        assert reach == pytest.approx(0.4, abs=1.5e-3)  # sizes are whole millimetres
+        assert reach == pytest.approx(0.4, abs=1.5e-3)  # sizes are whole millimeters
         assert turned.pad_width / turned.pad_length == pytest.approx(4 / 3, abs=0.01)
     assert sole_thickness(turned, (0.03, -0.02)) == pytest.approx(0.02)
     assert sole_thickness(turned, (0.08, -0.06)) == pytest.approx(

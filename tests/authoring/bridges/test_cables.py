@@ -225,7 +225,7 @@ def test_side_spans_hang_by_their_sag() -> None:
 
 
 def test_corners_of_a_cable_are_at_hangers_and_so_many_between() -> None:
-    """Both ends, each hanger farther than a decimetre from them, and equal runs that keep the chords to the limit."""
+    """Both ends, each hanger farther than a decimeter from them, and equal runs that keep the chords to the limit."""
     cables = hung(side_spans="straight").drawn.record.cables
     first, last = cables.towers
     low, high = first + 1.0, last - 1.0

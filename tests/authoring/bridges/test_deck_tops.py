@@ -260,7 +260,7 @@ def test_lines_on_the_road_are_lit_as_their_tops(place: Alignment) -> None:
 
 @pytest.mark.parametrize("shape", ["wall", "barrier", "railing", "wall_rail"])
 def test_parapets_end_in_blocks_on_the_approaches(shape: str) -> None:
-    """A metre of concrete, higher than the parapet, closes each end; what comes from the bridge ends in it."""
+    """A meter of concrete, higher than the parapet, closes each end; what comes from the bridge ends in it."""
     top = top_of(5, service="road", parapet={"shape": shape})
     parts = build(top)
     for number, outer in ((0, -8.0 + 0.004), (1, 28.0 + 8.0 - 0.004)):

@@ -24,7 +24,7 @@ def count(bridge: Bridge) -> dict[str, int]:
 
 @pytest.mark.parametrize("pitch", [7.0, 15.0, 40.0])
 def test_stations_keep_their_pitch_and_clear_the_joints(pitch: float) -> None:
-    """No two neighbours further apart than the pitch, every span has one, none within 1 m of a support."""
+    """No two neighbors further apart than the pitch, every span has one, none within 1 m of a support."""
     spans = Spans((0.0, 12.0, 41.0, 60.0), 0.4, 0.04)
     for stations in (fitting_stations(pitch, spans), lamp_stations(pitch, spans)):
         assert np.all(np.diff(stations) > 0.0)

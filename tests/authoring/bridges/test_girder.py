@@ -125,7 +125,7 @@ def test_rules_hold_over_many_seeds(proof_count: Any) -> None:
 
 @pytest.mark.parametrize("haunch", ["parabolic", "straight"])
 def test_haunches_are_continuous_and_meet_their_bearings(haunch: str) -> None:
-    """Soffits of neighbouring pieces meet, are deepest over the piers, and the seats follow."""
+    """Soffits of neighboring pieces meet, are deepest over the piers, and the seats follow."""
     steel = {"arrangement": "multi", "haunch": haunch, "count": 4}
     record, parts = make(5, {"spans": [32.0, 44.0, 32.0], "continuous": True, "steel": steel}, **PLAIN)
     g, spans = record.steel, record.spans

@@ -60,7 +60,7 @@ def one_vertex_moved(component: Component) -> np.ndarray:
 
 
 def vertices_merged(component: Component) -> np.ndarray:
-    """Lay the first vertex upon its neighbour."""
+    """Lay the first vertex upon its neighbor."""
     points = component.mesh.points.copy()
     first, second = component.mesh.corners[:2]
     points[first] = points[second]
