@@ -18,7 +18,7 @@ from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import need_scenario
 from falsework.commands.parsing import parse, parse_verb
 from falsework.commands.render_verb import render
-from falsework.stops import INTERRUPTED, INTERRUPTED_LINE, catch_stops, stop_behind
+from falsework.stops import INTERRUPTED, INTERRUPTED_LINE, TERMINATED, catch_stops, stop_behind
 from groundwork.errors import FalseworkError, InputError, MissingError, RejectedSceneError
 
 PIPE_CLOSED = 141
@@ -248,6 +248,8 @@ def main(arguments: list[str] | None = None) -> None:
             with suppress(BrokenPipeError):  # `… --help | head`
                 _show_examples(words)
                 sys.stdout.flush()
+        if left.code == TERMINATED:
+            sys.stderr.write(INTERRUPTED_LINE)
         raise
     except FalseworkError as error:
         reason = f"{error.reason}: " if isinstance(error, RejectedSceneError) else ""
