@@ -37,7 +37,7 @@ def commands_page() -> str:
         "| exit code | meaning |",
         "|---|---|",
         "| 0 | done; in `run`, rejected scenes are results and are counted |",
-        "| 1 | an internal error; `doctor` found a failure; `verify` found damage |",
+        "| 1 | an internal error; `doctor` found a failure; `verify` found damage, or scenes without results |",
         "| 2 | bad input: one line names file, field, value, what is allowed, and what to do |",
         "| 3 | some scenes failed, or the result of a single verb was rejected |",
         "| 4 | the disk is full; repeat the command when there is room: it continues |",

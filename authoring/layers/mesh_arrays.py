@@ -1,4 +1,4 @@
-"""Arrays of many meshes as a layer stores them: rounded, centerd and indexed, all meshes at once."""
+"""Arrays of many meshes as a layer stores them: rounded, centered and indexed, all meshes at once."""
 
 from dataclasses import dataclass
 from typing import Any

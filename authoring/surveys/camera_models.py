@@ -53,7 +53,7 @@ def _camera(row: dict[str, Any]) -> CameraModel:
 
 
 def calibration(model: CameraModel, width: int | None = None, height: int | None = None) -> Pinhole:
-    """Find the intrinsics of a camera at an image size: square pixels, centerd principal point.
+    """Find the intrinsics of a camera at an image size: square pixels, centered principal point.
 
     Args:
         model: Camera.

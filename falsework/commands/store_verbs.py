@@ -8,7 +8,7 @@ import tyro
 from falsework.commands.answers import AsJson, answer
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import need_folder
-from groundwork.errors import MissingError
+from groundwork.errors import InputError, MissingError
 
 OF_A_RUN = "the output folder of a run"
 
@@ -35,16 +35,21 @@ def verify(output: tyro.conf.Positional[Path], *, repair: bool = False, as_json:
         wrong = Store(output).verify()
     from falsework.commands.unfinished import unfinished_scenes
 
+    left: list[str] = []
     with ConsoleProgress() as progress:
-        wrong += unfinished_scenes(output, progress)
+        try:
+            left = unfinished_scenes(output, progress)
+        except InputError as error:
+            wrong.append(str(error).removeprefix(f"{output}/"))
     if as_json:
-        answer({"whole": not wrong, "wrong": wrong})
-        return int(bool(wrong))
-    for line in wrong:
+        answer({"whole": not wrong and not left, "wrong": wrong, "unfinished": left})
+        return int(bool(wrong or (left and not repair)))
+    for line in (*wrong, *left):
         sys.stdout.write(line + "\n")
     said = f"{len(wrong)} fault{'s'[: len(wrong) != 1]}" if wrong else "all stored results are complete and unchanged"
-    sys.stdout.write(said + "\n")
-    return int(bool(wrong))
+    lacking = f"; {len(left)} scene{'s lack' if len(left) != 1 else ' lacks'} results" if left else ""
+    sys.stdout.write(f"{said}{lacking}\n")
+    return int(bool(wrong or (left and not repair)))
 
 
 def clean(

@@ -180,8 +180,8 @@ def evaluate(
     with ConsoleProgress() as progress, reading(model, dataset):
         if known := _trained_on(trained.facts, source):
             progress.note(
-                f"the model was trained on {len(known)} of these bridges, so its scores are too good: "
-                + ", ".join(name[:12] for name in known)
+                f"the model, or one that it began with, was trained on {len(known)} of these bridges, "
+                "so its scores are too good: " + ", ".join(name[:12] for name in known)
             )
         record = evaluate_model(_in_classes_of(source, trained), source, progress, _voxel(source))
     if output is not None:

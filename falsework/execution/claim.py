@@ -51,9 +51,12 @@ def claim_run(out: Path, scenario: Scenario) -> None:
 def _check_folders(out: Path, scenes: int) -> None:
     """Refuse what would be in the way after hours of work."""
     inner = [f"{name}/{stage}" for name in ("store", "evicted") for stage in (*STAGES, POOL)]
-    made = {f"{index:04d}" for index in range(scenes)}
-    found = [path.name for path in (out / "scenes").iterdir()] if (out / "scenes").is_dir() else []
-    for path in (out / name for name in (*_FOLDERS, *inner, *(f"scenes/{name}" for name in sorted(made & {*found})))):
+    there = sorted(path.name for path in (out / "scenes").iterdir()) if (out / "scenes").is_dir() else []
+    ours = [f"scenes/{name}" for name in there if name.isdecimal() and int(name) < scenes]
+    inner += [
+        name for scene in ours for name in (scene, *(f"{scene}/{kind}" for kind in ("capture", "model", "cloud")))
+    ]
+    for path in (out / name for name in (*_FOLDERS, *inner)):
         if os.path.lexists(path) and not path.is_dir():
             raise InputError("is in the way of a folder", where=path, hint="Move it elsewhere")
     for path in (out / name for name in _FILES):

@@ -97,7 +97,7 @@ def _failures(root: Path, scenes: list[Path], seed: int, count: int) -> list[Fai
             continue
         try:
             record = read_json(path)
-            scene = _scene_of(root, record.get("inputs", {}), owners)
+            scene = _scene_of(root, record.get("inputs", {}), owners, seeds)
             drawn = record.get("settings", {}).get("seed", -1)
             if not scene and drawn != -1 and drawn not in seeds:  # of a former scene
                 continue
@@ -109,8 +109,8 @@ def _failures(root: Path, scenes: list[Path], seed: int, count: int) -> list[Fai
     return sorted(rows, key=lambda row: (row.scene or "~", row.stage))
 
 
-def _scene_of(root: Path, inputs: dict[str, str], owners: dict[str, str]) -> str:
-    """Name the scene of a result by its inputs; the record of an input that was removed names its own inputs."""
+def _scene_of(root: Path, inputs: dict[str, str], owners: dict[str, str], seeds: dict[int, str]) -> str:
+    """Name the scene of a result by its inputs; the record of an input that was removed names its own, or its seed."""
     for key in inputs.values():
         if key in owners:
             return owners[key]
@@ -119,7 +119,10 @@ def _scene_of(root: Path, inputs: dict[str, str], owners: dict[str, str]) -> str
         record = root / "evicted" / stage / f"{key}.json"
         if stage in STAGES and key.isalnum() and is_regular(record):
             former = read_json(record)
-            if former.get("stage") == stage and (scene := _scene_of(root, _inputs_before(former), owners)):
+            if former.get("stage") != stage:
+                continue
+            drawn = seeds.get(former.get("settings", {}).get("seed", -1), "")
+            if scene := _scene_of(root, _inputs_before(former), owners, seeds) or drawn:
                 return scene
     return ""
 

@@ -108,7 +108,10 @@ def _model(name: str, folder: Path) -> dict[str, Any]:
         "settings": [
             ("training", settings_rows(_mapping(training.get("settings")))),
             ("network", settings_rows(_mapping(stored.get("settings")))),
-            ("samples", settings_rows(_mapping(stored.get("data")))),
+            (
+                "samples",
+                settings_rows({key: value for key, value in _mapping(stored.get("data")).items() if key != "earlier"}),
+            ),
         ],
     }
 

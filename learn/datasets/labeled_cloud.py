@@ -212,7 +212,7 @@ def _read_labeled_scan(
             field=column,
             hint="Name another class map, or write the column into the file",
         )
-    unknown = sorted({int(code) for code in np.unique(codes)} - class_map.codes.keys())
+    unknown = sorted({int(code) for code in np.unique(codes)} - {*class_map.codes, UNLABELED})
     if unknown:
         progress.note(
             f"{path.name}: class numbers that are not in the class map {class_map.name} are read as "

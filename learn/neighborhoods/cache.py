@@ -4,12 +4,14 @@ import hashlib
 import io
 import zipfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from groundwork.canonical import canonical_json
+from groundwork.errors import OutOfSpaceError
 from groundwork.files import write_bytes
 from learn.neighborhoods.pyramids import Indices
 
@@ -58,6 +60,7 @@ def cached_pyramid(folder: Path | None, coord: F32, parameters: object, build: C
         arrays = build(coord)
     stream = io.BytesIO()
     np.savez(stream, allow_pickle=False, **dict(arrays))  # not atomic: into memory
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_bytes(path, stream.getvalue(), durable=False)
+    with suppress(OutOfSpaceError):  # the work goes on without a cache
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(path, stream.getvalue(), durable=False)
     return arrays

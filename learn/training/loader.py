@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset, Sampler
 
+from groundwork.errors import InputError
 from learn.losses import uncertainty_weights
 from learn.models.backbone import COORD, Backbone, batched, geometry_of
 from learn.neighborhoods.batches import MANY
@@ -169,6 +171,18 @@ def count_labels(source: SampleSource, rows: Sequence[int], seed: int, workers: 
     drawn = DataLoader(_Counted(source, rows, seed), batch_size=None, num_workers=workers)
     counts = [np.asarray(row) for row in drawn]
     return np.stack(counts) if counts else np.zeros((0, len(source.classes)), np.int64)
+
+
+@contextmanager
+def errors_of_loaders() -> Iterator[None]:
+    """Give errors of the processes that load samples their own words; torch adds the traceback to them."""
+    try:
+        yield
+    except InputError as error:
+        told = str(error)
+        if not told.startswith("Caught InputError"):
+            raise
+        raise InputError(told.rpartition("InputError: ")[2].strip()) from None
 
 
 def cache_of_pyramids(folder: Path, source: SampleSource, rows: Sequence[int]) -> Path | None:

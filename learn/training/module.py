@@ -13,7 +13,6 @@ from lightning.pytorch.callbacks import ModelCheckpoint
 from safetensors.torch import save
 from torch import Tensor, nn
 
-from groundwork.errors import InputError
 from groundwork.files import write_bytes, write_text
 from groundwork.progress import Progress
 from learn.losses import components_only, cross_entropy, lovasz_softmax, noise_loss
@@ -150,13 +149,8 @@ class Segmentation(lightning.LightningModule):
 
     def _close(self, kept: bool, miou: float | None, accuracy: float | None, mean_accuracy: float | None) -> None:
         loss = float(torch.stack(self._losses).mean()) if self._losses else float("nan")
-        if not np.isfinite(loss):
-            raise InputError(
-                f"the training diverged: in epoch {self.current_epoch + 1} its loss is not finite",
-                field="learning_rate",
-                value=self._settings.learning_rate or self._recipe.learning_rate,
-                hint="Lower learning_rate with --set, or train with precision 32-true",
-            )
+        diverged = self.trainer.strategy.reduce_boolean_decision(not np.isfinite(loss), all=False)
+        self.trainer.should_stop = self.trainer.should_stop or diverged
         self.history.append(
             {
                 "epoch": self.current_epoch,

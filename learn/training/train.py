@@ -39,6 +39,7 @@ from learn.training.loader import (
     cache_of_pyramids,
     collate,
     count_labels,
+    errors_of_loaders,
     expected_counts,
     hold_out,
 )
@@ -111,10 +112,22 @@ def train_network(
         stop_after: Stop after so many epochs, to resume with another call; the schedule is that of the whole training.
 
     Raises:
-        InputError: No samples, only one class, no GPU although one is requested, an `init` model that does not fit, or
-            an encoder that is to stay as it is without one.
+        InputError: No samples, only one class, no GPU although one is requested, an `init` model that does not fit, an
+            encoder that is to stay as it is without one, or a loss that is not finite.
     """
     _check_gpu(settings)
+    with errors_of_loaders():
+        _train(data, settings, folder, progress, init, stop_after)
+
+
+def _train(
+    data: TrainingData,
+    settings: TrainSettings,
+    folder: Path,
+    progress: Progress,
+    init: Path | None,
+    stop_after: int | None,
+) -> None:
     check_start(data.facts, settings, init, progress)
     torch.use_deterministic_algorithms(not trains_on_gpu(settings))
     task, classes = _set_task(data, settings, init), data.training.classes
@@ -299,7 +312,20 @@ def _fit(
         raise KeyboardInterrupt
     if settings.devices > 1:  # the results of the processes are in their checkpoint
         module.on_load_checkpoint(torch.load(folder / LAST, weights_only=True))
+    _check_finite(module.history, settings)
     return module
+
+
+def _check_finite(history: Sequence[Mapping[str, float | None]], settings: TrainSettings) -> None:
+    """Refuse a training whose loss is not finite; the module has stopped it in that epoch."""
+    for row in history:
+        if not np.isfinite(row["loss"] or 0.0):
+            raise InputError(
+                f"the training diverged: in epoch {row['epoch']:.0f}, counted from 0, its loss is not finite",
+                field="learning_rate",
+                value=settings.learning_rate or recipe_of(settings).learning_rate,
+                hint="Lower learning_rate with --set, or train with precision 32-true",
+            )
 
 
 def _loaders(

@@ -10,7 +10,7 @@ from groundwork.errors import InputError
 from groundwork.files import whole_file
 from recon.formats.labels import DTYPES, NAMES, Labels, refuse_labeled
 from recon.formats.read_numpy import open_array
-from recon.formats.read_text import first_line
+from recon.formats.read_text import BYTE_ORDER_MARK, first_line
 
 _LONGEST_LINE = 4096  # [bytes]
 
@@ -37,12 +37,14 @@ def copy_text(source: Path, out: Path, labels: Iterable[Labels]) -> None:
             body = line.rstrip(b"\r\n")
             added = between + between.join(name.encode() for name in NAMES) if names else b""
             copy.write(body + added + line[len(body) :])
+        known = BYTE_ORDER_MARK if not skipped else b""
         for part in labels:
             for label, sure, instance in zip(part.classes, part.confidence, part.instance, strict=True):
                 line = file.readline()
-                while line and not line.split(b"#")[0].strip():
+                while line and not line.removeprefix(known).split(b"#")[0].strip():
                     copy.write(line)
-                    line = file.readline()
+                    known, line = b"", file.readline()
+                known = b""
                 body = line.rstrip(b"\r\n")
                 values = (f"{label}".encode(), f"{sure:.6g}".encode(), f"{instance}".encode())
                 copy.write(body.rstrip() + between + between.join(values) + (line[len(body) :] or b"\n"))

@@ -13,7 +13,7 @@ from recon.placing.wkt_unit import unit_of_wkt
 _GEOKEY_UNITS = {9001: METERS["m"], 9002: METERS["ft"], 9003: METERS["us-ft"]}
 _MODEL_KEY, _UNIT_KEY, _HEIGHT_KEY, _GEOGRAPHIC = 1024, 3076, 4099, 2
 _WKT, _GEOKEYS = ("LASF_Projection", 2112), ("LASF_Projection", 34735)
-_VERTICAL = re.compile(r"\bVERT(_CS|CRS|ICALCRS)\s*[\[(]", re.IGNORECASE)
+_VERTICAL = re.compile(r"\bVERT(_?CS|CRS|ICALCRS)\s*[\[(]", re.IGNORECASE)
 
 
 def meters_per_unit(records: Mapping[tuple[str, int], bytes]) -> float | None:

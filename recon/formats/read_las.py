@@ -260,13 +260,14 @@ class LasRows:
 
     @cached_property
     def _brightest(self) -> int:
-        """Find the largest value of a color: some programs write 8 bits into 16, and 0 where nothing is known."""
+        """Find the largest color, or one above 255; some programs write 8 bits into 16, and 0 if nothing is known."""
         at, brightest = _COLORS[self.header.format], 0
         for first in range(0, self.header.count, _BLOCK):
             last = min(first + _BLOCK, self.header.count)
-            brightest = max(
-                brightest, *(int(self._column(at + 2 * band, "<u2", first, last).max()) for band in range(3))
-            )
+            for band in range(3):
+                brightest = max(brightest, int(self._column(at + 2 * band, "<u2", first, last).max()))
+                if brightest > 255:
+                    return brightest
         return brightest
 
     def _column(self, at: int, kind: str, first: int, last: int) -> NDArray[Any]:
@@ -282,7 +283,10 @@ class LasRows:
         extra = self.header.extra
         names = [column_named(pair, extra) for pair in _NORMALS]
         found = [self._column(*extra[name], first, last) for name in names if name is not None]
-        return np.column_stack(found).astype(np.float32) if len(found) == 3 else None
+        if len(found) < 3:
+            return None
+        normal = np.column_stack(found).astype(np.float64)  # whole numbers have a scale
+        return (normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)).astype(np.float32)
 
     def decode(self, first: int, last: int, labels: bool | str = True) -> Scan:
         """Decode a range of points into columns.

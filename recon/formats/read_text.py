@@ -11,9 +11,10 @@ from groundwork.errors import InputError
 from recon.formats.scan_points import Scan, as_colors, as_ids, check_coordinates, check_count, column_named, label_names
 
 SUFFIXES = (".xyz", ".txt", ".csv", ".asc", ".pts")
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+"""In front of UTF-8, as spreadsheets write it."""
 _MOST_TEXT = 2_000_000_000  # [bytes]
 _LONGEST_LINE = 4096  # [bytes]
-_MARK = b"\xef\xbb\xbf"  # in front of UTF-8, as spreadsheets write it
 _SHORTEST_LINE = 6  # [bytes] three digits, two blanks and a line end
 _NAMES = {
     "r": "red",
@@ -100,7 +101,7 @@ def first_line(path: Path, head: list[bytes]) -> tuple[int, tuple[str, ...], str
     """
     if b"\0" in head[0] or len(head[0]) >= _LONGEST_LINE:
         raise InputError("neither text nor another known format", where=path)
-    first = head[0].removeprefix(_MARK).decode("ascii", "replace").strip()
+    first = head[0].removeprefix(BYTE_ORDER_MARK).decode("ascii", "replace").strip()
     words = re.split(r"[,;\s]+", first.lstrip("/# "))
     second = head[1].decode("ascii", "replace")
     mark = next((sign for sign in ",;" if sign in (second or first)), None)

@@ -93,7 +93,7 @@ def check_coordinates(path: Path, coord: F64) -> None:
 def as_ids(path: Path, name: str, values: NDArray[Any], dtype: type[np.uint8 | np.uint32]) -> NDArray[Any]:
     """Convert a column of labels of any number type.
 
-    Class ids of -1, as in Pointcept's data sets, and NaN, as CloudCompare writes, mean no label.
+    A -1, as in Pointcept's data sets, and NaN, as CloudCompare writes, mean no label or no instance.
 
     Args:
         path: File, for the error.
@@ -102,14 +102,14 @@ def as_ids(path: Path, name: str, values: NDArray[Any], dtype: type[np.uint8 | n
         dtype: Unsigned integer type to turn it into.
 
     Returns:
-        Ids, shape (N,); 255 for a class id that means no label.
+        Ids, shape (N,); 255 for no label, 0 for no instance.
 
     Raises:
         InputError: A label is not a whole number of that type.
     """
     top = np.iinfo(dtype).max
-    if dtype is np.uint8:
-        values = np.where((values == -1) | np.isnan(values), np.int16(UNLABELED), values)
+    none = UNLABELED if dtype is np.uint8 else 0
+    values = np.where((values == -1) | np.isnan(values), np.int16(none), values)
     good = (values >= 0) & (values <= top) & (values == np.floor(values))
     if not good.all():
         raise InputError(
@@ -117,7 +117,7 @@ def as_ids(path: Path, name: str, values: NDArray[Any], dtype: type[np.uint8 | n
             where=path,
             field=name,
             value=values[np.argmin(good)].item(),
-            allowed=f"whole numbers from 0 to {top}" + (", or -1 for no label" if dtype is np.uint8 else ""),
+            allowed=f"whole numbers from 0 to {top}, or -1 for none",
         )
     return values.astype(dtype)
 

@@ -71,7 +71,7 @@ class Alignment:
         status: Reason code of every image of the capture, `ok` for valid ones.
         center_errors: Distance between aligned and target center [m], shape (N,), float64; NaN when unregistered.
         rotation_errors: Angle between aligned and target rotation [deg], shape (N,), float64; NaN when unknown.
-        singular_values: Singular values of the centerd target centres of valid cameras [m], shape (3,), float64,
+        singular_values: Singular values of the centered target centers of valid cameras [m], shape (3,), float64,
             descending.
         agreeing: Whether each measured position agrees with the others, shape (N,), bool; None with truth.
         errors: Limits of the alignment's errors; None with truth, and where nothing was measured.

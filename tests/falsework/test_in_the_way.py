@@ -48,12 +48,14 @@ def test_what_stands_in_place_of_our_own_is_said_before_the_work(name: str, run:
     assert os.path.lexists(place)
 
 
-@pytest.mark.parametrize("name", ["store/capture", "store/texture", "evicted/capture", "scenes/0001"])
+@pytest.mark.parametrize(
+    "name", ["store/capture", "store/texture", "evicted/capture", "scenes/0001", "scenes/0000/capture"]
+)
 def test_what_stands_in_place_of_a_folder_of_ours_is_said_before_the_work(name: str, tmp_path: Path, run: Run) -> None:
     """A file one level down: one line that names it, and nothing is made."""
     place = tmp_path / "out" / name
     run(2, faults={"stage:0": "input", "stage:1": "input"})
-    place.parent.mkdir(exist_ok=True)
+    place.parent.mkdir(parents=True, exist_ok=True)
     place.write_text("mine")
     with pytest.raises(InputError, match=f"{name}: is in the way of a folder"):
         run(2, retry_failed=True)

@@ -5,10 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from groundwork.errors import InputError
-from learn.compare import noise
+from groundwork.progress import SILENT
+from learn.compare import noise, pieces
 from learn.compare.noise import CUBE, fit_noise, noise_from_json, sensor_places, with_noise
+from learn.compare.pieces import CloudSource, CutSettings
 from recon.cloud import COLUMNS, Cloud, without_observations, write_cloud
 from usd_schemas.components import class_rows
 
@@ -106,6 +109,18 @@ def test_what_was_fitted_comes_back(tmp_path: Path) -> None:
     assert (same[0] == rows).all()
     assert (same[1] == coord).all()
     assert not np.array_equal(with_noise(other, fitted, STATION[None], seed=6)[0], rows)
+
+
+def test_displaced_points_are_uncertain(tmp_path: Path) -> None:
+    """By as much as they were displaced, so that a training leaves out the noisy ones, as those of the sensor."""
+    exact, like = ring_cloud(1, 20_000), ring_cloud(2, 20_000, measured=True)
+    pair = written(tmp_path / "exact", exact), written(tmp_path / "like", like)
+    (tmp_path / "noise.json").write_text(json.dumps(fit_noise([pair]).as_json()))
+    found = pieces._read(CloudSource("a", *pair, tmp_path / "noise.json"), CutSettings(table="falsework"), SILENT)
+    nearest, _ = KDTree(exact.columns["coord"]).query(found.coord)
+    assert (found.uncertainty >= nearest - 1e-6).all()
+    assert 0.004 < np.median(found.uncertainty) < 0.02  # most are on the wall, which has an error of 10 mm
+    assert (found.uncertainty > 0.1).any()
 
 
 def told_apart(folder: Path) -> dict[str, tuple[float, float]]:

@@ -13,6 +13,7 @@ import pytest
 import torch
 from scipy.spatial import KDTree
 
+from benchmarks.speed_unit import slower
 from falsework.cli import main
 from groundwork.progress import Silent
 from learn.datasets.class_tables import class_table
@@ -163,7 +164,8 @@ def test_the_demonstration_learns_and_shuffled_labels_teach_nothing(tmp_path: Pa
     _, rows = run_demo(tmp_path / "model", Silent())
     spent = time.process_time() - begun
     network, forest, majority = rows
-    assert spent < 300.0  # [s] of processor time; half of it on the machine of docs/proof.json
+    slow = max(1.0, slower("numpy"))  # how many times slower this machine is than the one of the pages
+    assert spent / slow < 300.0  # [s] of processor time
     assert len(network.bridges) == 4
     assert (network.iou > 0).all()
     assert network.mean >= 0.6
@@ -184,5 +186,6 @@ def test_the_demonstration_learns_and_shuffled_labels_teach_nothing(tmp_path: Pa
             "miou_majority": majority.mean,
             "miou_shuffled_labels": shuffled.mean,
             "cpu_s": round(spent),
+            "cpu_s_of_the_reference": round(spent / slow),
         },
     )

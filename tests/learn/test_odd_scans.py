@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from learn.predict.settings import PredictSettings
 from learn.sample import Sample
 from recon.cloud import write_cloud
 from recon.formats.copy_las import copy_las
+from recon.formats.copy_table import copy_text
 from recon.formats.labels import Labels
 from recon.formats.laz import write_laz
 from recon.formats.ply import write_ply
@@ -148,9 +150,19 @@ def test_normals_and_missing_colors_of_las(tmp_path: Path) -> None:
         scan.add_extra_dim(laspy.ExtraBytesParams(name, np.dtype("f4")))
         scan[name] = normal[:, axis]
     scan.write(str(tmp_path / "b.laz"))
+    unit = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     read = read_scan(tmp_path / "b.laz")
-    np.testing.assert_array_equal(read.normal, normal)
+    assert read.normal is not None
+    np.testing.assert_allclose(read.normal, unit, atol=1e-6)
     assert read.color is None
+    scan = laspy.read(str(tmp_path / "a.las"))
+    for axis, name in enumerate(("nx", "ny", "nz")):
+        scan.add_extra_dim(laspy.ExtraBytesParams(name, np.dtype("i2"), scales=[1e-4], offsets=[0.0]))
+        scan[name] = unit[:, axis]
+    scan.write(str(tmp_path / "c.las"))
+    scaled = read_scan(tmp_path / "c.las").normal
+    assert scaled is not None
+    np.testing.assert_allclose(scaled, unit, atol=2e-4)
     with pytest.raises(InputError, match=r"color"):
         predict_scan(tmp_path / "b.laz", tmp_path / "out.laz", ColorModel(), PredictSettings())
 
@@ -187,10 +199,16 @@ def test_a_cloud_of_ours_has_all_inputs_of_a_model(tmp_path: Path) -> None:
 
 
 def test_text_with_a_mark_of_utf8_is_read(tmp_path: Path) -> None:
-    """As spreadsheets write it, with names in the first line or without."""
-    for text in ("x,y,z\n1,2,3\n", "1 2 3\n"):
-        (tmp_path / "a.csv").write_bytes(b"\xef\xbb\xbf" + text.encode())
-        np.testing.assert_array_equal(read_scan(tmp_path / "a.csv").coord, [[1.0, 2.0, 3.0]])
+    """As spreadsheets write it, with names, a comment or nothing in the first line; labels lie at their points."""
+    for text in ("x,y,z\n1,2,3\n4,5,6\n", "1 2 3\n4 5 6\n", "# scan\n1 2 3\n4 5 6\n", "\n1 2 3\n4 5 6\n"):
+        source, copy = tmp_path / "a.csv", tmp_path / "b.csv"
+        source.write_bytes(b"\xef\xbb\xbf" + text.encode())
+        np.testing.assert_array_equal(read_scan(source).coord, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+        labels = Labels(np.array([7, 9], np.uint8), np.ones(2, np.float32), np.zeros(2, np.uint32))
+        copy.unlink(missing_ok=True)
+        copy_text(source, copy, [labels])
+        rows = [re.split("[ ,]", line) for line in copy.read_text("utf-8-sig").splitlines() if line[:1] in ("1", "4")]
+        assert [row[:4] for row in rows] == [["1", "2", "3", "7"], ["4", "5", "6", "9"]]
 
 
 def test_a_cloud_without_a_scale_is_asked_for_its_unit(tmp_path: Path) -> None:

@@ -105,9 +105,23 @@ def test_a_training_that_diverges_ends_with_a_clear_error(tmp_path: Path) -> Non
             found = super().sample(index, seed)
             return type(found)(found.coord, np.full_like(found.features, np.nan), found.labels, found.channels)
 
-    with pytest.raises(InputError, match=r"learning_rate: the training diverged: in epoch 1 .*Lower"):
+    with pytest.raises(InputError, match=r"learning_rate: the training diverged: in epoch 0, .*Lower"):
         train(tmp_path, settings(validation=0.0), source=Spoiled(6))
     assert not (tmp_path / FACTS).exists()
+
+
+def test_an_error_in_a_process_that_loads_samples_keeps_its_words(tmp_path: Path) -> None:
+    """One line, without the traceback that torch adds."""
+
+    class Broken(ToyBridges):
+        def sample(self, index: int, seed: int) -> Any:
+            if index:
+                raise InputError("a label without a class", where="a.npy", hint="Make it again")
+            return super().sample(index, seed)
+
+    with pytest.raises(InputError) as caught:
+        train(tmp_path, settings(workers=1), source=Broken(6))
+    assert str(caught.value) == "a.npy: a label without a class. Make it again"
 
 
 def test_the_neighborhoods_of_validation_are_searched_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

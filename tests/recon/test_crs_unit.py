@@ -49,6 +49,7 @@ def test_well_known_text(text: str, unit: float | None) -> None:
         ),
         (f'COMPOUNDCRS["both",{WKT2},VERTCRS["v",VDATUM["d"],CS[vertical,1],AXIS["h",up,LENGTHUNIT["m",1]]]]', 1.0),
         (f'COMPOUNDCRS["both",{WKT2},VERTCRS["v",VDATUM["d"],CS[vertical,1],AXIS["h",up],LENGTHUNIT["m",1]]]', 1.0),
+        (f'{FEET},VERTCS["NAVD88_height_ftUS",VDATUM["d"],PARAMETER["p",0.0],UNIT["Foot_US",{US_FOOT}]]', US_FOOT),
         (FEET, None),
         ("", None),
     ],

@@ -299,6 +299,11 @@ def test_labels_must_be_labels(tmp_path: Path) -> None:
         segment = read_scan(tmp_path / "l.ply").segment
         assert segment is not None
         assert (segment.dtype, segment.tolist()) == (np.uint8, [255])
+    (tmp_path / "l.txt").write_text("1 2 3 10 20 30 -1 -1\n1 2 4 10 20 30 4 nan\n1 2 5 10 20 30 4 7\n")
+    scan = read_scan(tmp_path / "l.txt")
+    assert scan.segment is not None
+    assert scan.instance is not None
+    assert (scan.segment.tolist(), scan.instance.tolist()) == ([255, 4, 4], [0, 0, 7])
     for value in ("12.5", "-2", "300", "inf"):
         (tmp_path / "l.ply").write_text(f"{head}property float label\nend_header\n1 2 3 {value}\n")
         with pytest.raises(InputError, match="not a label"):

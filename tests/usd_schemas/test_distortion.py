@@ -41,7 +41,7 @@ def test_undistort_inverts_distort(k1: float, k2: float, p1: float, p2: float) -
 
 
 def test_newton_squares_its_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Six steps are enough all over an image of a lens that is strongly decenterd: slopes are asked once more."""
+    """Six steps are enough all over an image of a lens that is strongly decentered: slopes are asked once more."""
     lens, count, slopes = Distortion(-0.11, 0.04, 0.02, -0.03), [0], Distortion.slopes
 
     def counted(self: Distortion, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
