@@ -32,7 +32,8 @@ class TrainSettings(Settings):
     """Seed of weights, order, draws and dropout."""
     validation: float = Field(default=0.2, ge=0.0, lt=1.0)
     """Share of the bridges that are held out if the data set has no validation split [1]; 0: none, and without a
-    validation split the weights of the last epoch are used."""
+    validation split the weights of the last epoch are used. Held-out bridges lack their noisy points, as all training
+    pieces do; those of a validation split have them."""
     class_aware: float | None = Field(default=None, ge=0.0, le=1.0)
     """Share of an epoch's samples that are chosen by class, all classes equally often [1]; left out: that of the
     recipe."""
