@@ -28,13 +28,10 @@ BACKGROUND = 0
 @pytest.mark.parametrize("index", LOCAL)
 def test_local_scene_becomes_a_dense_cloud(index: int, tmp_path: Path, record_proof: RecordProof) -> None:
     """Registered, labeled, complete and exact, with the poses of structure from motion."""
-    before = _processor_time()
-    made = _reconstruct("paper-local", index, tmp_path / "run")
-    if isinstance(made, str):
-        record_proof(f"paper-local: scene {index}", 0, 399, {"rejected": made})
+    made = _measured("paper-local", index, 399, tmp_path / "run", record_proof)
+    if made is None:
         return
-    cloud, truth = made
-    figures = {**_figures(cloud, truth), **_sizes(tmp_path / "run"), "cpu_s": _processor_time() - before}
+    cloud, truth, figures = made
     samples, classes = visible_surface(truth, FAR, VIEWS)
     distance, depth = cloud.columns["surface_distance"], _nearest_depth(cloud, truth)
     found, bridge = (
@@ -53,15 +50,24 @@ def test_local_scene_becomes_a_dense_cloud(index: int, tmp_path: Path, record_pr
 @pytest.mark.parametrize("index", GLOBAL)
 def test_global_scene_becomes_a_sparse_cloud(index: int, tmp_path: Path, record_proof: RecordProof) -> None:
     """Registered and labeled."""
-    before = _processor_time()
-    made = _reconstruct("paper-global", index, tmp_path / "run")
-    if isinstance(made, str):
-        record_proof(f"paper-global: scene {index}", 0, 220, {"rejected": made})
+    made = _measured("paper-global", index, 220, tmp_path / "run", record_proof)
+    if made is None:
         return
-    cloud, truth = made
-    figures = {**_figures(cloud, truth), **_sizes(tmp_path / "run"), "cpu_s": _processor_time() - before}
+    cloud, _, figures = made
     record_proof(f"paper-global: scene {index}", len(cloud), 220, figures | _points(cloud))
     _hold(figures)
+
+
+def _measured(
+    name: str, index: int, seed: int, out: Path, record_proof: RecordProof
+) -> tuple[Cloud, Truth, dict[str, float]] | None:
+    """Make the cloud of a scene and measure it; a scene that is rejected is recorded with the reason."""
+    before = _processor_time()
+    made = _reconstruct(name, index, out)
+    if isinstance(made, str):
+        record_proof(f"{name}: scene {index}", 0, seed, {"rejected": made})
+        return None
+    return *made, {**_figures(*made), **_sizes(out), "cpu_s": _processor_time() - before}
 
 
 def _reconstruct(name: str, index: int, out: Path) -> tuple[Cloud, Truth] | str:
