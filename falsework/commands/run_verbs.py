@@ -103,11 +103,12 @@ def _run(scenario: object, output: Path, scenes: list[int] | None, as_json: bool
         _say(f"scene {name} rejected: {reason}")
     for name, reason in outcome.failed.items():
         _say(f"scene {name} failed: {reason}")
-    _say(
-        f"{outcome.made} results made, {outcome.reused} existed already"
-        if outcome.made or outcome.failed or outcome.rejected
-        else f"nothing to do: all {outcome.reused} results existed already"
-    )
+    if outcome.made or outcome.failed or outcome.rejected:
+        _say(f"{outcome.made} results made, {outcome.reused} existed already")
+    elif scenes == []:
+        _say("nothing to do: this share has no scene")
+    else:
+        _say(f"nothing to do: all {outcome.reused} results existed already")
     for cloud in outcome.clouds:
         _say(f"cloud   {cloud}")
     for line in _few(outcome.clouds):

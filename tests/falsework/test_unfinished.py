@@ -90,3 +90,13 @@ def test_a_moved_run_is_checked_as_far_as_its_inputs_are_here(
     assert lost != text
     (tmp_path / "out/scenario.toml").write_text(lost)
     assert told() == []
+
+
+@pytest.mark.usefixtures("run")
+def test_a_share_without_a_scene_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A job of an array with more jobs than scenes ends well."""
+    (tmp_path / "s.toml").write_text('seed = 5\n[[survey]]\nkind = "global"\n')
+    with pytest.raises(SystemExit) as left:
+        main(["run", str(tmp_path / "s.toml"), "-o", str(tmp_path / "out"), "--shard", "5/7"])
+    assert not left.value.code
+    assert capsys.readouterr().out == "nothing to do: this share has no scene\n"
