@@ -142,6 +142,11 @@ class ExperimentSettings(Settings):
             for name in pair:
                 if name not in self.arms:
                     raise ValueError(f"pairs has {name!r}, which is not an arm; allowed: {', '.join(self.arms)}")
+            if pair[0] == pair[1]:
+                raise ValueError(f"pairs compares {pair[0]!r} with itself")
+        for key, given in (("models", self.models), ("pairs", self.pairs)):
+            if len(set(given)) < len(given):
+                raise ValueError(f"{key} has one twice, which would count its trainings double")
         self._check_filters()
         for name in self.channels:
             if name not in CHANNELS:

@@ -142,7 +142,8 @@ def cut_pieces(sources: Sequence[CloudSource], folder: Path, settings: CutSettin
 
 
 def _read(source: CloudSource, settings: CutSettings, progress: Progress) -> LabeledCloud:
-    cloud = read_labeled(source.path, None, class_table(settings.table, settings.noisy_class), progress)
+    table, moving = class_table(settings.table, settings.noisy_class), source.like is not None  # rows are of the whole
+    cloud = read_labeled(source.path, None, table, progress, moving)
     if source.like is not None and source.noise is not None:
         noise, seed = read_json(source.noise), digest([source.name, source.path.name])
         exact = read_cloud(source.path)
@@ -183,6 +184,14 @@ def _windows(
         origin = np.array([[middle[0], middle[1], bottom]])
         return [[0]], {name: (cloud, [np.arange(len(cloud))], origin) for name, cloud in clouds.items()}
     boxes = lay_windows(next(iter(clouds.values())), settings.window, where)
+    if not boxes:
+        raise InputError(
+            "no window along its deck has enough points",
+            where=where,
+            field="mode",
+            value="paper",
+            hint="Use denser clouds",
+        )
     origins = np.array([one.origin for one in boxes]).reshape(-1, 3)
     found = {}
     for name, cloud in clouds.items():

@@ -88,7 +88,7 @@ def _caution(record: Row) -> list[str]:
 
 
 def _about_intervals(record: Row) -> list[str]:
-    level = f"{100 * record['level']:.0f} %"
+    level = f"{100 * record['level']:g} %"
     return [
         "First minus second arm, in points of mean IoU. "
         f"*Interval*: {level}, seeds and bridges drawn anew, crossed ({record['draws']} draws), with Student's t for "

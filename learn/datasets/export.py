@@ -11,10 +11,10 @@ from groundwork.canonical import canonical_json
 from groundwork.errors import InputError
 from groundwork.files import space_errors, write_text
 from groundwork.slug import slug
+from learn.datasets.draws import count_draws, exhaustive_draw
 from learn.datasets.layout import DatasetFacts, PieceRow, read_facts, read_piece
-from learn.datasets.patch import Patch
-from learn.datasets.split import SPLITS
-from learn.datasets.stored import StoredSplit
+from learn.datasets.patch import CHANNELS, Patch
+from learn.datasets.split import SPLITS, TRAIN
 from usd_schemas.components import UNLABELED
 
 _AREAS = {"train": "Area_1", "val": "Area_2", "test": "Area_3"}  # S3DIS counts rooms in areas
@@ -188,10 +188,14 @@ def _draws(
     folder: Path, facts: DatasetFacts, split: str, channels: tuple[str, ...]
 ) -> Iterator[tuple[PieceRow, Patch, NDArray[np.int64]]]:
     """Yield the draws that visit all points of a split; those of training are not augmented either."""
-    source = StoredSplit(folder, split, ("x", "y", "z", *channels), augment=False)
-    rows = [row for row in facts.pieces if row.split == split for _ in range(row.draws)]
-    for index, row in enumerate(rows):
-        yield row, *source.piece(index)
+    needed, points = {CHANNELS[name] for name in channels}, facts.settings.points
+    inputs = [name for name in facts.inputs if name in needed]
+    for row in (row for row in facts.pieces if row.split == split):
+        patch = read_piece(folder, row, inputs)
+        # A piece that is drawn by class has one draw in an epoch, however many points it has.
+        draws = count_draws(len(patch), points) if facts.settings.stratified and split == TRAIN else row.draws
+        for number in range(draws):
+            yield row, patch, exhaustive_draw(len(patch), points, number, patch.seed)
 
 
 Export = Callable[[Path, DatasetFacts, Path], list[str]]

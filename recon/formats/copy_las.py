@@ -3,11 +3,13 @@
 import copy
 import ctypes
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from groundwork.errors import InputError
 from groundwork.files import whole_file
@@ -16,13 +18,16 @@ from recon.formats.read_las import LasRows
 from recon.formats.scan_points import Scan
 from usd_schemas.components import NOISY_POINT, UNLABELED
 
+F64 = NDArray[np.float64]
+
 _DESCRIPTIONS = ("class id, 255 for none", "confidence of the class", "connected part of a class")
 _NEW_FORMATS = 6  # first point format with a separate byte for the class
 _LARGEST_OLD_CODE = 31  # of the five bits in the formats before
 _UNCLASSIFIED, _NOISE = 1, 7  # LAS codes; its 16 is a part of a power line
 _STEP = 0.0001  # [m] of a new file
 _CREATED = date(2000, 1, 1)
-_COUNTS = 2**31 - 1
+_COPC = "copc"  # user of the records of a tree over the points of a compressed file
+_COUNTS, _MOST_16 = 2**31 - 1, 65535
 
 
 def copy_las(source: Path, rows: LasRows, out: Path, labels: Iterable[Labels], classify: bool) -> None:
@@ -49,6 +54,9 @@ def copy_las(source: Path, rows: LasRows, out: Path, labels: Iterable[Labels], c
             header, appended = copy.deepcopy(reader.header), list(reader.evlrs or ())
     except Exception as error:  # laspy may raise any exception of its parser
         raise InputError(f"its header cannot be copied: {str(error)[:80]}", where=source) from None
+    for row in [row for row in header.vlrs if row.user_id == _COPC]:  # the copy is in the order of the points
+        header.vlrs.remove(row)
+    appended = [row for row in appended if row.user_id != _COPC]
     known: Any = header.vlrs.get("ExtraBytesVlr")
     said = [bytes(row) for record in known for row in record.extra_bytes_structs]
     header.add_extra_dims(
@@ -76,15 +84,51 @@ def copy_las(source: Path, rows: LasRows, out: Path, labels: Iterable[Labels], c
             writer.write_evlrs(VLRList(appended))
 
 
-def new_las(out: Path, scans: Iterable[Scan], labels: Iterable[Labels], low: np.ndarray, high: np.ndarray) -> None:
-    """Write a new LAS or LAZ file, point format 7, of a source that is neither.
+@dataclass(frozen=True)
+class Extent:
+    """The extent of all points of a scan.
+
+    Attributes:
+        low: Lower corner [m], shape (3,), float64.
+        high: Upper corner [m], shape (3,), float64.
+        weakest: Least intensity [any unit].
+        strongest: Greatest intensity [any unit].
+    """
+
+    low: F64
+    high: F64
+    weakest: float
+    strongest: float
+
+
+def extent_of(scans: Iterable[Scan]) -> Extent:
+    """Measure a scan.
+
+    Args:
+        scans: The points, in pieces of any size, at least one.
+    """
+    rows = [
+        (
+            scan.coord.min(axis=0),
+            scan.coord.max(axis=0),
+            np.nan if scan.intensity is None else np.nanmin(scan.intensity),
+            np.nan if scan.intensity is None else np.nanmax(scan.intensity),
+        )
+        for scan in scans
+    ]
+    low, high, weakest, strongest = zip(*rows, strict=True)
+    return Extent(np.min(low, axis=0), np.max(high, axis=0), float(np.min(weakest)), float(np.max(strongest)))
+
+
+def new_las(out: Path, scans: Iterable[Scan], labels: Iterable[Labels], extent: Extent, classify: bool) -> None:
+    """Write a new LAS or LAZ file, point format 7, of a source that is neither: positions, colors and intensity.
 
     Args:
         out: .las or .laz file to write.
         scans: The points, in pieces of any size.
         labels: Labels of these points, in the same pieces.
-        low: Lower corner of all points [m], shape (3,), float64.
-        high: Upper corner [m], shape (3,), float64.
+        extent: Extent of all points. Intensities beyond 16 bits, or between 0 and 1, are scaled to 16 bits.
+        classify: As for `copy_las`.
     """
     import laspy
 
@@ -92,8 +136,8 @@ def new_las(out: Path, scans: Iterable[Scan], labels: Iterable[Labels], low: np.
     header.creation_date = _CREATED
     header.system_identifier = header.generating_software = "Falsework"
     header.global_encoding.wkt = True
-    coarsest = float((high - low).max() + 1.0) / _COUNTS
-    header.scales, header.offsets = np.full(3, max(_STEP, 10.0 ** np.ceil(np.log10(coarsest)))), np.floor(low)
+    coarsest = float((extent.high - extent.low).max() + 1.0) / _COUNTS
+    header.scales, header.offsets = np.full(3, max(_STEP, 10.0 ** np.ceil(np.log10(coarsest)))), np.floor(extent.low)
     header.add_extra_dims(
         [laspy.ExtraBytesParams(name, DTYPES[name], text) for name, text in zip(NAMES, _DESCRIPTIONS, strict=True)]
     )
@@ -104,9 +148,24 @@ def new_las(out: Path, scans: Iterable[Scan], labels: Iterable[Labels], low: np.
             if scan.color is not None:
                 for name, values in zip(("red", "green", "blue"), scan.color.T, strict=True):
                     record[name] = values.astype(np.uint16) * 257
+            if scan.intensity is not None:
+                record["intensity"] = _in_16_bits(scan.intensity, extent)
+            record["return_number"] = record["number_of_returns"] = np.ones(len(scan), np.uint8)
             for name, values in part.columns.items():
                 record[name] = values
+            if classify:
+                _set_classification(out, record.array, part.classes, 7)
             writer.write_points(record)
+
+
+def _in_16_bits(intensity: NDArray[np.float32], extent: Extent) -> NDArray[np.uint16]:
+    """Convert intensities to whole numbers: unchanged where they are such numbers, else scaled."""
+    values, low, high = np.nan_to_num(intensity.astype(np.float64)), extent.weakest, extent.strongest
+    if low < 0.0 or high > _MOST_16:
+        values = (values - low) / max(high - low, 1e-12) * _MOST_16
+    elif high <= 1.0:
+        values = values * _MOST_16
+    return np.rint(np.clip(values, 0.0, _MOST_16)).astype(np.uint16)
 
 
 def _writer(partial: Path, header: Any, out: Path, said: list[bytes]) -> Any:

@@ -10,9 +10,10 @@ from groundwork.errors import InputError
 from groundwork.files import whole_file
 from recon.formats.labels import DTYPES, NAMES, Labels, refuse_labeled
 from recon.formats.read_numpy import open_array
-from recon.formats.read_text import BYTE_ORDER_MARK, first_line
+from recon.formats.read_text import BYTE_ORDER_MARK, first_line, layout_of
 
 _LONGEST_LINE = 4096  # [bytes]
+_MAGIC = 12  # [bytes] before the header of an array
 
 
 def copy_text(source: Path, out: Path, labels: Iterable[Labels]) -> None:
@@ -32,23 +33,39 @@ def copy_text(source: Path, out: Path, labels: Iterable[Labels]) -> None:
     between = (mark or " ").encode()
     # not atomic: renamed when it is whole
     with source.open("rb") as file, whole_file(out) as partial, partial.open("wb") as copy:
+        if not skipped and (unnamed := _layout(source, mark)):
+            first = file.readline()
+            start = BYTE_ORDER_MARK if first.startswith(BYTE_ORDER_MARK) else b""
+            file.seek(len(start))
+            head = between.join(name.encode() for name in (*unnamed, *NAMES))
+            copy.write(start + b"# " + head + (b"\r\n" if first.endswith(b"\r\n") else b"\n"))
         for _ in range(skipped):
             line = file.readline()
             body = line.rstrip(b"\r\n")
             added = between + between.join(name.encode() for name in NAMES) if names else b""
             copy.write(body + added + line[len(body) :])
-        known = BYTE_ORDER_MARK if not skipped else b""
         for part in labels:
             for label, sure, instance in zip(part.classes, part.confidence, part.instance, strict=True):
                 line = file.readline()
-                while line and not line.removeprefix(known).split(b"#")[0].strip():
+                while line and not line.split(b"#")[0].strip():
                     copy.write(line)
-                    known, line = b"", file.readline()
-                known = b""
+                    line = file.readline()
                 body = line.rstrip(b"\r\n")
+                numbers, sign, comment = body.partition(b"#")
                 values = (f"{label}".encode(), f"{sure:.6g}".encode(), f"{instance}".encode())
-                copy.write(body.rstrip() + between + between.join(values) + (line[len(body) :] or b"\n"))
+                told = numbers.rstrip() + between + between.join(values) + (b" #" + comment if sign else b"")
+                copy.write(told + (line[len(body) :] or b"\n"))
         copy.write(file.read())
+
+
+def _layout(source: Path, mark: str | None) -> tuple[str, ...]:
+    """Name the columns of a text without names, as `read_text` interprets them; their copy would be read otherwise."""
+    with source.open("rb") as file:
+        for line in file:
+            if words := line.removeprefix(BYTE_ORDER_MARK).partition(b"#")[0].strip():
+                width = len(words.split(mark.encode() if mark else None))
+                return layout_of(source, width) or ()
+    return ()
 
 
 def copy_array(source: Path, out: Path, labels: Iterable[Labels]) -> None:
@@ -71,8 +88,7 @@ def copy_array(source: Path, out: Path, labels: Iterable[Labels]) -> None:
         dtype = np.dtype([*((name, array.dtype[name]) for name in names), *DTYPES.items()])
         shape = (len(array),)
     with whole_file(out) as partial, partial.open("wb") as copy:  # not atomic: renamed when it is whole
-        header = {"descr": np.lib.format.dtype_to_descr(dtype), "fortran_order": False, "shape": shape}
-        np.lib.format.write_array_header_2_0(copy, header)
+        copy.write(_array_header(dtype, shape))
         first = 0
         for part in labels:
             rows = array[first : first + len(part.classes)]
@@ -88,3 +104,14 @@ def copy_array(source: Path, out: Path, labels: Iterable[Labels]) -> None:
             copy.write(table.tobytes())
     if first != len(array):
         raise InputError("labels for another number of points", where=source, value=first, allowed=str(len(array)))
+
+
+def _array_header(dtype: np.dtype[Any], shape: tuple[int, ...]) -> bytes:
+    """Describe an array; only version 3 of the format has names in other alphabets.
+
+    Source: NumPy Enhancement Proposal 1, "A Simple File Format for NumPy Arrays".
+    """
+    text = f"{{'descr': {np.lib.format.dtype_to_descr(dtype)!r}, 'fortran_order': False, 'shape': {shape!r}, }}"
+    version, body = (2, text.encode("latin-1")) if text.isascii() else (3, text.encode())
+    body += b" " * (-(_MAGIC + len(body) + 1) % 64) + b"\n"
+    return b"\x93NUMPY" + bytes([version, 0]) + len(body).to_bytes(4, "little") + body

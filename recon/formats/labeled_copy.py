@@ -3,11 +3,9 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import numpy as np
-
 from groundwork.errors import InputError
 from recon.formats import read_e57, read_las, read_numpy, read_ply
-from recon.formats.copy_las import copy_las, new_las
+from recon.formats.copy_las import copy_las, extent_of, new_las
 from recon.formats.copy_ply import copy_ply
 from recon.formats.copy_table import copy_array, copy_text
 from recon.formats.labels import Labels
@@ -55,7 +53,7 @@ def write_labeled_copy(
     """Write a copy of a scan with `predicted_class`, `predicted_confidence` and `predicted_instance` for each point.
 
     Order, coordinates, reference system, records and every other column do not change. If the copy is a LAS file and
-    the source is not, a new file with positions and colors is written.
+    the source is not, a new file with positions, colors and intensity is written.
 
     Args:
         source: The scan.
@@ -73,9 +71,7 @@ def write_labeled_copy(
     if kind in _LAS and stream.las is not None:
         copy_las(source, stream.las, out, labels(), classify)
     elif kind in _LAS:
-        corners = [(scan.coord.min(axis=0), scan.coord.max(axis=0)) for scan in stream.chunks(chunk)]
-        low, high = np.min([a for a, _ in corners], axis=0), np.max([b for _, b in corners], axis=0)
-        new_las(out, stream.chunks(chunk), labels(), low, high)
+        new_las(out, stream.chunks(chunk), labels(), extent_of(stream.chunks(chunk)), classify)
     elif kind == ".ply":
         copy_ply(source, out, labels())
     elif kind == ".npy":

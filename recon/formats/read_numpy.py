@@ -2,11 +2,13 @@
 
 from pathlib import Path
 from tokenize import TokenError
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from groundwork.errors import InputError
-from recon.formats.read_text import LAYOUTS, scan_of_columns
+from recon.formats.read_text import LAYOUTS, NAMES, scan_of_columns
 from recon.formats.scan_points import Scan, check_count
 
 MAGIC = b"\x93NUM"
@@ -59,5 +61,10 @@ def read_numpy(path: Path, most_points: int, labels: bool | str = True) -> Scan:
         names = LAYOUTS[array.shape[1]]
         return scan_of_columns(path, {name: np.asarray(array[:, place]) for place, name in enumerate(names)}, labels)
     fields = {name: np.asarray(array[name]) for name in array.dtype.names if array.dtype[name].kind in "fiu"}
-    flat = {name: values for name, values in fields.items() if values.ndim == 1}
+    flat: dict[str, NDArray[Any]] = {}
+    for name, values in sorted(fields.items(), key=lambda row: row[0].lower() not in NAMES.values()):  # theirs first
+        plain = name.lower()
+        if values.ndim == 1:
+            plain = plain.removeprefix("scalar_")
+            flat.setdefault(NAMES.get(plain, plain), values)
     return scan_of_columns(path, flat, labels)

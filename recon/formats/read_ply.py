@@ -3,6 +3,7 @@
 Source: G. Turk, The PLY Polygon File Format (1994).
 """
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -105,12 +106,11 @@ def read_ply_header(path: Path) -> tuple[str, list[Element], int]:
     """
     with path.open("rb") as file:
         head = file.read(_HEADER)
-    end = head.find(b"end_header")
-    stop = head.find(b"\n", end)
-    if not head.startswith(MAGIC) or end < 0 or stop < 0:
+    ending = re.search(rb"[\r\n]end_header[ \t\r]*\n", head)
+    if not head.startswith(MAGIC) or ending is None:
         raise InputError("not a PLY file, or cut off in its header", where=path)
     order, elements = None, []
-    for line in head[:end].decode("ascii", "replace").splitlines()[1:]:
+    for line in head[: ending.start()].decode("ascii", "replace").splitlines()[1:]:
         words = line.split()
         if not words or words[0] in ("comment", "obj_info"):
             continue
@@ -134,7 +134,7 @@ def read_ply_header(path: Path) -> tuple[str, list[Element], int]:
         names = [name for name, _ in element.properties]
         if len(set(names)) < len(names):
             raise InputError("a duplicate property", where=path, field=element.name)
-    return order, elements, stop + 1
+    return order, elements, ending.end()
 
 
 def _read_binary(path: Path, order: str, elements: list[Element], start: int) -> list[dict[str, NDArray[Any]]]:

@@ -16,7 +16,7 @@ BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _MOST_TEXT = 2_000_000_000  # [bytes]
 _LONGEST_LINE = 4096  # [bytes]
 _SHORTEST_LINE = 6  # [bytes] three digits, two blanks and a line end
-_NAMES = {
+NAMES = {
     "r": "red",
     "g": "green",
     "b": "blue",
@@ -75,7 +75,7 @@ def read_text(path: Path, most_points: int, labels: bool | str = True) -> Scan:
         raise InputError(f"not lines of numbers: {reason}", where=path, hint="Write x y z on each line") from None
     check_count(path, len(table), most_points)
     width = table.shape[1]
-    columns = names or (_PTS if path.suffix.lower() == ".pts" else LAYOUTS).get(width, LAYOUTS.get(width))
+    columns = names or layout_of(path, width)
     if columns is None or len(columns) != width:
         raise InputError(
             "an unknown number of columns without names",
@@ -84,6 +84,19 @@ def read_text(path: Path, most_points: int, labels: bool | str = True) -> Scan:
             allowed=f"{', '.join(map(str, LAYOUTS))} columns, or a first line with names",
         )
     return scan_of_columns(path, {name: table[:, place] for place, name in enumerate(columns)}, labels)
+
+
+def layout_of(path: Path, width: int) -> tuple[str, ...] | None:
+    """Name the columns of a text that does not.
+
+    Args:
+        path: The file, whose suffix counts.
+        width: Number of columns.
+
+    Returns:
+        Their names; None where the number is not known.
+    """
+    return (_PTS if path.suffix.lower() == ".pts" else LAYOUTS).get(width, LAYOUTS.get(width))
 
 
 def first_line(path: Path, head: list[bytes]) -> tuple[int, tuple[str, ...], str | None]:
@@ -106,7 +119,7 @@ def first_line(path: Path, head: list[bytes]) -> tuple[int, tuple[str, ...], str
     second = head[1].decode("ascii", "replace")
     mark = next((sign for sign in ",;" if sign in (second or first)), None)
     if all(re.fullmatch(r"[A-Za-z_]\w*", word) for word in words):
-        names = tuple(_NAMES.get(word.lower(), word.lower()) for word in words)
+        names = tuple(NAMES.get(word.lower(), word.lower()) for word in words)
         if len(set(names)) < len(names) and not first.startswith("#"):
             raise InputError("a duplicate column", where=path, value=first[:80])
         if {"x", "y", "z"} <= set(names):
@@ -137,7 +150,7 @@ def scan_of_columns(path: Path, columns: dict[str, NDArray[Any]], labels: bool |
     if all(name in columns for name in ("nx", "ny", "nz")):
         found["normal"] = np.column_stack([columns[name] for name in ("nx", "ny", "nz")]).astype(np.float32)
     (asked,) = label_names(labels, ("segment",))
-    segments = (asked, _NAMES.get(asked, asked))
+    segments = (asked, NAMES.get(asked, asked))
     for field, names, kind in (("segment", segments, np.uint8), ("instance", ("instance",), np.uint32)):
         known = column_named(names, columns)
         if labels and known is not None:

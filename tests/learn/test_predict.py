@@ -223,8 +223,9 @@ def test_other_formats_are_copied(tmp_path: Path) -> None:
     (tmp_path / "a.xyz").write_text("# a comment\n" + "".join(lines), newline="")
     predict_scan(tmp_path / "a.xyz", tmp_path / "text.xyz", ColorModel(), meters)
     back = (tmp_path / "text.xyz").read_bytes().decode().split("\n")
-    assert back[0] == "# a comment"
-    for old, new, label in zip(lines, back[1:], expected, strict=False):
+    assert back[0] == "# x y z red green blue predicted_class predicted_confidence predicted_instance"
+    assert back[1] == "# a comment"
+    for old, new, label in zip(lines, back[2:], expected, strict=False):
         assert new.startswith(old.strip() + f" {label} 0.7 ")
         assert new.endswith("\r")
     # records
