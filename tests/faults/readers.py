@@ -168,6 +168,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "copy_las.copy_las",
         "copy_ply.copy_ply",
         "copy_table.copy_text",
+        "copy_table._layout",
         "asset.claims_city",
         "layout._column",
         "read_las.open_las",
