@@ -20,7 +20,7 @@ from typing import Any
 import torch
 
 from benchmarks.shipped.card import card_text
-from benchmarks.shipped.training import SAMPLES, USUAL, seen_by, train_shipped, varied_data
+from benchmarks.shipped.training import SAMPLES, USUAL, train_shipped, varied_data
 from falsework.commands.console import ConsoleProgress
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
@@ -30,6 +30,7 @@ from learn.datasets.build import Source, build_dataset
 from learn.datasets.settings import DatasetSettings, dataset_settings
 from learn.trained import FACTS, FOREST, WEIGHTS, read_facts, read_weights, write_model
 from learn.training.settings import TrainSettings
+from learn.training.start import seen_by
 
 STRIDE = 10.0  # [m] of the tiles in a prediction: every point is in four
 SHIPPED = Path(__file__).resolve().parents[2] / "learn" / "shipped"
@@ -139,7 +140,7 @@ def train_on(
     if (folder / FACTS).is_file():
         return
     chosen = TrainSettings.model_validate({**USUAL, **settings})
-    data = varied_data(dataset, validation, samples, init)
+    data = varied_data(dataset, validation, samples)
     begun = [] if init is None else [file_digest(init / WEIGHTS)]
     with ConsoleProgress() as progress:
         fresh_output(

@@ -21,8 +21,7 @@ from groundwork.errors import InputError
 from groundwork.progress import Progress, Silent
 from learn.datasets.stored import StoredSplit
 from learn.datasets.varied import SomeSamples, Variation, VariedSplit
-from learn.seen_bridges import EARLIER, seen_bridges
-from learn.trained import FOREST, read_facts
+from learn.trained import FOREST
 from learn.training.forest import train_forest
 from learn.training.settings import TrainSettings
 from learn.training.train import TrainingData, train_network
@@ -38,24 +37,13 @@ SAMPLES, HELD_SAMPLES = 800, 128  # of an epoch, and of its validation
 USUAL = {"model": "pointnext-s", "epochs": 10, "precision": "bf16-mixed", "accelerator": "cpu"}
 
 
-def seen_by(model: Path) -> list[str]:
-    """Name the bridges that a model, or one that it began with, was trained or picked on.
-
-    Args:
-        model: Its folder.
-    """
-    facts = read_facts(model)
-    return seen_bridges(facts.training, facts.data)
-
-
-def varied_data(dataset: Path, validation: Sequence[str], samples: int, init: Path | None = None) -> TrainingData:
+def varied_data(dataset: Path, validation: Sequence[str], samples: int) -> TrainingData:
     """Take varied tiles to train on, and tiles of bridges of their own to pick the epoch on.
 
     Args:
         dataset: Data set whose test split holds those bridges, too.
         validation: First digits of their hashes.
         samples: Samples of an epoch.
-        init: The model that the training begins with.
     """
     source = VariedSplit(
         StoredSplit(dataset, "train", CHANNELS), Variation.model_validate({"samples": samples, **VARIED})
@@ -68,7 +56,6 @@ def varied_data(dataset: Path, validation: Sequence[str], samples: int, init: Pa
         "scaling": vars(whole.facts.scaling),
         "table": whole.facts.settings.table,
         "variation": source.settings.model_dump(mode="json"),
-        **({} if init is None else {EARLIER: seen_by(init)}),
     }
     return TrainingData(source, held, facts)
 
@@ -148,7 +135,7 @@ def main() -> None:
     settings = TrainSettings.model_validate({**USUAL, "accelerator": "auto", **words})
     if settings.model == FOREST:
         raise InputError("a forest is not trained here", field="model", hint="Call benchmarks.shipped.model")
-    data = varied_data(given.dataset, given.validation, given.samples, given.init)
+    data = varied_data(given.dataset, given.validation, given.samples)
     if given.minutes:
         settings = settings.model_copy(update={"epochs": epochs_in(given.minutes, data, settings)})
     given.out.mkdir(parents=True, exist_ok=True)

@@ -10,15 +10,8 @@ from groundwork.files import MANIFEST
 from groundwork.marks import MARK, read_listing
 
 RUN = "run"  # kind of the only output whose folder several processes share
-_OF_A_RUN = (
-    "store",
-    "work",
-    "scenes",
-    "failed",
-    "run",
-    "evicted",
-    "foreign",
-)  # names that a run writes at the top of its folder
+# Names that a run writes at the top of its folder.
+_OF_A_RUN = ("store", "work", "scenes", "failed", "run", "evicted", "foreign")
 _LONGEST = 255  # [bytes] longest name on any file system in use
 _ELSEWHERE = "Choose another place with -o"
 

@@ -58,7 +58,8 @@ def write_s3dis(folder: Path, facts: DatasetFacts, out: Path) -> list[str]:
     names = [slug(name.replace("_", "")) for name in facts.classes]
     names = [f"{name}-{number}" if names.count(name) > 1 else name for number, name in enumerate(names)]
     for row in facts.pieces:
-        patch = read_piece(folder, row, [name for name in facts.inputs if name == "color"])
+        inputs = [name for name in facts.inputs if name == "color"]
+        patch = read_piece(folder, row, inputs, classes=len(facts.classes))
         color = patch.inputs.get("color", np.zeros((len(patch), 3), np.uint8))
         form = "%.4f %.4f %.4f %d %d %d\n"
         lines = np.array([form % (*p, *c) for p, c in zip(patch.coord.tolist(), color.tolist(), strict=True)], object)
@@ -191,7 +192,7 @@ def _draws(
     needed, points = {CHANNELS[name] for name in channels}, facts.settings.points
     inputs = [name for name in facts.inputs if name in needed]
     for row in (row for row in facts.pieces if row.split == split):
-        patch = read_piece(folder, row, inputs)
+        patch = read_piece(folder, row, inputs, classes=len(facts.classes))
         # A piece that is drawn by class has one draw in an epoch, however many points it has.
         draws = count_draws(len(patch), points) if facts.settings.stratified and split == TRAIN else row.draws
         for number in range(draws):

@@ -117,13 +117,16 @@ def write_piece(folder: Path, patch: Patch) -> None:
             np.save(folder / f"{name}.npy", values.astype(_KINDS[name][0]))  # inside an atomic folder
 
 
-def read_piece(folder: Path, row: PieceRow, inputs: Sequence[str], *, identified: bool = False) -> Patch:
+def read_piece(
+    folder: Path, row: PieceRow, inputs: Sequence[str], *, classes: int = UNLABELED, identified: bool = False
+) -> Patch:
     """Read the arrays of one piece.
 
     Args:
         folder: Root of the data set.
         row: Which piece.
         inputs: Columns to read beside positions, labels and uncertainty.
+        classes: Number of classes of the data set; a larger label is refused.
         identified: Whether to read rows and instances too.
 
     Raises:
@@ -135,13 +138,13 @@ def read_piece(folder: Path, row: PieceRow, inputs: Sequence[str], *, identified
         for name in ("coord", "segment", "uncertainty", *inputs, *(("row", "instance") if identified else ()))
     }
     segment = columns["segment"]
-    wrong = segment[(segment < _IGNORED) | (segment >= UNLABELED)]
+    wrong = segment[(segment < _IGNORED) | (segment >= classes)]
     if len(wrong):
         raise InputError(
             "not a class id",
             where=place / "segment.npy",
             value=int(wrong[0]),
-            allowed=f"{_IGNORED} to {UNLABELED - 1}",
+            allowed=f"{_IGNORED} to {classes - 1}",
             hint="Make the data set again",
         )
     labels = np.where(segment == _IGNORED, UNLABELED, segment).astype(np.uint8)

@@ -14,7 +14,7 @@ from learn.datasets.patch import CHANNELS, Patch, check_channels, make_sample
 from learn.datasets.sensors import other_sensor
 from learn.datasets.settings import SensorSettings
 from learn.datasets.split import SPLITS, TRAIN
-from learn.sample import UNLABELED, Sample, Truth
+from learn.sample import Sample, Truth
 
 XYZ = ("x", "y", "z")
 
@@ -99,16 +99,8 @@ class StoredSplit:
         """
         row, number = self._items[index]
         needed = {CHANNELS[name] for name in self.channels} - {"coord"}
-        patch = read_piece(self.folder, row, [name for name in self.facts.inputs if name in needed])
-        largest = int(patch.labels[patch.labels != UNLABELED].max(initial=0))
-        if largest >= len(self.classes):
-            raise InputError(
-                "a label without a class",
-                where=self.folder / row.split / row.name / "segment.npy",
-                value=largest,
-                allowed=f"up to {len(self.classes) - 1}: {', '.join(self.classes)}",
-                hint="Make the data set again",
-            )
+        inputs = [name for name in self.facts.inputs if name in needed]
+        patch = read_piece(self.folder, row, inputs, classes=len(self.classes))
         return patch, exhaustive_draw(len(patch), self.facts.settings.points, number, patch.seed)
 
     def truth(self, index: int) -> Truth:

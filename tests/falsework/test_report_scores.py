@@ -36,6 +36,7 @@ def test_confusion_stands_under_its_names(tmp_path: Path) -> None:
     model = write_model(tmp_path / "model", "m")
     facts = json.loads((model / "model.json").read_text())
     facts["training"]["validation_bridges"] = ["b1"]
+    facts["data"] = {"earlier": ["b0", "b1"]}
     (model / "model.json").write_text(json.dumps(facts))
     write_training_page(tmp_path / "page.html", {"m": model}, {"scores": tmp_path / "scores.json"})
     page = (tmp_path / "page.html").read_text()
@@ -54,6 +55,7 @@ def test_confusion_stands_under_its_names(tmp_path: Path) -> None:
         "50.0% accuracy if every point were water",
         "mean IoU of the 3 classes that occur",
         "Model m chose its epoch by b1: its scores there are too good.",
+        "Model m began with a model that had seen b1: its scores there are too good.",
     ):
         assert words in text, words
 

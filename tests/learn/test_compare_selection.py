@@ -2,6 +2,7 @@
 
 import itertools
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -240,3 +241,18 @@ def test_presets_and_what_is_refused() -> None:
             experiment_settings("sensor-matrix", given)
     with pytest.raises(InputError, match=r"sensor-matrix.*or a \.toml file"):
         experiment_settings("sensors", {})
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"models": ("forest", "forest")}, "models has one twice"),
+        ({"pairs": (("a", "b"), ("a", "b"))}, "pairs has one twice"),
+        ({"pairs": (("a", "a"),)}, "compares 'a' with itself"),
+    ],
+)
+def test_an_experiment_counts_nothing_twice(changed: dict[str, Any], words: str) -> None:
+    """Repeated models and pairs would make intervals narrower than they are."""
+    arms = {"a": ("mesh",), "b": ("dense",)}
+    with pytest.raises(ValueError, match=words):
+        ExperimentSettings.model_validate({"arms": arms, "tests": {"t": "dense"}, **changed})

@@ -1,26 +1,19 @@
-"""Copies of scans and data sets in other formats keep what the source held, and are read as what they are."""
+"""Labeled copies of scans keep what the source held, in every format, and are read as what they are."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import laspy
 import numpy as np
 import pytest
 from laspy.vlrs.vlrlist import VLRList
-from pydantic import ValidationError
 
 from groundwork.errors import InputError
-from learn.compare.experiment import ExperimentSettings
-from learn.datasets import export
-from learn.datasets.build import Source, build_dataset
-from learn.datasets.settings import dataset_settings
 from recon.formats.labels import Labels
 from recon.formats.scan import open_scan, read_scan, write_labeled_copy
 from tests.learn.test_predict import lattice, write_las
-from tests.learn.toy_bridge import write_toy
 
 DENSITY = "\u5bc6\u5ea6"
 
@@ -124,29 +117,3 @@ def test_a_comment_of_ply_may_hold_the_last_word_of_the_header(tmp_path: Path) -
     head = "ply\nformat ascii 1.0\ncomment end_header soon\nelement vertex 1\n"
     (tmp_path / "a.ply").write_text(head + "property float x\nproperty float y\nproperty float z\nend_header\n1 2 3\n")
     assert read_scan(tmp_path / "a.ply").coord.tolist() == [[1, 2, 3]]
-
-
-def test_an_export_visits_all_points_of_pieces_that_are_drawn_by_class(tmp_path: Path) -> None:
-    """A global piece has one draw in an epoch; what is exported of the training holds every point all the same."""
-    toy = write_toy(tmp_path / "a", 0, 700, "b0")
-    values = {"mode": "paper", "points": 64, "fewest": 1, "stratified": 8, "shares": [1.0, 0.0, 0.0], "noisy": 100.0}
-    facts = build_dataset([Source(toy)], tmp_path / "set", dataset_settings("global", values, "test"))
-    seen = [
-        (row.name, int(one)) for row, _, rows in export._draws(tmp_path / "set", facts, "train", ()) for one in rows
-    ]
-    assert len(set(seen)) == sum(row.points for row in facts.pieces if row.split == "train") == 700
-
-
-@pytest.mark.parametrize(
-    ("changed", "words"),
-    [
-        ({"models": ("forest", "forest")}, "models has one twice"),
-        ({"pairs": (("a", "b"), ("a", "b"))}, "pairs has one twice"),
-        ({"pairs": (("a", "a"),)}, "compares 'a' with itself"),
-    ],
-)
-def test_an_experiment_counts_nothing_twice(changed: dict[str, Any], words: str) -> None:
-    """Repeated models and pairs would make intervals narrower than they are."""
-    arms = {"a": ("mesh",), "b": ("dense",)}
-    with pytest.raises(ValidationError, match=words):
-        ExperimentSettings.model_validate({"arms": arms, "tests": {"t": "dense"}, **changed})

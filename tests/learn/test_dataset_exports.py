@@ -13,6 +13,7 @@ import pytest
 
 from groundwork.errors import InputError, MissingError
 from groundwork.progress import Silent
+from learn.datasets import export
 from learn.datasets.build import Source, build_dataset
 from learn.datasets.class_map import map_names, read_class_map
 from learn.datasets.class_tables import class_table
@@ -327,3 +328,14 @@ def test_hostile_tables_are_one_line(tmp_path: Path) -> None:
             read_scan(path)
         assert path.name in str(caught.value)
         assert "\n" not in str(caught.value)
+
+
+def test_an_export_visits_all_points_of_pieces_that_are_drawn_by_class(tmp_path: Path) -> None:
+    """A global piece has one draw in an epoch; what is exported of the training holds every point all the same."""
+    toy = write_toy(tmp_path / "a", 0, 700, "b0")
+    values = {"mode": "paper", "points": 64, "fewest": 1, "stratified": 8, "shares": [1.0, 0.0, 0.0], "noisy": 100.0}
+    facts = build_dataset([Source(toy)], tmp_path / "set", dataset_settings("global", values, "test"))
+    seen = [
+        (row.name, int(one)) for row, _, rows in export._draws(tmp_path / "set", facts, "train", ()) for one in rows
+    ]
+    assert len(set(seen)) == sum(row.points for row in facts.pieces if row.split == "train") == 700

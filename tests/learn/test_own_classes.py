@@ -13,6 +13,7 @@ import torch
 from falsework.cli import main
 from groundwork.errors import InputError
 from learn.datasets.build import Source, build_dataset
+from learn.datasets.export import export_dataset
 from learn.datasets.settings import dataset_settings
 from learn.datasets.stored import StoredSplit
 from learn.predict.class_sum import sum_classes
@@ -199,5 +200,6 @@ def test_a_label_without_a_class_is_refused(tmp_path: Path) -> None:
     labels[0] = 30
     np.save(piece / "segment.npy", labels)
     split = StoredSplit(tmp_path / "set", "train")
-    with pytest.raises(InputError, match=r"segment\.npy: a label without a class .found 30.*up to 3: background"):
-        split.sample(0, 1)
+    for read in (lambda: split.sample(0, 1), lambda: export_dataset(tmp_path / "set", "s3dis", tmp_path / "out")):
+        with pytest.raises(InputError, match=r"segment\.npy: not a class id .found 30.*-1 to 3"):
+            read()

@@ -9,12 +9,12 @@ import laspy
 import numpy as np
 import pytest
 
-from benchmarks.shipped.training import seen_by
 from falsework.cli import main
 from groundwork.canonical import file_digest
 from learn.predict.model import named_model, shipped_folder
 from learn.predict.trained_model import read_trained_model
 from learn.trained import WEIGHTS
+from learn.training.start import seen_by
 from recon.formats.laz import write_laz
 from tests.house.house import ROOT
 from tests.learn.toy_bridge import toy_cloud

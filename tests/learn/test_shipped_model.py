@@ -27,7 +27,6 @@ from benchmarks.shipped.robustness import page
 from benchmarks.shipped.scan_scores import Labeled, label_scan, read_labeled_scan
 from benchmarks.shipped.selection import joined, judge_cloud, judge_kept, overlapping
 from benchmarks.shipped.selection import page as selection_page
-from benchmarks.shipped.training import seen_by
 from groundwork.canonical import file_digest
 from groundwork.errors import InputError
 from groundwork.files import read_json, write_json
@@ -39,6 +38,7 @@ from learn.metrics import scores
 from learn.predict.trained_model import read_trained_model
 from learn.trained import WEIGHTS, read_weights, write_model
 from learn.trained import read_facts as read_model_facts
+from learn.training.start import seen_by
 from tests.learn.toy_bridge import toy_cloud, write_toy
 
 # A small network on small samples: what is tested here depends on neither. So many fast steps that it says several
