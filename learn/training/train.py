@@ -321,7 +321,7 @@ def _check_finite(history: Sequence[Mapping[str, float | None]], settings: Train
     for row in history:
         if not np.isfinite(row["loss"] or 0.0):
             raise InputError(
-                f"the training diverged: in epoch {row['epoch']:.0f}, counted from 0, its loss is not finite",
+                f"the training diverged: in epoch {(row['epoch'] or 0) + 1:.0f} its loss is not finite",
                 field="learning_rate",
                 value=settings.learning_rate or recipe_of(settings).learning_rate,
                 hint="Lower learning_rate with --set, or train with precision 32-true",

@@ -105,7 +105,7 @@ def test_a_training_that_diverges_ends_with_a_clear_error(tmp_path: Path) -> Non
             found = super().sample(index, seed)
             return type(found)(found.coord, np.full_like(found.features, np.nan), found.labels, found.channels)
 
-    with pytest.raises(InputError, match=r"learning_rate: the training diverged: in epoch 0, .*Lower"):
+    with pytest.raises(InputError, match=r"learning_rate: the training diverged: in epoch 1 its .*Lower"):
         train(tmp_path, settings(validation=0.0), source=Spoiled(6))
     assert not (tmp_path / FACTS).exists()
 
