@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.checks.named_faults import NAMED
+from benchmarks.checks.named_faults import NAMED, file_of
 from benchmarks.page import write_page
 from groundwork.canonical import digest
 from groundwork.files import read_json, write_json
@@ -33,72 +33,77 @@ PAGE = ROOT / "docs" / "benchmarks" / "mutants.md"
 TIME_LIMIT = 600.0  # [s] for the tests of one fault; an endless loop is detected
 FOLDERS = (*HASHED, "scenarios", "docs", "typings")
 
-# What is tried: the modules of each subject, and the tests that must detect them.
-SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "vote": (("recon/truth/annotate.py", "recon/truth/label_margin.py"), ("tests/recon/test_annotate.py",)),
+# What is tried: the modules of each subject, and the tests that must detect them. The hash of the page covers them,
+# as names of modules in strings count (tests/provenance.py).
+_SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "vote": (("recon.truth.annotate", "recon.truth.label_margin"), ("tests.recon.test_annotate",)),
     "uncertainty": (
-        ("recon/truth/uncertainty.py", "recon/truth/triangle_points.py"),
-        ("tests/recon/test_annotate.py", "tests/recon/test_triangle_points.py", "tests/recon/test_precision.py"),
+        ("recon.truth.uncertainty", "recon.truth.triangle_points"),
+        ("tests.recon.test_annotate", "tests.recon.test_triangle_points", "tests.recon.test_precision"),
     ),
     "alignment": (
-        ("recon/placing/similarity.py", "recon/placing/align.py", "recon/placing/gps_fit.py"),
-        ("tests/recon/test_align.py", "tests/recon/test_gps_fit.py", "tests/recon/test_align_gps.py"),
+        ("recon.placing.similarity", "recon.placing.align", "recon.placing.gps_fit"),
+        ("tests.recon.test_align", "tests.recon.test_gps_fit", "tests.recon.test_align_gps"),
     ),
     "cameras": (
-        ("usd_schemas/pinhole.py", "usd_schemas/distortion.py"),
+        ("usd_schemas.pinhole", "usd_schemas.distortion"),
         (
-            "tests/usd_schemas/test_pinhole.py",
-            "tests/usd_schemas/test_distortion.py",
-            "tests/usd_schemas/test_cameras.py",
+            "tests.usd_schemas.test_pinhole",
+            "tests.usd_schemas.test_distortion",
+            "tests.usd_schemas.test_cameras",
         ),
     ),
     "cables": (
         (
-            "authoring/parts/suspension_cables.py",
-            "authoring/parts/stays.py",
-            "authoring/parts/hangers.py",
-            "authoring/parts/fittings.py",
+            "authoring.parts.suspension_cables",
+            "authoring.parts.stays",
+            "authoring.parts.hangers",
+            "authoring.parts.fittings",
         ),
         (
-            "tests/authoring/bridges/test_cables.py",
-            "tests/authoring/bridges/test_side_cables.py",
-            "tests/authoring/bridges/test_fittings.py",
-            "tests/authoring/bridges/test_families.py",
+            "tests.authoring.bridges.test_cables",
+            "tests.authoring.bridges.test_side_cables",
+            "tests.authoring.bridges.test_fittings",
+            "tests.authoring.bridges.test_families",
         ),
     ),
     "bearings": (
-        ("authoring/parts/bearings.py",),
-        ("tests/authoring/bridges/test_bearings.py", "tests/authoring/bridges/test_substructure.py"),
+        ("authoring.parts.bearings",),
+        ("tests.authoring.bridges.test_bearings", "tests.authoring.bridges.test_substructure"),
     ),
     "surveys": (
-        ("authoring/surveys/coverage.py", "authoring/surveys/gps.py", "authoring/surveys/way.py"),
+        ("authoring.surveys.coverage", "authoring.surveys.gps", "authoring.surveys.way"),
         (
-            "tests/authoring/test_coverage.py",
-            "tests/authoring/test_ways.py",
-            "tests/authoring/test_surveys.py",
+            "tests.authoring.test_coverage",
+            "tests.authoring.test_ways",
+            "tests.authoring.test_surveys",
         ),
     ),
     "light": (
-        ("render/light/daylight.py", "render/light/local_lights.py"),
-        ("tests/render/test_light.py", "tests/render/test_local_lights.py", "tests/render/test_light_choices.py"),
+        ("render.light.daylight", "render.light.local_lights"),
+        ("tests.render.test_light", "tests.render.test_local_lights", "tests.render.test_light_choices"),
     ),
     "store": (
-        ("falsework/store/store.py", "falsework/store/artefact.py", "falsework/store/verification.py"),
-        tuple(f"tests/falsework/test_{name}.py" for name in ("store", "verification", "run_samples")),
+        ("falsework.store.store", "falsework.store.artefact", "falsework.store.verification"),
+        ("tests.falsework.test_store", "tests.falsework.test_verification", "tests.falsework.test_run_samples"),
     ),
     "files": (
-        ("groundwork/files.py", "groundwork/output/swap.py"),
+        ("groundwork.files", "groundwork.output.swap"),
         (
-            "tests/groundwork/test_files.py",
-            "tests/groundwork/test_output_folder.py",
-            "tests/groundwork/test_output_file.py",
-            "tests/faults/test_output_faults.py",
+            "tests.groundwork.test_files",
+            "tests.groundwork.test_output_folder",
+            "tests.groundwork.test_output_file",
+            "tests.faults.test_output_faults",
         ),
     ),
     "scores": (
-        ("learn/metrics.py", "learn/scoring/panoptic.py", "learn/losses.py"),
-        ("tests/learn/test_metrics.py", "tests/learn/test_losses.py"),
+        ("learn.metrics", "learn.scoring.panoptic", "learn.losses"),
+        ("tests.learn.test_metrics", "tests.learn.test_losses"),
     ),
+}
+SUBJECTS = {
+    subject: (tuple(map(file_of, modules)), tuple(map(file_of, tests)))
+    for subject, (modules, tests) in _SUBJECTS.items()
 }
 
 # Between measured values: the other side of the edge.
@@ -178,9 +183,10 @@ def named_mutants() -> list[Mutant]:
     """Give the faults that a reviewer chose; each stands in one place."""
     found = []
     for fault in NAMED:
-        before, after = (ROOT / fault.file).read_text(encoding="utf-8").split(fault.before)
+        before, after = (ROOT / file_of(fault.module)).read_text(encoding="utf-8").split(fault.before)
         text = before + fault.after + after
-        found.append(Mutant("named", fault.file, before.count("\n") + 1, fault.what, text, fault.tests))
+        file, tests = file_of(fault.module), tuple(map(file_of, fault.tests))
+        found.append(Mutant("named", file, before.count("\n") + 1, fault.what, text, tests))
     return found
 
 

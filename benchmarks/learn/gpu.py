@@ -160,6 +160,7 @@ def main() -> None:
     lines = [
         "# Training on a GPU",
         "",
+        "Written by `python -m benchmarks.learn.gpu`.",
         f"One {torch.cuda.get_device_name(0)} and {len(os.sched_getaffinity(0))} cores, PyTorch {torch.__version__}.",
         f"An epoch of the paper's local set has {LOCAL:,} clouds of 4,096 points, one of its global set {GLOBAL} of",
         "65,536. *Epoch* is one of `falsework train`, with one loader process a core (measured over a quarter of the",

@@ -87,9 +87,10 @@ def page(found: dict[str, Difference], own: Difference, commit: str) -> str:
         [
             "# Logits under copied weights",
             "",
+            "Written by `python -m benchmarks.learn.logits`.",
             "Our networks and other implementations of the same networks, with the same random weights and random",
             f"statistics of the batch normalizations, on {CLOUDS} clouds of {POINTS:,} random points. The others get",
-            "our choice of points and our neighbours, because each implementation fills balls in its own way.",
+            "our choice of points and our neighbors, because each implementation fills balls in its own way.",
             f"Yanx27's PointNet++ at commit {commit[:10]}, Open3D-ML of open3d-cpu {version('open3d-cpu')}.",
             "",
             "| network, compared with | greatest difference, float32 | float64 | standard deviation of the logits |",
@@ -98,7 +99,7 @@ def page(found: dict[str, Difference], own: Difference, commit: str) -> str:
             "",
             "- Open3D-ML's RandLA-Net has a slope of 0.01 in the activation after each residual sum, the authors'",
             "  program and ours have 0.2. The table was made with 0.2 in both; with its own slope Open3D-ML differs by",
-            f"  {own.single:.1e}. Its attention has a bias, which the softmax over the neighbours cancels.",
+            f"  {own.single:.1e}. Its attention has a bias, which the softmax over the neighbors cancels.",
             "- The references of PointNeXt need CUDA operators of their own and were not run.",
             "",
         ]

@@ -53,7 +53,7 @@ def scales_of(flight: Flight, fit: Fit) -> dict[str, float]:
     found = {
         "ratio of spreads": float(np.sqrt((goal**2).sum() / square)),
         "ratio of spreads, freed of its noise": float(np.sqrt(max((goal**2).sum() - noise, 0.0) / square)),
-        "least squares of centres": float(fit_similarity(source, goal)[0]),
+        "least squares of centers": float(fit_similarity(source, goal)[0]),
         "least squares, the rotation 20° off": float((goal * (source @ tilted.T)).sum() / square),
         "fixes and gravity together": fit.similarity.scale,
     }
@@ -100,7 +100,7 @@ def _written(
         "# GPS: the scale, and the limits that are stated",
         "",
         f"Written by `python -m benchmarks.recon.gps_scale`: {flights:,} flights of 6 to 80 photographs, 15 to 200 m",
-        "long, of which only camera centres, the level of the photographs and the fixes are simulated. A receiver",
+        "long, of which only camera centers, the level of the photographs and the fixes are simulated. A receiver",
         "states 2 m along the ground and 3 m in height, its noise is 0.1 to 1.5 times that; in half of the flights",
         "the error of a fix repeats half or more of the one before it, in three of ten every eighth fix is an outlier.",
         "All fixes of a flight share an error as large as what is stated. Their seeds begin at "

@@ -84,10 +84,10 @@ def render_page(rows: list[Row], source: str, processor: str, code: str = "") ->
         "the same photographs for all, the same keypoints for all but the defaults and openmvg-rs. The time of each "
         "way includes its keypoints. By GPS, from 100 images on, every fourth image is also paired with those 32, 64, "
         "128 … later. "
-        f"Centre errors after alignment to the truth, of cameras within {LIMIT} m (*right*).",
+        f"Center errors after alignment to the truth, of cameras within {LIMIT} m (*right*).",
         "",
         "| way | images | pairs | features [s] | matching [s] | mapping [s] | all [s] | registered | right "
-        f"| centre error, median [mm] | 95 % [mm] | points |{' of three views and more |' if counted else ''}",
+        f"| center error, median [mm] | 95 % [mm] | points |{' of three views and more |' if counted else ''}",
         "|---|---|---|---|---|---|---|---|---|---|---|---|" + "---|" * counted,
         *(_line(row, title, counted) for row, title in zip(rows, titles, strict=True)),
         *(["", f"{MARK.strip()} measured by earlier code."] if earlier else []),
@@ -98,7 +98,7 @@ def render_page(rows: list[Row], source: str, processor: str, code: str = "") ->
         *_mappers(rows),
         *_exponents(rows),
         "",
-        f"Equal accuracy: at most {_FEWER:.0%} fewer cameras right, and a median centre error of at most {_WORSE:g} "
+        f"Equal accuracy: at most {_FEWER:.0%} fewer cameras right, and a median center error of at most {_WORSE:g} "
         f"times that of every pair, or {1000 * _MORE:g} mm more. The exponent is the slope of a straight line through "
         "the logarithms of time and images.",
         "",

@@ -244,7 +244,7 @@ def page(drawn: list[Drawn], verdicts: dict[str, Any]) -> str:
         "",
         "Made by `python -m benchmarks.render.stages FOLDER`; FOLDER is a checkout of the public repository "
         "usd-wg/assets. Every picture was looked at beside the thumbnail of the stage; light and point of view are "
-        "others. Right means the same shapes, in the same places, in the same colours, as far as another light lets",
+        "others. Right means the same shapes, in the same places, in the same colors, as far as another light lets",
         "one tell. ",
         "| | stages |",
         "|---|---|",

@@ -123,7 +123,7 @@ def main() -> None:
     parser.add_argument("model", type=Path)
     parser.add_argument("out", type=Path)
     parser.add_argument("--clouds", nargs="+", type=Path, required=True)
-    parser.add_argument("--reach", type=float, default=np.inf, help="how far round a bridge scans are labelled [m]")
+    parser.add_argument("--reach", type=float, default=np.inf, help="how far round a bridge scans are labeled [m]")
     given = parser.parse_args()
     torch.set_num_threads(1)
     scans = [within(read_labeled_scan(path), given.reach) for path in given.clouds]

@@ -183,7 +183,7 @@ def page(rows: Mapping[str, tuple[RealScan, Figures]], name: str) -> str:
     lines = [
         "# A model on real scans",
         "",
-        f"Written by `python -m benchmarks.shipped.real_scans`. Model: {name}. Nobody labelled these scans point by",
+        f"Written by `python -m benchmarks.shipped.real_scans`. Model: {name}. Nobody labeled these scans point by",
         "point; *plausible* is the share of the points of a bridge that got a class they can have (a pier: column,",
         "pier cap, abutment, bearing or arch), *any part* the share that got any class of a bridge, *false* the share",
         "of all other points that were called a part of one. The airborne tiles know their bridges as class 26 (civil",

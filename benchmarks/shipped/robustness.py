@@ -221,7 +221,7 @@ def page(scans: Mapping[str, Scan], model: PointModel, name: str) -> str:
         "",
         f"Written by `python -m benchmarks.shipped.robustness`. Model: {name}. Mean IoU of the thinned points over the",
         "classes that it has, in the tables `falsework` (sixteen classes) and `kim2023` (four). A scan as it is has a",
-        "quarter of the points that were measured. Each row changes one thing, and compares both labellings at the",
+        "quarter of the points that were measured. Each row changes one thing, and compares both labelings at the",
         "same points: those that both scans have, one in each cube of the model.",
         "",
         "## As they are",
@@ -246,7 +246,7 @@ def page(scans: Mapping[str, Scan], model: PointModel, name: str) -> str:
         cells = [f"{v.mean():+.3f} | {v.max():+.3f}" for v in values.values()]
         kept = all(v.mean() <= ALLOWED for v in values.values())
         lines.append(f"| {way} | {' | '.join(cells)} | {'yes' if kept else '**no**'} |")
-    lines += ["| no colour | 0 | 0 | 0 | 0 | by construction: the model sees positions alone |"]
+    lines += ["| no color | 0 | 0 | 0 | 0 | by construction: the model sees positions alone |"]
     lines += [
         "",
         "## Where there is no bridge",

@@ -169,7 +169,7 @@ def page(rows: Mapping[str, Row], clouds: int, reach: float = np.inf) -> str:
         "# Which model comes with the package",
         "",
         f"Written by `python -m benchmarks.shipped.selection`. Mean IoU of the thinned points of {clouds}",
-        f"{whole}scans of bridges that training held back, {around}labelled as `falsework predict` does, over the",
+        f"{whole}scans of bridges that training held back, {around}labeled as `falsework predict` does, over the",
         "classes that they have. *All* sums the scans first. The time is that of a processor's core for two",
         "million points, without reading and writing.",
     ]
@@ -207,7 +207,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("models", nargs="+", metavar="NAME=MODEL")
     parser.add_argument("--clouds", nargs="+", type=Path, required=True)
-    parser.add_argument("--reach", type=float, default=np.inf, help="how far round a bridge scans are labelled [m]")
+    parser.add_argument("--reach", type=float, default=np.inf, help="how far round a bridge scans are labeled [m]")
     parser.add_argument("--page", type=Path, default=PAGE)
     parser.add_argument("--work", type=Path, help="keeps what was found: a second call goes on")
     given = parser.parse_args()
