@@ -46,7 +46,7 @@ def _page(out: Path, outcome: Outcome, again: Outcome, walls: tuple[float, float
     statistics: dict[str, Any] = dict(cloud.statistics)
     peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) / 1e6
     cores = len(os.sched_getaffinity(0))
-    limit, classes = _LIMIT * slower("numpy"), {name: row["kept"] for name, row in statistics["classes"].items()}
+    limit = _LIMIT * slower("numpy")
     lines = [
         "# The demo, stage by stage",
         "",
@@ -71,13 +71,28 @@ def _page(out: Path, outcome: Outcome, again: Outcome, walls: tuple[float, float
         f"| points | {len(cloud):,} |",
         f"| points within 0.1 m of the true surface | {statistics['within_0.1m_share']:.1%} |",
         f"| of these, with the class of that surface | {statistics['right_class_share']:.2%} |",
-        *(
-            f"| points of class {name} | {count:,} |"
-            for name, count in sorted(classes.items(), key=lambda row: -row[1])
-        ),
+        "",
+        "What became of the pixels of the depth maps, by the class that the photograph shows there: part of a point,",
+        "no depth, too few photographs that agree; the rest is seen through by others, or at too small an angle.",
+        "",
+        "| class | points | pixels | in points | no depth | too few agree |",
+        "|---|---|---|---|---|---|",
+        *(_fates(name, count, statistics["pixels"].get(name, {})) for name, count in _ordered(statistics["classes"])),
         "",
     ]
     return "\n".join(lines)
+
+
+def _ordered(classes: dict[str, Any]) -> list[tuple[str, int]]:
+    """Give each class and its number of points, the largest number first."""
+    return sorted(((name, row["kept"]) for name, row in classes.items()), key=lambda row: -row[1])
+
+
+def _fates(name: str, count: int, fates: dict[str, int]) -> str:
+    """Write the row of a class."""
+    pixels = sum(fates.values())
+    shares = (f"{fates.get(fate, 0) / max(pixels, 1):.0%}" for fate in ("in_points", "no_depth", "views"))
+    return f"| {name} | {count:,} | {pixels:,} | {' | '.join(shares)} |"
 
 
 if __name__ == "__main__":
