@@ -10,7 +10,7 @@
     points, classes = cloud.columns["coord"], cloud.columns["segment"]  # [m], shape (N, 3); shape (N,)
     names = {row.id: row.name for row in cloud.classes}
 
-Functions that make something; each writes one output folder and returns its content:
+Functions that make something; each writes one output folder:
 
     author(scenario, out)           a scenario, or its sections as a dict  ->  path of scene.usda
     swap(scene, out, look=…)        a copy of a scene with other layers    ->  path of its scene.usda
@@ -18,7 +18,7 @@ Functions that make something; each writes one output folder and returns its con
     reconstruct(capture, out)       a capture, or your own photographs     ->  Cloud
     sample(stage, out, settings)    any USD stage, without photographs     ->  Cloud
     run(scenario, out)              many scenes, as `falsework run` does   ->  Outcome
-    save_cloud(cloud, out)          a cloud of your own making             ->  a folder that every command reads
+    save_cloud(cloud, out)          a cloud of your own making             ->  None; every command reads the folder
 
 Functions that read:
 
@@ -27,6 +27,7 @@ Functions that read:
     load_image(capture, index)      one photograph     ->  sRGB, shape (H, W, 3), uint8
     read_truth(capture)             the same capture   ->  Truth: poses, depth, classes, instances; or None
     read_cloud(folder)              folder of a cloud  ->  Cloud
+    segment_with_noise(cloud, 0.1)  a cloud            ->  classes, uncertain points as `noisy_point`
     load_scenario(path)             TOML file          ->  Scenario
     scenario_of(values)             dict               ->  Scenario
 
@@ -54,7 +55,7 @@ if TYPE_CHECKING:
     from falsework.scenario import Scenario
     from groundwork.errors import FalseworkError, InputError, RejectedSceneError
     from groundwork.progress import Progress
-    from recon.cloud import Cloud
+    from recon.cloud import Cloud, segment_with_noise
     from recon.sampling.sampler_settings import AirborneSettings, MeshSettings, MobileSettings, TerrestrialSettings
     from recon.settings import AlignmentSettings, DenseSettings, ReconSettings, SparseSettings
     from render.capture import CalibrationPrior, Capture, CaptureImage, Readout, Truth, load_image
@@ -130,6 +131,7 @@ __all__ = [
     "sample",
     "save_cloud",
     "scenario_of",
+    "segment_with_noise",
     "swap",
 ]
 
@@ -143,7 +145,7 @@ _HOMES = {
     "falsework.scenario": ("Scenario",),
     "groundwork.errors": ("FalseworkError", "InputError", "RejectedSceneError"),
     "groundwork.progress": ("Progress",),
-    "recon.cloud": ("Cloud",),
+    "recon.cloud": ("Cloud", "segment_with_noise"),
     "recon.sampling.sampler_settings": ("AirborneSettings", "MeshSettings", "MobileSettings", "TerrestrialSettings"),
     "recon.settings": ("AlignmentSettings", "DenseSettings", "ReconSettings", "SparseSettings"),
     "render.capture": ("CalibrationPrior", "Capture", "CaptureImage", "Readout", "Truth", "load_image"),

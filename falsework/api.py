@@ -73,9 +73,11 @@ def swap(
     Args:
         scene: Scene folder, its root layer, or a folder of a run such as `out/scenes/0000`.
         out: Folder to make; an existing one is never replaced, since it may hold edits.
-        look: clean, weathered, aged or random, or a USD file with materials named like the roles.
-        background: none, countryside, city, lakeside or hillside, or a USD file.
-        light: Name of a light of the scene, or a date and time such as `2024-12-21T10:00`.
+        look: clean, weathered, aged or random, a USD file with materials named like the roles, or a folder or ZIP file
+            of surfaces.
+        background: none, countryside, city, lakeside or hillside, a USD file, or the folder of an imported world.
+        light: Name of a light of the scene, a date and time such as `2024-12-21T10:00`, or a photographed sky (`.hdr`,
+            `.exr`).
         taxonomy: Name of another class table.
         allow_roots: One or more further folders from which your own files may load layers and textures.
         progress: Listener.

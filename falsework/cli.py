@@ -1,4 +1,4 @@
-"""The command line: one verb per room, one line for every error, and exit codes that scripts can rely on."""
+"""The command line: one verb per task, one line for every error, and exit codes that scripts can rely on."""
 
 import errno
 import os

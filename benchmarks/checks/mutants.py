@@ -47,11 +47,7 @@ _SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "cameras": (
         ("usd_schemas.pinhole", "usd_schemas.distortion"),
-        (
-            "tests.usd_schemas.test_pinhole",
-            "tests.usd_schemas.test_distortion",
-            "tests.usd_schemas.test_cameras",
-        ),
+        ("tests.usd_schemas.test_pinhole", "tests.usd_schemas.test_distortion", "tests.usd_schemas.test_cameras"),
     ),
     "cables": (
         (
@@ -73,11 +69,7 @@ _SUBJECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "surveys": (
         ("authoring.surveys.coverage", "authoring.surveys.gps", "authoring.surveys.way"),
-        (
-            "tests.authoring.test_coverage",
-            "tests.authoring.test_ways",
-            "tests.authoring.test_surveys",
-        ),
+        ("tests.authoring.test_coverage", "tests.authoring.test_ways", "tests.authoring.test_surveys"),
     ),
     "light": (
         ("render.light.daylight", "render.light.local_lights"),

@@ -47,7 +47,7 @@ def parse(verb: Verb, program: str, words: list[str]) -> Callable[[], int]:
             call = tyro.cli(_later(verb), prog=program, args=words, config=CONFIG)
     except SystemExit as left:
         if left.code and printed.getvalue():
-            raise _as_input_error(printed.getvalue(), program) from None
+            raise _unknown_option(verb, program, words) or _as_input_error(printed.getvalue(), program) from None
         raise
     sys.stderr.write(printed.getvalue())  # warnings
     return call
@@ -130,6 +130,21 @@ def _default(label: str) -> str:
 def _joined(doc: str) -> str:
     """Undo the line breaks of the source: the help breaks lines where the terminal ends."""
     return re.sub(r"(?<=\S)\n(?: {8,}(?=\S)|(?=\S))", " ", doc)
+
+
+def _unknown_option(verb: Verb, program: str, words: list[str]) -> InputError | None:
+    """Name the first option that a verb does not have: in front of an argument the parser says that this is missing."""
+    shown = io.StringIO()
+    with contextlib.redirect_stdout(shown), contextlib.suppress(SystemExit):
+        tyro.cli(_later(verb), prog=program, args=["--help"], config=CONFIG)
+    known = set(re.findall(r"(?<![\w-])--[a-z0-9-]+", shown.getvalue()))
+    given = (word.partition("=")[0].replace("_", "-") for word in words if word.startswith("--") and len(word) > 2)
+    wrong = next((option for option in given if option not in known), None)
+    if wrong is None:
+        return None
+    near, hint = difflib.get_close_matches(wrong, sorted(known), n=1), f"See {program} --help"
+    hint = f"Did you mean {near[0]}? {hint}" if near else hint
+    return InputError("no such option", where=program.partition(" ")[2] or None, value=wrong, hint=hint)
 
 
 def _as_input_error(printed: str, program: str) -> InputError:

@@ -9,6 +9,7 @@ import tyro
 from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import need_scenario
+from falsework.commands.run_table import duration
 from falsework.execution.parts import check_parts, scene_range
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def _as_text(found: "Plan") -> str:
     lines += [f"scene {name} failed: {reason}" for name, reason in found.outcome.failed.items()]
     lines.append(
         f"{found.outcome.made} results to make in {found.scenes_to_do} of {found.scenes} scenes: about "
-        f"{_duration(found.seconds)} in one process, {found.peak_bytes / 1e6:.0f} MB more of disk space at most"
+        f"{duration(found.seconds)} in one process, {found.peak_bytes / 1e6:.0f} MB more of disk space at most"
         if found.outcome.made
         else f"nothing to make: {found.outcome.reused} results exist already"
         if found.outcome.failed or found.outcome.rejected
@@ -74,9 +75,3 @@ def _as_text(found: "Plan") -> str:
     if found.peak_bytes > found.free_bytes:
         lines.append(f"the disk has {found.free_bytes / 1e6:.0f} MB free: too little")
     return "\n".join(lines)
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 120:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

@@ -54,7 +54,7 @@ def render(
         variant: /PRIM/PATH:SET=NAME; may be given more than once.
         quality: Quality of the shading.
         subdivision: Number of refinements of subdivision surfaces; 0 draws their control meshes.
-        noise: Add the sensor's noise to the images; `--no-noise` leaves it out.
+        noise: The images have the sensor's noise; with `--no-noise` they have none.
         seed: Seed of the sensor's noise.
         workers: Number of processes that share the frames of a survey; it does not change the result.
         allow_root: Further folders from which the stage may load layers and textures.

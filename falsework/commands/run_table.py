@@ -102,7 +102,7 @@ class RunTable:
         if self.rate > 0:
             parts.append(f"{self.rate:,.1f} per hour" if self.rate < _MANY else f"{self.rate:,.0f} per hour")
         if self.ended < len(self._scenes):
-            parts.append(f"about {_duration(self.seconds_left)} left")
+            parts.append(f"about {duration(self.seconds_left)} left")
         return ", ".join(parts)
 
     def line(self) -> str:
@@ -143,7 +143,12 @@ class RunTable:
         return f"{done}/{self._steps[stage] * len(self._scenes)}"
 
 
-def _duration(seconds: float) -> str:
+def duration(seconds: float) -> str:
+    """Format a duration for people.
+
+    Args:
+        seconds: The time [s].
+    """
     if seconds < _SHORT:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < _LONG else f"{seconds / 3600:.1f} h"

@@ -141,8 +141,9 @@ def set_(
     Args:
         scene: Scene folder, or its root layer.
         choices: look=NAME background=NAME light=NAME, or your own USD file as NAME (a look with materials named like
-            the roles, or a background), or for the light a date and time, 2024-12-21T10:00; taxonomy=kim2023 selects
-            another class table.
+            the roles, or a background); for a look also a folder or ZIP file of surfaces, for a background the folder
+            of an imported world, for the light a date and time, 2024-12-21T10:00, or a photographed sky (.hdr, .exr);
+            taxonomy=kim2023 selects another class table.
         variant: Do not change the scene, but write variant_NAME.usda beside it.
         re_origin: X Y Z of the point of your own background at the scene's origin, where the bridge begins, in meters
             with z up; for a background in map coordinates.

@@ -40,7 +40,7 @@ def score(
         survey: Only this one.
         output: HTML page to write: flight in 3D, plan and elevation, coverage, and members that no flight shows.
         allow_root: Further folders from which the scene may load files.
-        propose: Search for legs that show the members that no flight shows; `--no-propose` leaves them out.
+        propose: The page proposes legs that show the members that no flight shows; with `--no-propose` it does not.
         as_json: Print one JSON object instead of lines.
     """
     stage = stage_file(scene)

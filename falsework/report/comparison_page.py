@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from falsework.report.page import BLUE, GRAY, SERIES, number, percent, plain_layout, settings_rows, write_page
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json
-from learn.compare.tables import arm_name
+from learn.compare.tables import arm_name, interval, of_class, points
 
 RECORD = "comparison.json"
 FEW_BRIDGES, FEW_SEEDS = 12, 5  # fewer give a weak comparison
@@ -49,7 +49,7 @@ def write_comparison_page(path: Path, folder: Path) -> None:
         differences=[_difference_row(row, record) for row in record["differences"]],
         difference_figure=_difference_figure(record) if record["differences"] else None,
         class_differences=[
-            [*_model_of(row, record), row["test"], _pair(row), *(_of_class(row["classes"].get(one)) for one in names)]
+            [*_model_of(row, record), row["test"], _pair(row), *(of_class(row["classes"].get(one)) for one in names)]
             for row in record["differences"]
         ],
         group_heads=["group"] if len(record["groups"]) > 1 else [],
@@ -145,9 +145,9 @@ def _difference_row(row: Mapping[str, Any], record: Mapping[str, Any]) -> list[s
         *_model_of(row, record),
         str(row["test"]),
         _pair(row),
-        _points(row["difference"]),
-        _interval(row["interval"]),
-        _interval(row["over_seeds"]),
+        points(row["difference"]),
+        interval(row["interval"]),
+        interval(row["over_seeds"]),
         f"{row['wins']} of {row['seeds']}",
         f"{row['bridges']}",
     ]
@@ -213,15 +213,3 @@ def _matrix(row: Mapping[str, Any], record: Mapping[str, Any], names: Sequence[s
 
 def _pair(row: Mapping[str, Any]) -> str:
     return f"{row['first']} − {row['second']}"
-
-
-def _points(value: float | None) -> str:
-    return "–" if value is None else f"{100 * value:+.1f}"
-
-
-def _interval(ends: Sequence[float] | None) -> str:
-    return "–" if ends is None else f"{_points(ends[0])} to {_points(ends[1])}"
-
-
-def _of_class(found: Mapping[str, Any] | None) -> str:
-    return "–" if found is None else f"{_points(found['difference'])} ({found['p']:.2f})"

@@ -106,7 +106,7 @@ def _losses(record: Row) -> list[str]:
             row["candidates"],
             row["valid"],
             row["common"],
-            _percent(1.0 - row["common"] / row["valid"]) if row["valid"] else "-",
+            _percent(1.0 - row["common"] / row["valid"]) if row["valid"] else "–",
         ]
         for row in record["losses"]
     ]
@@ -149,9 +149,9 @@ def _differences(record: Row) -> list[str]:
             row["model"],
             row["test"],
             f"{row['first']} − {row['second']}",
-            _points(row["difference"]),
-            _interval(row["interval"]),
-            _interval(row["over_seeds"]),
+            points(row["difference"]),
+            interval(row["interval"]),
+            interval(row["over_seeds"]),
             f"{row['wins']} of {row['seeds']}",
             row["bridges"],
         ]
@@ -163,7 +163,7 @@ def _differences(record: Row) -> list[str]:
 def _class_differences(record: Row) -> list[str]:
     rows = []
     for row in record["differences"]:
-        cells = [_of_class(row["classes"].get(name)) for name in _present(record)]
+        cells = [of_class(row["classes"].get(name)) for name in _present(record)]
         rows.append([row["model"], row["test"], f"{row['first']} − {row['second']}", *cells])
     return _table(["model", "tested on", "arms", *_present(record)], rows)
 
@@ -177,7 +177,7 @@ def _matrices(record: Row) -> list[str]:
         cells = []
         for name, place in zip(names, places, strict=True):
             counts = row["confusion"][place]
-            shares = (_percent(counts[k] / sum(counts)) if sum(counts) else "-" for k in places)
+            shares = (_percent(counts[k] / sum(counts)) if sum(counts) else "–" for k in places)
             cells.append([name, *shares, f"{sum(counts):,}"])
         lines += [*_table(["", *names, "points"], cells), ""]
     return lines
@@ -218,19 +218,34 @@ def _spread(row: Row, name: str) -> str:
 
 
 def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{100 * value:.1f}"
+    return "–" if value is None else f"{100 * value:.1f}"
 
 
-def _points(value: float | None) -> str:
-    return "-" if value is None else f"{100 * value:+.1f}"
+def points(value: float | None) -> str:
+    """Format a difference of two shares in percentage points.
+
+    Args:
+        value: The difference [1]; None: unknown.
+    """
+    return "–" if value is None else f"{100 * value:+.1f}"
 
 
-def _interval(ends: Sequence[float] | None) -> str:
-    return "-" if ends is None else f"{_points(ends[0])} to {_points(ends[1])}"
+def interval(ends: Sequence[float] | None) -> str:
+    """Format a confidence interval of a difference in percentage points.
+
+    Args:
+        ends: Its ends [1]; None: unknown.
+    """
+    return "–" if ends is None else f"{points(ends[0])} to {points(ends[1])}"
 
 
-def _of_class(found: Row | None) -> str:
-    return "-" if found is None else f"{_points(found['difference'])} ({found['p']:.2f})"
+def of_class(found: Row | None) -> str:
+    """Format the difference of one class, and its p value.
+
+    Args:
+        found: `difference` [1] and `p` [1]; None: the class is absent.
+    """
+    return "–" if found is None else f"{points(found['difference'])} ({found['p']:.2f})"
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> list[str]:

@@ -128,6 +128,7 @@ PATHS = {
     "load_image": set(),
     "load_scenario": {"path"},
     "scenario_of": {"path"},
+    "segment_with_noise": set(),
 }
 
 

@@ -17,6 +17,7 @@ LINES = {
     "run": r"run: missing: SCENARIO, -o/--output\. See falsework run --help",
     "scene info": r"scene info: missing: SCENE\. See falsework scene info --help",
     "run a b -o out": r"run: too many arguments \(found 'b'\)\. See falsework run --help",
+    "author --sceen 1 a.toml -o out": r"author: no such option \(found '--sceen'\)\. Did you mean --scene\? See .*",
     "run a -o out --sceens 1:2": r"run: no such option \(found '--sceens'\)\. Did you mean --scenes\? See .*",
     "run a -o": r"run: -o/--output: its value is missing\. See falsework run --help",
     "verify -o out": r"verify: OUTPUT: its value is missing\. See falsework verify --help",
