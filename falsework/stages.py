@@ -201,7 +201,7 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 STAGES: dict[str, Stage] = {
     "stage": Stage(23, author),
-    "capture": Stage(18, capture, resumes=True),
+    "capture": Stage(19, capture, resumes=True),
     "model": Stage(4, model, resumes=True),
     "cloud": Stage(15, cloud, resumes=True),
     "sample": Stage(1, sample),

@@ -8,6 +8,7 @@ layout(location = 0) out float out_depth;
 const float FARTHEST = 0.01;    // from the rasterizer's depth: a pixel just beside a triangle keeps that
 
 void main() {
+    if (!(gl_FragCoord.w > 0.0 && gl_FragCoord.w < 3e38)) discard;  // seen edge-on it may have no depth
     float exact = plane.x + dot(plane.yz, gl_FragCoord.xy - place_of_plane);
     out_depth = 1.0 / (abs(exact - gl_FragCoord.w) < FARTHEST * gl_FragCoord.w ? exact : gl_FragCoord.w);
 }

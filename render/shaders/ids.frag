@@ -17,6 +17,9 @@ layout(location = 2) out uint out_triangle;
 #endif
 
 void main() {
+#ifdef STEADY
+    if (!(gl_FragCoord.w > 0.0 && gl_FragCoord.w < 3e38)) discard;  // a triangle seen edge-on may have no depth
+#endif
 #ifdef CUT_OUT
     if (look_up_albedo().a < options.x) discard;
 #endif

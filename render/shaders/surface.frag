@@ -312,6 +312,9 @@ float beside(float away) {
 #endif
 
 void main() {
+#ifdef STEADY
+    if (!(gl_FragCoord.w > 0.0 && gl_FragCoord.w < 3e38)) discard;  // a triangle seen edge-on may have no depth
+#endif
 #ifdef ABOVE
     if (relative.z < waterline) discard;
 #endif

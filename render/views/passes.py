@@ -18,9 +18,10 @@ from render.views.draw_calls import DrawCalls, Sight
 from render.views.edge_samples import EdgeSamples
 from render.views.edges import pixels_at_edges, smooth_edges
 from render.views.mirror import Image, Mirror, look_up_uniforms
-from render.views.targets import Targets, View
+from render.views.targets import Targets, View, mended
 from usd_schemas.pinhole import Pinhole
 
+_STEADY = ("STEADY",)  # a feature of shaders: they draw nothing where the rasterizer gives no depth
 _DRAW = np.uint32(2**27 - 1)  # bits of a draw's number; those above say how its face is turned, as in crease.glsl
 MIRROR_UNIT = 14  # after those of light, materials, draws and ribbons
 F64 = NDArray[np.float64]
@@ -158,23 +159,23 @@ class Painter:
         if self._mirror is not None:
             self._image = self._mirror.draw(self._gpu, self._calls, pose, near, self._lamp_features)
 
-    def _draw_band(self, pose: F64, first: int, end: int, near: float) -> None:
+    def _draw_band(self, pose: F64, first: int, end: int, near: float, steady: tuple[str, ...] = ()) -> None:
         gpu, camera, targets = self._gpu, self._camera, self._targets
         band = replace(camera, height=end - first, cy=camera.cy - first)
         rows = visible_boxes(gpu.lower, gpu.upper, band, pose)
         sight = Sight(camera, pose, near, clip_from_relative(camera, pose, near).T.tobytes())
         seen = self._sorted(rows, sight)
         self._place(sight)
-        self._draw_photograph(seen, sight, (targets.samples * first, targets.samples * end))
+        self._draw_photograph(seen, sight, (targets.samples * first, targets.samples * end), steady)
         exact = (targets.finer * first, targets.finer * end)
         if targets.apart or (len(seen.thin) and len(seen.through)):  # otherwise the pass of the photograph drew them
             targets.bind(targets.truth, *exact)
-            self._calls.ids(np.concatenate([seen.opaque, seen.thin]), sight, targets.extra + self._creases)
-        if self._coverage_layer is not None and len(seen.thin):
+            self._calls.ids(np.concatenate([seen.opaque, seen.thin]), sight, targets.extra + self._creases + steady)
+        if self._coverage_layer is not None and len(seen.thin) and not steady:
             self._draw_ribbons(self._coverage_layer, seen, sight, (first, end))
         if len(seen.through):  # last, because they are opaque in the truth and not in the photograph
             targets.bind(targets.truth, *exact)
-            self._calls.ids(seen.through, sight, targets.extra)
+            self._calls.ids(seen.through, sight, targets.extra + steady)
         if "TRIANGLES" not in targets.extra:
             self._draw_facets((first, end), rows, sight)
 
@@ -197,25 +198,25 @@ class Painter:
         thin = gpu.ribbons.thin(opaque, gpu.lower, gpu.upper, sight.eye, focal, sampled=self._edge_samples is not None)
         return _Seen(opaque[~thin], opaque[thin], through)
 
-    def _draw_photograph(self, seen: _Seen, sight: Sight, span: tuple[int, int]) -> None:
+    def _draw_photograph(self, seen: _Seen, sight: Sight, span: tuple[int, int], steady: tuple[str, ...]) -> None:
         """Draw the photograph without ribbons; ids and depth are drawn with it unless they have a separate pass."""
-        targets, calls = self._targets, self._calls
+        targets, calls, features = self._targets, self._calls, self._features + steady
         extra = () if targets.apart else targets.extra + self._creases
         # The depth of large draws first: shading is then saved where they hide others. This does not change images: in
         # any order, a surface is drawn where nothing is nearer.
         large = calls.worth_hiding(seen.opaque, sight)
-        if len(large):
+        if len(large) and not steady:
             targets.bind(targets.nearest, *span)
             calls.depth(large, sight)
         targets.bind(targets.shaded, *span)
-        calls.surfaces(seen.opaque, sight, self._features + extra)
+        calls.surfaces(seen.opaque, sight, features + extra)
         calls.sky(sight, () if targets.apart else targets.extra)
         if len(seen.thin):  # last: where they are thinner than a pixel, the surface behind them shows through
             panes = ("PANES",) if len(seen.through) else ()
-            self._fade_in(seen.thin, sight, extra + panes)
+            self._fade_in(seen.thin, sight, steady + extra + panes)
         if len(seen.through) and self._blending is not None:
             self._blending.begin(span)
-            calls.panes(seen.through, sight, self._features)
+            calls.panes(seen.through, sight, features)
             self._blending.end(span)
 
     def _fade_in(self, thin: I64, sight: Sight, extra: tuple[str, ...]) -> None:
@@ -244,6 +245,8 @@ class Painter:
     def _read(self, rows: tuple[int, int], poses: F64, bands: Sequence[tuple[int, int]], near: float) -> View:
         """Read some rows, with edges and ribbons."""
         view = self._targets.read(*rows)
+        if not (view.depth > 0.0).all():
+            view = self._mended(view, rows, poses, bands, near)
         if self._edge_samples is not None:
             self._take_samples(self._edge_samples, view, rows[0], poses, bands, near)
         if self._coverage_layer is not None:
@@ -251,6 +254,19 @@ class Painter:
                 self._smooth(view)
             self._coverage_layer.composite(view.code, *rows, self._camera.height)
         return replace(view, draw=view.draw & _DRAW) if self._creases else view
+
+    def _mended(
+        self, view: View, rows: tuple[int, int], poses: F64, bands: Sequence[tuple[int, int]], near: float
+    ) -> View:
+        """Draw the pixels without a depth again, without what the rasterizer gives none.
+
+        The area on the image of a triangle that is seen edge-on may be so small that its depth is no number; such a
+        triangle lies before all others. To leave it out in every view would cost some percent of the time.
+        """
+        self._targets.clear(*rows)
+        for pose, (first, end) in zip(poses, bands, strict=True):
+            self._draw_band(pose, first, end, near, _STEADY)
+        return mended(view, self._targets.read(*rows))
 
     def _smooth(self, view: View) -> None:
         """Smooth the edges of a photograph with one sample, in place."""

@@ -41,6 +41,26 @@ class View:
     middle: U32 | None = None
 
 
+def mended(view: View, again: View) -> View:
+    """Replace the pixels of a view that have no depth by those of another.
+
+    Args:
+        view: The view.
+        again: The same view, drawn in another way.
+    """
+    wrong = ~(view.depth > 0.0)
+    finer = len(wrong) // len(view.code)
+    coarse = wrong.reshape(len(view.code), finer, -1, finer).any(axis=(1, 3))
+
+    images: dict[str, Any] = dict(vars(view))
+    for name, image in images.items():
+        if image is not None:
+            where = coarse if name in ("code", "middle") else wrong
+            images[name] = image.copy()
+            images[name][where] = getattr(again, name)[where]
+    return View(**images)
+
+
 class Targets:
     """The images of one size.
 

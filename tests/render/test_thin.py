@@ -112,3 +112,37 @@ def test_facets_are_those_that_are_slender_in_the_world() -> None:
     for corner in range(3):
         reach = np.einsum("an,na->n", facets.normals, facets.corners[:, corner])
         np.testing.assert_allclose(reach, facets.heights, atol=1e-5)
+
+
+def edge_on(rng: np.random.Generator, count: int) -> F64:
+    """Draw triangles in planes through the camera at the origin, 60 to 300 m in front of it, shape (count, 3, 3)."""
+    middle = np.stack([rng.integers(10, 470, count), rng.integers(10, 350, count)], axis=1) + 0.5
+    turn = rng.uniform(0.0, np.pi, count)
+    along, beside = np.stack([np.cos(turn), np.sin(turn)], axis=1), 10.0 ** rng.uniform(-4.5, -2.5, (3, count, 1))
+    place = middle + along * rng.uniform(-30.0, 30.0, (3, count, 1)) + beside * rng.normal(size=(3, count, 2))
+    right, down = np.moveaxis((place - [CAMERA.cx, CAMERA.cy]) / CAMERA.fx, -1, 0)
+    rays = np.stack([np.ones_like(right), -right, -down], axis=-1)
+    return np.swapaxes(rays * rng.uniform(60.0, 300.0, (3, count, 1)), 0, 1)
+
+
+@pytest.mark.parametrize("quality", ["fast", "standard", "fine"])
+def test_where_a_triangle_has_no_depth_the_wall_before_it_is_seen(
+    gl: Gl, small: RenderSettings, quality: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Seen edge-on it would lie before everything with a depth that is no number; no other pixel changes."""
+    builder, pose = SceneBuilder(), look_at(np.zeros(3), np.array([1.0, 0.0, 0.0]))
+    wall = np.array([[[50.0, -60, -60], [50, 60, -60], [50, 60, 60]], [[50, -60, -60], [50, 60, 60], [50, -60, 60]]])
+    builder.add_mesh(wall, np.eye(4), 1)
+    builder.add_mesh(edge_on(np.random.default_rng(0), 30_000), np.eye(4), 2)
+    scene = builder.build(pose[None], CAMERA)
+    painter = prepare(gl, scene, small.model_copy(update={"quality": quality}), SILENT).painter(CAMERA, sharp=True)
+    view, lower = painter.draw(pose, NEAR), painter.draw_window(pose, (100, 300), NEAR)
+    monkeypatch.setattr(Painter, "_mended", lambda _, raw, *__: raw)
+    raw = painter.draw(pose, NEAR)
+    wrong = ~(raw.depth > 0.0)
+    assert wrong.sum() >= 3
+    assert np.all(view.draw[wrong] == 1)
+    np.testing.assert_allclose(view.depth[wrong], 50.0, rtol=1e-6)
+    for name in ("draw", "depth"):
+        np.testing.assert_array_equal(getattr(view, name)[~wrong], getattr(raw, name)[~wrong])
+        np.testing.assert_array_equal(getattr(lower, name), getattr(view, name)[100:300])
