@@ -3,14 +3,32 @@
 import difflib
 import types
 import typing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from groundwork.errors import InputError
 from groundwork.foreign_file import MOST_TOML, parse_toml, read_regular
+
+
+@dataclass(frozen=True)
+class _OfAnotherType:
+    """A value that no field accepts.
+
+    Attributes:
+        value: As it was written.
+        wanted: What it should be.
+    """
+
+    value: Any
+    wanted: str
+
+    def __repr__(self) -> str:
+        return repr(self.value)
 
 
 class Settings(BaseModel):
@@ -18,8 +36,21 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _of_their_types(cls, values: Any) -> Any:
+        """Mark what pydantic would convert, true for 1, "7" for 7, 1 for true, so that its field refuses it."""
+        if not isinstance(values, dict):
+            return values
+        fields = cls.model_fields
+        wanted = {name: _wanted(value, fields[name].annotation) for name, value in values.items() if name in fields}
+        return {
+            name: _OfAnotherType(value, what) if (what := wanted.get(name)) else value for name, value in values.items()
+        }
+
 
 S = TypeVar("S", bound=Settings)
+_NEAR = 0.6  # [1] least likeness of a key that a wrong one may have meant: of letters in common
 MANY = 8  # errors of one file that are listed before the rest is counted
 
 
@@ -58,11 +89,37 @@ def parse_settings(model: type[S], values: dict[str, Any], where: object) -> S:
         raise InputError(f"{len(found)} errors: {shown}", where=where) from None
 
 
+def _types_in(annotation: Any) -> set[Any]:
+    """Collect the types that an annotation joins, of items of its collections too, and the values of its literals."""
+    inner = typing.get_args(annotation)
+    if typing.get_origin(annotation) is typing.Literal:
+        return {type(value) for value in inner}
+    inner = tuple(part for part in inner if part is not Ellipsis and not isinstance(part, FieldInfo))
+    return set().union(*map(_types_in, inner)) if inner else {annotation}
+
+
+def _wanted(value: Any, annotation: Any) -> str | None:
+    """Say what a value should be, if its type is another one; None if it is right, or is judged elsewhere."""
+    types = _types_in(annotation) - {type(None)}
+    if isinstance(value, list | tuple):
+        wrong = next((wanted for item in value if (wanted := _single(item, types))), None)
+        return f"a list, each of it {wrong}" if wrong else None
+    return _single(value, types)
+
+
+def _single(value: Any, types: set[Any]) -> str | None:
+    if types == {bool} and type(value) in (int, float, str):
+        return "true or false"
+    if types and types <= {int, float} and type(value) in (bool, str):
+        return "a number"
+    return None
+
+
 def _as_input_error(model: type[Settings], detail: ErrorDetails, where: object) -> InputError:
     field = _field(model, detail)
     if detail["type"] == "extra_forbidden":
         known = _known_keys(model, detail["loc"][:-1])
-        near = difflib.get_close_matches(str(detail["loc"][-1]), known, n=1, cutoff=0.0)
+        near = difflib.get_close_matches(str(detail["loc"][-1]), known, n=1, cutoff=_NEAR)
         hint = f"Did you mean {near[0]!r}?" if near else "Remove it"
         return InputError("unknown key", where=where, field=field, allowed=", ".join(known) or "none", hint=hint)
     context = detail.get("ctx", {})
@@ -77,9 +134,14 @@ def _as_input_error(model: type[Settings], detail: ErrorDetails, where: object) 
         return InputError(
             "missing or unknown kind", where=where, field=f"{field}.{key}", value=found, allowed=", ".join(tags)
         )
-    if not field:  # incompatible keys: the message names them; the value would be the whole file
-        return InputError(_plain(detail["msg"]), where=where, hint="Correct this value")
-    return InputError(_plain(detail["msg"]), where=where, field=field, value=detail["input"], hint="Correct this value")
+    what, value = _plain(detail, field), detail["input"]
+    if detail["type"] == "missing":
+        return InputError(what, where=where, field=field, hint="Add it")
+    if not field or (detail["type"] == "value_error" and isinstance(value, dict)):
+        # Of incompatible keys the value would be the whole section or file.
+        return InputError(what, where=where, field=field or None, hint="Correct this value")
+    value = value.value if isinstance(value, _OfAnotherType) else value
+    return InputError(what, where=where, field=field, value=value, hint="Correct this value")
 
 
 def _field(model: type[Settings], detail: ErrorDetails) -> str:
@@ -96,8 +158,29 @@ def _field(model: type[Settings], detail: ErrorDetails) -> str:
     return ".".join(str(part) for number, part in enumerate(location) if number not in tags)
 
 
-def _plain(message: str) -> str:
-    return message.removeprefix("Value error, ").replace("Input should be a valid tuple", "should be a list: [ … ]")
+def _plain(detail: ErrorDetails, field: str) -> str:
+    """Say what is wrong with a value in the words of a TOML file."""
+    if isinstance(detail["input"], _OfAnotherType):
+        return f"should be {detail['input'].wanted}"
+    key, value, context = field.rpartition(".")[2], detail["input"], detail.get("ctx", {})
+    match detail["type"]:
+        case "model_type" | "model_attributes_type" | "dict_type":
+            return f"should be a section, [{field}]" if isinstance(value, str | int | float) else "should be a section"
+        case "tuple_type" | "list_type":
+            several = isinstance(value, dict)
+            return f"should be a list: write [[{key}]], with two brackets" if several else "should be a list: [ … ]"
+        case "missing":
+            return "is missing"
+        case "too_long":
+            return f"should have at most {context['max_length']} values"
+        case "too_short":
+            return f"should have at least {context['min_length']} values"
+        case "string_pattern_mismatch":
+            return f"should match {context['pattern']}"
+        case kind if kind.startswith("datetime_") or kind.startswith("timezone_"):
+            return "should be a date and hour, such as 2024-06-21T14:00"
+        case _:
+            return detail["msg"].removeprefix("Value error, ")
 
 
 def _known_keys(model: type[Settings], location: tuple[int | str, ...]) -> list[str]:

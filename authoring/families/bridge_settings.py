@@ -38,14 +38,16 @@ class BridgeSettings(SharedSettings):
     @field_validator("family", mode="before")
     @classmethod
     def _known_families(cls, value: object) -> object:
+        if not isinstance(value, str | dict):
+            raise ValueError("should be a name, or a table of weights such as { beam = 2.0, arch = 1.0 }")
         names = list(value) if isinstance(value, dict) else [value]
         unknown = [name for name in names if name not in FAMILIES]
         if unknown or not names:
             raise ValueError(f"not a family of bridges: {unknown or 'nothing'}; allowed: {', '.join(sorted(FAMILIES))}")
         if isinstance(value, dict):
             for name, weight in value.items():
-                if not isinstance(weight, int | float) or isinstance(weight, bool) or not 0.0 <= weight < float("inf"):
-                    raise ValueError(f"the weight of {name} is {weight!r}; allowed: numbers of at least 0")
+                if not isinstance(weight, int | float) or isinstance(weight, bool) or not 0.0 <= weight <= 1e9:
+                    raise ValueError(f"the weight of {name} is {weight!r}; allowed: numbers from 0 to 1e9")
             if not sum(value.values()) > 0.0:
                 raise ValueError("all weights are 0; allowed: at least one above 0")
         return value

@@ -27,7 +27,7 @@ BAD = {
     "missing stage": ("[stage]\npath = 'nowhere.usda'", ["stage.path", "nowhere.usda"]),
     "unknown variant": ("[variants]\nlook = ['shiny']", ["variants", "'shiny'", "weathered"]),
     "variant twice": ("[variants]\nlook = ['clean', 'clean']", ["variants", "twice"]),
-    "light without a name": ("[[variants.light]]\nbrightness = 1.0", ["variants.light.0.name", "required"]),
+    "light without a name": ("[[variants.light]]\nbrightness = 1.0", ["variants.light.0.name: is missing", "Add it"]),
     "variants of a stage": ("[stage]\npath = 's.usda'\n[variants]\nlook = ['clean']", ["variants", "scene set"]),
     "nothing to make": ("survey = []", ["neither a survey nor a sample"]),
     "sample of no kind": ("[[sample]]\nkind = 'photo'", ["sample.0.kind", "'photo'", "mesh, terrestrial, mobile"]),
@@ -43,6 +43,18 @@ BAD = {
         ["'local'", "grid"],
     ),
     "path of no survey": ("[[sample]]\nkind = 'mobile'\npath = 'local'", ["mobile", "'local'"]),
+    "a section that is a word": ("background = 'city'", ["background: should be a section, [background]", "'city'"]),
+    "one bracket": ("[survey]\nkind = 'global'", ["survey: should be a list: write [[survey]]"]),
+    "families in a list": ("[bridge]\nfamily = ['beam', 'girder']", ["bridge.family: should be a name, or a table"]),
+    "true for a number": ("seed = true", ["seed: should be a number (found True)"]),
+    "text for a number": ("[render]\nshadow_size = '512'", ["render.shadow_size: should be a number (found '512')"]),
+    "a number for true": ("[bridge.fittings]\nlamps = 1", ["bridge.fittings.lamps: should be true or false (found 1)"]),
+    "true in a list": (
+        "[bridge.beam]\nspans = [true]",
+        ["bridge.beam.spans: should be a list, each of it a number (found [True])"],
+    ),
+    "no date": ("[light]\ndate = 'noon'", ["light.date: should be a date and hour, such as"]),
+    "nothing like it": ("[light]\ntime = 3", ["light.time: unknown key", "Remove it"]),
     "not TOML": ("seed = = 7", ["line 1"]),
 }
 
