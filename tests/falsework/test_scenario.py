@@ -20,7 +20,7 @@ BAD = {
     "survey of no kind": ("[[survey]]\nkind = 'lokal'", ["survey.0.kind", "'lokal'", "global, local, grid"]),
     "unknown key of one kind": ("[[survey]]\nkind = 'local'\nlenght = 3.0", ["lenght", "Did you mean 'length'"]),
     "same id twice": ("[[survey]]\nkind = 'grid'\n[[survey]]\nkind = 'grid'", ["same id", "grid, grid"]),
-    "wrong type": ("seed = 'seven'", ["seed", "'seven'", "integer"]),
+    "wrong type": ("seed = 'seven'", ["seed", "'seven'", "should be a number"]),
     "out of range": ("scenes = 0", ["scenes", "0", "greater than or equal to 1"]),
     "endless": ("scenes = 999999999999999999", ["scenes", "less than or equal to 1000000"]),
     "wrong choice": ("[render]\nquality = 'best'", ["render.quality", "'best'", "standard"]),
