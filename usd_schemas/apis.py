@@ -98,11 +98,12 @@ def read_component(prim: Usd.Prim) -> ComponentFacts:
         prim: Any prim.
     """
     text = _get(prim, "falsework:component:parameters")
+    found = parse_json(str(text), prim.GetPath()) if text else {}
     return ComponentFacts(
         kind=str(_get(prim, "falsework:component:kind") or ""),
         instance_id=int(_get(prim, "falsework:component:instanceId") or 0),
         instance_ids=tuple(int(value) for value in _get(prim, "falsework:component:instanceIds") or ()),
-        parameters=parse_json(str(text), prim.GetPath()) if text else {},
+        parameters=found if isinstance(found, dict) else {},
     )
 
 
@@ -124,7 +125,7 @@ def read_visibility(prim: Usd.Prim) -> float | None:
         prim: Any prim; the attribute is read even if the schema itself was lost in another program.
     """
     value = _get(prim, _VISIBILITY) if prim else None
-    return float(value) if value is not None and float(value) > 0.0 else None
+    return float(value) if isinstance(value, int | float) and value > 0.0 else None
 
 
 def label_opinions(component: str, instance_id: int) -> list[Opinion]:

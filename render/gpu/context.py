@@ -121,7 +121,7 @@ def _candidates(device: str) -> list[int]:
     named = {"auto": hardware + cpu, "gpu": hardware, "software": cpu}
     if device in named:
         return named[device]
-    if device.isdigit() and int(device) < len(software):
+    if device.isdecimal() and int(device) < len(software):
         return [int(device)]
     raise InputError(
         "no such device",

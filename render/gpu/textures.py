@@ -245,6 +245,8 @@ def _halved(image: U8, side: int) -> U8:
 def _side(key: TextureKey, largest: int) -> int:
     """Choose the side of a texture: the power of two that is nearest to its longer one [px]."""
     size = image_files.size(Path(key.file)) or _decode(Path(key.file)).shape[:2]
+    if not min(size):
+        raise InputError("an image without pixels", where=key.file)
     side = max(_SMALLEST, 1 << round(np.log2(min(max(size), largest))))
     return side if side <= largest else side // 2
 

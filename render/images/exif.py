@@ -17,6 +17,7 @@ _EPOCH = datetime(2024, 6, 21, 12, 0, 0)  # every capture was taken at this mome
 _EARTH_A, _EARTH_E2 = 6_378_137.0, 6.694_379_990_14e-3  # WGS 84
 _ASCII, _BYTE, _SHORT, _LONG, _RATIONAL = 2, 1, 3, 4, 5
 _LARGEST_SHORT, _LARGEST_LONG = 0xFFFF, 0xFFFFFFFF
+_MOST_LETTERS = 200  # of a text: all must fit into a segment of 64 kB
 _LONGEST = 100 * 365 * 86_400.0  # [s] a survey of 100 years
 _SIZES = {_BYTE: "B", _SHORT: "H", _LONG: "I", _RATIONAL: "II"}
 
@@ -159,7 +160,7 @@ def _numbers(tag: int, kind: int, value: int) -> Entry:
 
 
 def _text(tag: int, value: str) -> Entry:
-    data = value.encode("ascii", "replace") + b"\x00"
+    data = value[:_MOST_LETTERS].encode("ascii", "replace") + b"\x00"
     return tag, _ASCII, data, len(data)
 
 

@@ -1,7 +1,7 @@
 """Reading of cameras with their poses, and of render products."""
 
 import math
-from dataclasses import replace
+from dataclasses import astuple, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from usd_schemas import tokens
 from usd_schemas.apis import read_survey
 from usd_schemas.flat_scene import CameraTrack, Product
 from usd_schemas.pinhole import TENTH, USD_FROM_CAMERA, UsdLens, look_at
-from usd_schemas.reading.choices import AS_AUTHORED, MOST_FRAMES, StageChoices
+from usd_schemas.reading.choices import AS_AUTHORED, LARGEST_SIDE, MOST_FRAMES, StageChoices
 from usd_schemas.reading.file_names import capture_name, distinct_names, image_names
 from usd_schemas.reading.labels import Warn
 from usd_schemas.reading.traversal import EARLIEST, composed_prims, guarded
@@ -107,7 +107,14 @@ def _lens_fault(prim: Usd.Prim, track: CameraTrack) -> str:
     if model not in CAMERA_MODELS:
         return f"falsework:cal:model {model} is none of {', '.join(CAMERA_MODELS)}"
     camera = track.calibration
-    if camera is None or track.distortion.is_identity:
+    if camera is None:
+        return ""
+    lens = (camera.fx, camera.fy, camera.cx, camera.cy, *astuple(track.distortion))
+    if not (np.isfinite(lens).all() and min(camera.fx, camera.fy) > 0.0):
+        return "falsework:cal has a focal length that is not positive, or a number that is not finite"
+    if not 0 < min(camera.width, camera.height) <= max(camera.width, camera.height) <= LARGEST_SIDE:
+        return f"falsework:cal:imageSize is {camera.width} x {camera.height}; allowed: 1 to {LARGEST_SIDE} px"
+    if track.distortion.is_identity:
         return ""
     across, down = np.meshgrid(np.linspace(0, camera.width, 9), np.linspace(0, camera.height, 9))
     try:
@@ -146,10 +153,10 @@ def _read_track(
     facts: dict[str, object] = {}
     if is_survey:
         facts = {"kind": survey.kind, "seed": survey.seed, "spacing": survey.spacing}
-    times = _sampled(prim, "falsework:survey:captureTime", codes)
+    times = _sampled(prim, "falsework:survey:captureTime", codes, warn)
     if times is not None:
         facts["capture_times"] = times.tolist()
-    gps = _sampled(prim, "falsework:gps:localPosition", codes)
+    gps = _sampled(prim, "falsework:gps:localPosition", codes, warn)
     sensor = prim.GetAttribute("falsework:cal:sensorWidth")
     has_sensor = sensor and sensor.HasAuthoredValue()
     return CameraTrack(
@@ -165,10 +172,10 @@ def _read_track(
         gps_sigma=survey.gps_sigma,
         facts=facts,
         distortion=survey.distortion,
-        readout_time=survey.readout_time,
+        readout_time=survey.readout_time if math.isfinite(survey.readout_time) else 0.0,
         make=survey.camera_make,
         model=survey.camera_model,
-        attitude=_sampled(prim, "falsework:gps:attitude", codes),
+        attitude=_sampled(prim, "falsework:gps:attitude", codes, warn),
         attitude_sigma=survey.attitude_sigma,
     )
 
@@ -185,12 +192,16 @@ def _near(camera: UsdGeom.Camera, unit: float, warn: Warn) -> float:
     return DEFAULT_NEAR
 
 
-def _sampled(prim: Usd.Prim, name: str, codes: list[Usd.TimeCode]) -> F64 | None:
-    """Read a time-sampled attribute at given codes; None if it has no samples."""
+def _sampled(prim: Usd.Prim, name: str, codes: list[Usd.TimeCode], warn: Warn) -> F64 | None:
+    """Read a time-sampled attribute at given codes; None if it has no samples, or some that are no numbers."""
     attribute = prim.GetAttribute(name)
     if not attribute or not attribute.GetNumTimeSamples():
         return None
-    return np.array([attribute.Get(code) for code in codes], np.float64)
+    rows = np.array([attribute.Get(code) for code in codes], np.float64)
+    if not np.isfinite(rows).all():
+        warn(f"{prim.GetPath()}: {name} has values that are not finite: it is left out")
+        return None
+    return rows
 
 
 def _codes(prim: Usd.Prim, is_survey: bool) -> list[Usd.TimeCode]:
@@ -309,7 +320,7 @@ def _add_product(
     if not resolution.HasAuthoredValue() and settings:
         resolution = settings.GetResolutionAttr()
     width, height = (int(value) for value in resolution.Get())
-    if min(width, height) <= 0:
+    if not 0 < min(width, height) <= max(width, height) <= LARGEST_SIDE:
         warn(f"{prim.GetPath()}: a RenderProduct of {width} x {height} pixels")
         return
     _note_unread(prim, settings, cameras[row].lens, width / height, warn)

@@ -12,6 +12,7 @@ from usd_schemas import tokens
 from usd_schemas.apis import direct_label, read_component
 from usd_schemas.components import BACKGROUND, ClassRow, class_rows, component_classes
 from usd_schemas.flat_scene import InstanceRow
+from usd_schemas.reading.traversal import numbers_of, table_of
 from usd_schemas.taxonomies import RESERVED, Taxonomy
 
 U32 = NDArray[np.uint32]
@@ -85,7 +86,7 @@ def read_taxonomy(stage: Usd.Stage, warn: Warn) -> Taxonomy:
     for row in rows:
         if row.name != reserved.get(row.id, row.name):
             warn(f"{tokens.SEMANTIC_VAR}: class id {row.id} is reserved for {reserved[row.id]}: it is not {row.name!r}")
-    labels, classes = _value(prim, tokens.LABEL_NAMES) or [], _value(prim, tokens.LABEL_CLASSES) or []
+    labels, classes = (_words(_value(prim, name)) for name in (tokens.LABEL_NAMES, tokens.LABEL_CLASSES))
     if len(labels) != len(classes) or not set(classes) <= {row.name for row in rows}:
         warn(f"{tokens.SEMANTIC_VAR}: labelNames and labelClasses do not fit the classes: ignored")
         labels, classes = [], []
@@ -177,17 +178,26 @@ def _value(prim: Usd.Prim, name: str) -> Any:
     return attribute.Get() if attribute else None
 
 
+def _words(value: Any) -> list[str]:
+    return [] if value is None or isinstance(value, str | int | float) else [str(word) for word in value]
+
+
 def _read_rows(prim: Usd.Prim, warn: Warn) -> tuple[ClassRow, ...] | None:
     """Read names, ids and colors of the classes; None where there are none or they are unusable."""
     names = _value(prim, tokens.CLASS_NAMES)
     if not names:
         return None
-    ids = _value(prim, tokens.CLASS_IDS)
-    ids = range(len(names)) if ids is None else ids
-    if len(ids) != len(names) or not all(0 <= number <= 255 for number in ids) or len(set(ids)) != len(ids):
+    told = _value(prim, tokens.CLASS_IDS)
+    numbers = np.arange(len(names)) if told is None else numbers_of(told)
+    ids = [] if numbers is None else numbers.tolist()
+    fit = len(ids) == len(names) == len(set(ids)) and all(0 <= number <= 255 for number in ids)
+    if not (fit and not isinstance(names, str) and all(str(name).isprintable() for name in names)):
         warn(f"{tokens.SEMANTIC_VAR}: classNames and classIds do not fit together; the built-in classes are used")
         return None
-    colors = np.array(_value(prim, tokens.CLASS_COLORS) or [], np.float64).reshape(-1, 3)
+    colors = table_of(_value(prim, tokens.CLASS_COLORS), 3)
+    if colors is None or not ((colors >= 0.0) & (colors <= 255.0)).all():
+        warn(f"{tokens.SEMANTIC_VAR}: classColors are no colors: those of the built-in classes are used")
+        colors = np.zeros((0, 3))
     if len(colors) == len(names) and colors.max(initial=0.0) <= 1.0:
         colors = colors * 255.0
     known = {row.name: row.color for row in class_rows()}

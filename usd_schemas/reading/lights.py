@@ -13,6 +13,7 @@ by 90 degrees about x (`UsdLux.DomeLight.OrientToStageUpAxis`); DomeLight_1 need
 """
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from usd_schemas.reading.shader_inputs import asset_file
 from usd_schemas.reading.traversal import EARLIEST, composed_prims, guarded
 
 F64 = NDArray[np.float64]
+L = TypeVar("L", Sun, Dome)
 
 _SKIES = ("DomeLight", "DomeLight_1")
 _PANELS = ("RectLight", "DiskLight")
@@ -70,9 +72,9 @@ def read_lights(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> Lights:
             if shines_on_nothing(prim):
                 continue
             if kind == "DistantLight" and not suns:
-                suns.append(_read_sun(prim, turn))
+                suns += _possible(_read_sun(prim, turn), prim, warn)
             elif kind in _SKIES and not domes:
-                domes.append(_read_dome(prim, turn, warn))
+                domes += _possible(_read_dome(prim, turn, warn), prim, warn)
             elif kind in ("SphereLight", *_PANELS):
                 lamp = (_read_sphere if kind == "SphereLight" else _read_panel)(prim, stage_to_world, warn)
                 spheres += [lamp] if lamp is not None else []
@@ -81,6 +83,15 @@ def read_lights(stage: Usd.Stage, stage_to_world: F64, warn: Warn) -> Lights:
     for kind, paths in sorted(left_out.items()):
         warn(f"{paths[0]}: {kind} is left out" + (f" (and {len(paths) - 1} more)" if len(paths) > 1 else ""))
     return Lights(suns[0] if suns else None, domes[0] if domes else None, tuple(spheres))
+
+
+def _possible(light: L, prim: Usd.Prim, warn: Warn) -> list[L]:
+    """Return a sun or dome in a list, which is empty if its numbers are impossible."""
+    told = [np.ravel(value) for value in vars(light).values() if isinstance(value, tuple | float | np.ndarray)]
+    if np.isfinite(np.concatenate(told)).all() and min(light.radiance) >= 0.0:
+        return [light]
+    warn(f"{prim.GetPath()}: its radiance is negative, or a number is not finite: the light is left out")
+    return []
 
 
 def shines_on_nothing(prim: Usd.Prim) -> bool:
@@ -108,7 +119,8 @@ def _radiance(prim: Usd.Prim) -> tuple[float, float, float]:
 def _rotation(prim: Usd.Prim) -> F64:
     matrix = UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(EARLIEST)
     rotation = np.array(matrix).T[:3, :3]
-    return rotation / np.linalg.norm(rotation, axis=0)
+    with np.errstate(all="ignore"):  # flattened or too large: `_possible` judges the result
+        return rotation / np.linalg.norm(rotation, axis=0)
 
 
 def _read_sun(prim: Usd.Prim, turn: F64) -> Sun:

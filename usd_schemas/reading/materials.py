@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 from pxr import Sdf, Usd, UsdShade
 
 from usd_schemas.flat_scene import MOST_OCTAVES, Detail, Material, Texture
@@ -313,7 +314,10 @@ def _read_detail(prim: Usd.Prim, note: Warn) -> Detail:
     )
     if len(periods) != len(amplitudes):
         note("detail:periods and detail:amplitudes differ in length: fine detail is left out")
-    if not files[0] or len(periods) != len(amplitudes):
+    possible = all(0.0 < period < np.inf for period in periods) and np.isfinite(amplitudes).all()
+    if not possible:
+        note("detail:periods that are not positive, or numbers that are not finite: fine detail is left out")
+    if not files[0] or len(periods) != len(amplitudes) or not possible:
         return Detail(macro_file=files[1])
     if len(periods) > MOST_OCTAVES:
         note(f"detail beyond {MOST_OCTAVES} octaves is left out")

@@ -128,12 +128,15 @@ def pair_of(source: Source, default: tuple[float, float]) -> tuple[float, float]
 
     Args:
         source: What is connected to an input.
-        default: Used if nothing is connected [any unit].
+        default: Used if nothing is connected, or a number is not finite [any unit].
 
     Returns:
         The two numbers, in the unit of the input [any unit].
     """
-    return default if source.value is None else (float(source.value[0]), float(source.value[1]))
+    if source.value is None:
+        return default
+    first, second = float(source.value[0]), float(source.value[1])
+    return (first, second) if math.isfinite(first) and math.isfinite(second) else default
 
 
 def triple_of(source: Source, default: tuple[float, float, float]) -> tuple[float, float, float]:
