@@ -16,7 +16,7 @@ class SensorSettings(Settings):
     )
     metering: Literal["auto", "surfaces", "light"] = Field(
         default="auto",
-        description="surfaces: the middle tone of the picture becomes a middle grey; light: as for a grey card, so "
+        description="surfaces: the middle tone of the picture becomes a middle gray; light: as for a gray card, so "
         "that dark things stay dark; auto: surfaces for a survey of Falsework, light for any other camera.",
     )
     exposure: float | None = Field(

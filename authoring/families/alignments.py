@@ -162,7 +162,13 @@ def draw_alignment(
 
 
 def _refuse(settings: AlignmentSettings) -> None:
-    for key, plain in {"kind": "straight", "skew": 0.0, "profile": "grade", **dict.fromkeys(_SIZES)}.items():
+    bent = ("turn", "spiral", "superelevation", "cant")
+    for key, plain in {
+        "kind": "straight",
+        "skew": 0.0,
+        "profile": "grade",
+        **dict.fromkeys((*_SIZES, *bent)),
+    }.items():
         value = getattr(settings, key)
         if value not in (None, plain):
             raise InputError(
@@ -182,6 +188,13 @@ def _with_sizes(settings: AlignmentSettings, key: str, option: str) -> str:
         if choice != key or value is None:
             continue
         if option not in options:
+            if chosen_already and getattr(settings, key) is None:
+                raise InputError(
+                    f"no axis has this and another size that is set: each needs a {key} of its own",
+                    field=f"bridge.alignment.{size}",
+                    value=value,
+                    hint=f"Leave one of them out, or set bridge.alignment.{key}",
+                )
             if chosen_already:
                 raise InputError(
                     f"has no effect with bridge.alignment.{key} = {option!r}",

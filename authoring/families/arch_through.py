@@ -8,6 +8,7 @@ from authoring.axis.alignment import Alignment, Layout
 from authoring.families.arch_deck import FOUNDING, raised, with_springing_ground
 from authoring.families.arch_settings import ArchChoice, ArchSettings
 from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
+from authoring.families.stayed_elevation import GAUGE
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.arch_axis import ArchAxis, Rib
 from authoring.parts.arch_braces import diagonal_parts
@@ -26,7 +27,6 @@ from authoring.parts.spandrels import Bents, column_surface, foot_on
 from authoring.parts.spans import Levels, Spans, level_at
 from groundwork.errors import InputError
 
-GAUGE = {"road": 4.7, "rail": 6.0}  # [m] above the finished surface or the rails' top clear height below braces
 _ABOVE_GAUGE = 0.3  # [m] further clearance above the gauge
 _CLEAR = 0.12  # [m] gap between the deck's edge and a rib
 _LEAST_COLUMN = 0.03  # [m]

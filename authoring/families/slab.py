@@ -115,7 +115,7 @@ def draw_slab(settings: SlabSettings, shared: SharedSettings, draws: Draws) -> t
     if settings.depth and draws.profile != "paper":
         most = min(ratio * SLENDERNESS[1], longest / LEAST_DEPTH)
         check_depth("bridge.slab.depth", slab.depth, longest, (ratio * SLENDERNESS[0], most))
-    _check(settings, slab, longest)
+    _check(settings, slab, longest, bearings)
     piers = draw_piers(shared.pier, PierNeeds(top.width, slab.lines[-1], bearings, spans), draws)
     drawn_slab = DrawnSlab(spans, top, slab, bearings, piers, abutments)
     levels = drawn_slab.levels
@@ -139,7 +139,7 @@ def _draw_spans(settings: SlabSettings, section: str, service: str, bearings: Be
     return draw_spans(rule, settings, OwnDraws(count, fit, through), bearings, draws)
 
 
-def _check(settings: SlabSettings, slab: Slab, longest: float) -> None:
+def _check(settings: SlabSettings, slab: Slab, longest: float, bearings: Bearings) -> None:
     if slab.section == "solid" and longest > _LONGEST_SOLID:
         raise InputError(
             "too long a span for a solid slab",
@@ -148,12 +148,13 @@ def _check(settings: SlabSettings, slab: Slab, longest: float) -> None:
             allowed=f"at most {_LONGEST_SOLID:g} m",
             hint=f"Choose at most {_LONGEST_SOLID:g} m, or section = 'voided'",
         )
-    if slab.lines[-1] <= 0.0 or min(np.diff(slab.lines)) < 0.8:
+    apart = max(0.8, round(bearings.plinth_width + 0.05, 3))  # [m]
+    if slab.lines[-1] <= 0.0 or min(np.diff(slab.lines)) < apart:
         raise InputError(
             "no room for the bearings under the slab",
             field="bridge.slab.bearings",
             value=settings.bearings,
-            allowed="bearings at least 0.8 m apart",
+            allowed=f"bearings at least {apart:g} m apart",
             hint="Choose fewer bearings or a shorter cantilever",
         )
 

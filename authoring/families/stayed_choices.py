@@ -115,7 +115,7 @@ class CableStayedSettings(Settings):
     slenderness: float | None = drawn(100.0, 250.0, "Main span over the deck's depth; the depth has a minimum [1]")
     slab: float | None = drawn(0.22, 0.28, "Thickness of the deck slab [m]", ge=0.18, le=0.45)
     strip: float | None = drawn(
-        0.7, 1.1, "Width of the edge strip outside the parapets, where stays are anchored [m]", ge=0.5, le=2.5
+        0.7, 1.1, "Width of the edge strip outside the parapets, where stays are anchored [m]", ge=0.5, le=2.4
     )
     leg: float | None = drawn(0.9, 1.15, "Factor for the section of the pylons' legs [1]", ge=0.7, le=1.6)
     overhang: float | None = drawn(0.40, 0.55, "Length of the deck beyond its last bearing line [m]", ge=0.30, le=0.80)

@@ -13,6 +13,7 @@ world. So the image's top row is the zenith, its middle is south (-y), a quarter
 and right edges are north.
 """
 
+import re
 import tempfile
 from dataclasses import dataclass
 from datetime import datetime
@@ -21,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from authoring.light.atmosphere import scattered_sky
 from authoring.light.clouds import clouded
@@ -40,6 +41,7 @@ _SUN_ANGLE = 0.53  # [deg] seen from the earth
 _GROUND = np.array([0.100, 0.100, 0.055])  # mean albedo of meadow, fields, soil and woods, for the light from below
 _AIR = 1.16e-5  # extinction by air alone at 550 nm, at sea level [1/m]
 _AIR_HEIGHT, _HAZE_HEIGHT = 8400.0, 1250.0  # heights over which air and haze decrease to 1/e [m]
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 _FREE_SUN = 0.5  # cloud cover up to which the sun is in a gap of the clouds
 
 
@@ -90,6 +92,32 @@ class LightSettings(Settings):
         description="Rotation of the photographed sky, counter-clockwise seen from above; at 0 the middle of the "
         "picture is towards -y [deg]",
     )
+
+    @field_validator("date", mode="before")
+    @classmethod
+    def _has_an_hour(cls, value: object) -> datetime:
+        """Refuse what pydantic would take for a date: numbers as seconds since 1970, and days as their midnight."""
+        return read_date(value.isoformat() if isinstance(value, datetime) else str(value))
+
+
+def read_date(text: str) -> datetime:
+    """Read a date with its hour.
+
+    Args:
+        text: Such as `2024-06-21T14:00`; seconds and an offset from UTC may follow.
+
+    Raises:
+        ValueError: It is something else, without an hour, or not of the years 1900 to 2100.
+    """
+    try:
+        date = datetime.fromisoformat(text) if _DATE.match(text) else None
+    except ValueError:
+        date = None
+    if date is None:
+        raise ValueError("should be a date and hour, such as 2024-06-21T14:00")
+    if not 1900 <= date.year <= 2100:
+        raise ValueError("the year should be 1900 to 2100")
+    return date
 
 
 @dataclass(frozen=True)

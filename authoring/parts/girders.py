@@ -132,6 +132,14 @@ def draw_girders(settings: GirderSettings, width: float, longest_span: float, dr
             girders = Girders("bulb_t", depth, lines, bulb, bottom, web, 0.08, bottom_thickness, *ends)
         case "u":
             broad = round(u_top_width(soffit, depth, 0.15), 3)
+            if 0.5 * broad - 2.2 * web < 0.05 or 0.5 * soffit - 1.05 * web < 0.10:
+                raise InputError(
+                    "the webs of a U girder leave no trough between them",
+                    field="bridge.beam.girder.web",
+                    value=web,
+                    allowed=f"at most {min((0.5 * broad - 0.05) / 2.2, (0.5 * soffit - 0.10) / 1.05):.2f} m",
+                    hint="Choose thinner webs or a larger wide_bottom",
+                )
             girders = Girders("u", depth, lines, broad, soffit, web, 0.15, 0.20, *ends)
         case "t":
             girders = Girders("t", depth, lines, stem + 0.24, stem, stem, 0.10, 0.0, *ends)

@@ -12,6 +12,7 @@ from authoring.parts.railings import RailingRun, Railings, RailingSettings, draw
 from authoring.shapes.component import F64
 from authoring.shapes.sections import cut_corners, rectangle
 from authoring.solids.extrusion import Prism
+from groundwork.errors import InputError
 
 LEDGE = 0.03  # [m] width of slab outside a parapet
 EMBEDDED = 0.010  # [m] embedment of the parapet in the slab, and of the coping in the parapet
@@ -106,6 +107,9 @@ def draw_parapets(settings: ParapetSettings, service: str, draws: Draws) -> Para
         settings: Values set by the user.
         service: `road` or `rail`.
         draws: Random stream and profile of the bridge.
+
+    Raises:
+        InputError: A plinth or low wall leaves no room for the rail above it.
     """
     shape = draw_option(settings, "shape", draws, _ROAD_WEIGHTS if service == "road" else _RAIL_WEIGHTS)
     own = [key for key in ParapetSettings.model_fields if key not in ("shape", *RailingSettings.model_fields)]
@@ -113,6 +117,16 @@ def draw_parapets(settings: ParapetSettings, service: str, draws: Draws) -> Para
     railings = draw_railings(settings, draws)
     height = {"wall": value["height"], "barrier": _SAFETY_SHAPE[-1][1]}.get(shape, value["railing_height"])
     concrete = {"railing": value["plinth"], "wall_rail": value["low_wall"]}.get(shape, height)
+    low = {"railing": value["plinth"], "wall_rail": value["low_wall"]}.get(shape)
+    if low is not None and value["railing_height"] - low < railings.rail_diameter + 0.10:
+        key = "plinth" if shape == "railing" else "low_wall"
+        raise InputError(
+            "leaves no room for the rail above it",
+            field=f"bridge.parapet.{key}",
+            value=low,
+            allowed=f"at most {value['railing_height'] - railings.rail_diameter - 0.10:.2f} m",
+            hint="Choose a lower one, or a larger railing_height",
+        )
     foot = value["thickness"]
     if shape == "barrier":
         foot = round(max(foot, _SAFETY_SHAPE[-1][0] + 0.15), 3)

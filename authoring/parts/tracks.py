@@ -20,6 +20,7 @@ from authoring.shapes.sections import cut_corners, on_side, rectangle
 from authoring.solids.copies import LOCAL, copied, frames_along
 from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, joined, sweep
+from groundwork.errors import InputError
 from groundwork.settings import Settings
 
 EMBEDDED = 0.005  # [m] embedment of ballast, slab and upstands in the deck
@@ -120,6 +121,9 @@ def draw_tracks(settings: TrackSettings, tracks: int, edge: float, draws: Draws)
         tracks: Number of tracks, 1 or 2.
         edge: Width of parapet and ledge on each side [m].
         draws: Random stream and profile of the bridge.
+
+    Raises:
+        InputError: The slabs of two tracks overlap.
     """
     paper = draws.profile == "paper"
     bed, material = draw_option(settings, "bed", draws), draw_option(settings, "sleeper", draws)
@@ -143,6 +147,15 @@ def draw_tracks(settings: TrackSettings, tracks: int, edge: float, draws: Draws)
         embedded=value["embedded"],
         plain=paper,
     )
+    wide = section.sleeper_length + 2.0 * section.shoulder
+    if tracks == 2 and bed == "slab" and value["spacing"] < wide + 0.02:
+        raise InputError(
+            "the slabs of the two tracks overlap",
+            field="bridge.track.spacing",
+            value=value["spacing"],
+            allowed=f"at least {wide + 0.02:.2f} m",
+            hint="Choose a larger spacing, shorter sleepers or a smaller slab_shoulder",
+        )
     free = Tracks(section, 0.0 if paper else value["upstand"], -value["upstand_top"], value["walkway"])
     if not paper or settings.walkway is not None:
         return free

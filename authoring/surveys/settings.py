@@ -72,12 +72,12 @@ class GlobalSettings(SurveySettings):
     images: int = Field(
         default=52, ge=8, le=2000, description="Least number of images; more are taken if `spacing` requires it [1]"
     )
-    spacing: float = Field(default=3.5, ge=0.3, le=50.0, description="Largest distance between neighbouring images [m]")
+    spacing: float = Field(default=3.5, ge=0.3, le=50.0, description="Largest distance between neighboring images [m]")
     turn: float | None = Field(
         default=None,
         ge=5.0,
         le=180.0,
-        description="Largest angle between the viewing directions of neighbouring images of a loop [deg]; left out: "
+        description="Largest angle between the viewing directions of neighboring images of a loop [deg]; left out: "
         "20, or any if `spacing` is above 10 m",
     )
     stand_off: tuple[Reach, Reach] = Field(
@@ -148,7 +148,7 @@ class LocalSettings(SurveySettings):
     )
     near: float = Field(default=3.0, ge=0.5, le=20.0, description="Preferred distance to the bridge [m]")
     over_ground: float = Field(default=1.0, ge=0.3, le=10.0, description="Least height above ground or water [m]")
-    spacing: float = Field(default=0.5, ge=0.1, le=5.0, description="Largest distance between neighbouring images [m]")
+    spacing: float = Field(default=0.5, ge=0.1, le=5.0, description="Largest distance between neighboring images [m]")
     images: tuple[int, int] = Field(
         default=(40, 120), description="Least and largest number of images; the paper's mean is 74 [1]"
     )
@@ -178,8 +178,8 @@ class GridSettings(SurveySettings):
         le=0.1,
         description="Size of a pixel on the surface [m]; left out: its size at a distance of 10 m",
     )
-    overlap: float = Field(default=0.75, ge=0.3, le=0.95, description="Overlap of neighbouring images in a row [1]")
-    side_overlap: float = Field(default=0.6, ge=0.2, le=0.95, description="Overlap of neighbouring rows [1]")
+    overlap: float = Field(default=0.75, ge=0.3, le=0.95, description="Overlap of neighboring images in a row [1]")
+    side_overlap: float = Field(default=0.6, ge=0.2, le=0.95, description="Overlap of neighboring rows [1]")
     over_ground: float = Field(default=1.5, ge=0.3, le=20.0, description="Least height above ground or water [m]")
     deck: bool = Field(default=True, description="Add rows above the deck that look down")
     oblique: int = Field(
@@ -239,7 +239,7 @@ class InspectionSettings(SurveySettings):
     )
     over_ground: float = Field(default=1.0, ge=0.3, le=10.0, description="Least height above ground or water [m]")
     spacing: float = Field(
-        default=2.0, ge=0.1, le=10.0, description="Largest distance between neighbouring images of a leg [m]"
+        default=2.0, ge=0.1, le=10.0, description="Largest distance between neighboring images of a leg [m]"
     )
     images: int = Field(
         default=2000,

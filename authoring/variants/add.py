@@ -1,10 +1,11 @@
 """More choices for an existing scene: looks, backgrounds and lights authored on request from its recipe."""
 
 import difflib
+import re
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from authoring.layers.change import check_editable
 from authoring.layers.geometry import BRIDGE, SITE
 from authoring.layers.selection import AXES, choose, offered, unknown_choice
 from authoring.layers.variant import variant_layer
+from authoring.light.daylight import read_date
 from authoring.light.panorama import PANORAMAS
 from authoring.looks.roles import LOOKS
 from authoring.scenes.labels import write_taxonomy_layer
@@ -254,7 +256,8 @@ def _author_sky(scene: Path, picture: Path) -> str:
 def _author_light(scene: Path, date: datetime) -> str:
     """Add the light of a date and hour."""
     folder, recipe = scene.parent, read_recipe(scene.parent)
-    name = f"light_{date:%Y%m%d_%H%M}"
+    moment = date.astimezone(UTC) if date.tzinfo else date
+    name = f"light_{moment:%Y%m%d_%H%M}" + (f"{moment:%S}" if moment.second else "")
     settings = recipe.settings.light.model_copy(update={"date": date, "sky": ""})
     add_light(folder / "lighting.usda", name, write_light(settings, recipe.seed, name, folder, {}))
     return name
@@ -289,7 +292,10 @@ def _draw(recipe: SceneRecipe) -> _Drawn:
 
 
 def _date(text: str) -> datetime | None:
-    try:
-        return datetime.fromisoformat(text)
-    except ValueError:
+    """Read a date and hour; None for the name of a light, or a file."""
+    if not re.match(r"\d{4}-\d", text):
         return None
+    try:
+        return read_date(text)
+    except ValueError as error:
+        raise InputError(str(error), field="light", value=text) from None

@@ -69,6 +69,8 @@ def test_selection_wins_and_stays(own_scene: Path) -> None:
     [
         ("look", "shiny", ["look", "'shiny'", "clean, ", "weathered"]),
         ("background", "moon", ["background", "'moon'", "countryside", "none"]),
+        ("light", "2024-06-21", ["light", "a date and hour, such as 2024-06-21T14:00"]),
+        ("light", "2024-13-21T10:00", ["light", "a date and hour, such as 2024-06-21T14:00"]),
         ("light", "noon", ["light", "'noon'", "default"]),
         ("weather", "rain", ["(found 'weather')", "look, background, light"]),
         ("backgroud", "none", ["(found 'backgroud')", "Did you mean 'background'?"]),

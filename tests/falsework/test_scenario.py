@@ -1,5 +1,6 @@
 """Scenarios: what a user may get wrong costs one clear line."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -96,6 +97,31 @@ def test_variants_are_a_product() -> None:
     assert lights["dusk"].cloud_cover == 0.9
     assert lights["dusk"].date.hour == 20
     assert parse_settings(Scenario, {}, "test").variants.combinations() == {}
+
+
+@pytest.mark.parametrize(
+    ("variants", "words"),
+    [
+        ({"light": [{"name": "default", "cloud_cover": 1.0}]}, "'default' is the light of [light]"),
+        (
+            {"background": ["none", "none_a"], "light": [{"name": "a_b"}, {"name": "b"}]},
+            "two variants would have the name none_a_b",
+        ),
+    ],
+)
+def test_a_variant_has_a_name_of_its_own(variants: dict[str, object], words: str) -> None:
+    """No second light has the name of `[light]`, and no two products of the lists are joined to one name."""
+    with pytest.raises(InputError, match=re.escape(words)) as caught:
+        parse_settings(Scenario, {"variants": variants}, "test")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("date", [2024, "2024", "2024-06-21", "2024-06-31T14:00", 1.7e9, "noon", "0024-06-21T14:00"])
+def test_a_date_has_a_day_and_an_hour(date: object) -> None:
+    """No number of seconds since 1970, and no midnight where the hour was left out."""
+    with pytest.raises(InputError, match=r"test: light\.date: .*(such as 2024-06-21T14:00|1900 to 2100)") as caught:
+        parse_settings(Scenario, {"light": {"date": date}}, "test")
+    assert "\n" not in str(caught.value)
 
 
 def test_scene_seeds_differ_and_stay() -> None:

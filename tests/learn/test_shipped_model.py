@@ -222,7 +222,7 @@ def test_what_is_far_from_a_bridge_is_counted_apart(made: Path, tmp_path: Path) 
     near = joined("pointnext-s", 1.25, [judge_cloud(model, cloud, 20.0)])
     assert near.apart["mesh"] == (0, 0)
     assert 0 < near.matrices["mesh"]["kim2023"].sum() < len(found.place)
-    assert "scans of bridges that training held back, up to 20 m round each, labelled" in selection_page(
+    assert "scans of bridges that training held back, up to 20 m round each, labeled" in selection_page(
         {"a": near}, 1, 20.0
     )
 

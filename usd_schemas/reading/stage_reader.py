@@ -199,7 +199,7 @@ def stage_to_world(stage: Usd.Stage, where: Path | None = None) -> F64:
     """
     unit = UsdGeom.GetStageMetersPerUnit(stage)
     if not 0.0 < unit < np.inf:  # also false for NaN
-        hint = "Write 1 for metres, 0.01 for centimetres"
+        hint = "Write 1 for meters, 0.01 for centimeters"
         raise InputError(
             "the stage's unit is not a length",
             where=where,

@@ -45,7 +45,6 @@ def test_a_size_chooses_an_axis_that_has_it() -> None:
         ({"kind": "straight", "radius": 300.0}, "radius"),
         ({"kind": "sine", "radius": 300.0}, "radius"),
         ({"kind": "arc", "amplitude": 4.0}, "amplitude"),
-        ({"radius": 300.0, "wave": 90.0}, "wave"),
         ({"profile": "grade", "crest_radius": 3000.0}, "crest_radius"),
     ],
 )
@@ -56,5 +55,22 @@ def test_a_size_without_effect_is_refused(own: dict[str, Any], field: str) -> No
             drawn(seed, **own)
         assert "\n" not in str(caught.value)
     settings = parse_settings(BridgeSettings, {"family": "arch", "alignment": {field: own[field]}}, "test")
+    with pytest.raises(InputError, match=re.escape(f"bridge.alignment.{field}: arch, suspension")):
+        draw_layout(settings, stream(1, "bridge"))
+
+
+def test_two_sizes_that_exclude_each_other_are_refused() -> None:
+    """Where no kind is set, the line does not speak of one: it names the size that does not go with the other."""
+    for seed in range(5):
+        with pytest.raises(InputError, match=r"^bridge\.alignment\.wave: no axis has this and another size") as caught:
+            drawn(seed, radius=300.0, wave=90.0)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("field", "value"), [("turn", "left"), ("spiral", 0.3), ("superelevation", 0.04)])
+@pytest.mark.parametrize("family", ["arch", "suspension", "cable_stayed"])
+def test_a_straight_family_refuses_what_bends_an_axis(family: str, field: str, value: object) -> None:
+    """Direction, transition and tilt of a curve have no effect there, so they are refused by name."""
+    settings = parse_settings(BridgeSettings, {"family": family, "alignment": {field: value}}, "test")
     with pytest.raises(InputError, match=re.escape(f"bridge.alignment.{field}: arch, suspension")):
         draw_layout(settings, stream(1, "bridge"))
