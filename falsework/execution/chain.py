@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from authoring.streams import stream
 from falsework.children.products import surveys_of
-from falsework.platform import recon_platform, render_platform, sample_platform
+from falsework.platform import author_platform, recon_platform, render_platform, report_platform, sample_platform
 from falsework.scenario import Scenario, given_files, scene_seed, scene_title
 from falsework.stages import SEVERAL, STAGES
 from falsework.store.store import Task
@@ -132,7 +132,7 @@ class Chain:
         parents = {step.input_name: step for step in self.steps if step.kind != "model" and step.link not in without}
         given, keys = _stage_input(self.stage, self.sources)
         inputs = {**keys, **{name: step.task.key for name, step in parents.items()}}
-        task = new_task("report", {"title": self.title}, inputs)
+        task = new_task("report", {"title": self.title, "platform": report_platform()}, inputs)
         return Step(task, "report.html", parents, given, "report.html")
 
 
@@ -186,7 +186,8 @@ def scene_chain(scenario: Scenario, index: int, sources: Sources) -> Chain:
     seed = scene_seed(scenario.seed, index)
     stage = None
     if scenario.stage is None:
-        task = new_task("stage", {"seed": seed, "authoring": scenario.authoring()}, sources.digests)
+        settings = {"seed": seed, "authoring": scenario.authoring(), "platform": author_platform()}
+        task = new_task("stage", settings, sources.digests)
         stage = Step(task, "stage", given=sources.given)
     variants = scenario.variants.combinations() or [""]
     pairs = product(sources.surveys, variants)
