@@ -55,3 +55,14 @@ class AuthoringSettings(Settings):
         if len(set(ids)) < len(ids):
             raise ValueError(f"two surveys have the same id; allowed: a different id each, found {', '.join(ids)}")
         return self
+
+    @model_validator(mode="after")
+    def _turned_skies_are_there(self) -> Self:
+        lights = self.variants.lights(self.light)
+        turned = {f"variants.light {light.name}": light.name for light in self.variants.light if light.sky_turn}
+        idle = [place for place, name in turned.items() if not lights[name].sky]
+        if self.light.sky_turn and not any(light.sky for light in lights.values()):
+            idle.insert(0, "light")
+        if idle:
+            raise ValueError(f"{idle[0]}: sky_turn has no effect without a photographed sky; allowed: only with sky")
+        return self

@@ -1,9 +1,9 @@
 """The section `[variants]` of a scenario: looks, backgrounds and lights whose product is made from one bridge."""
 
 from itertools import product
-from typing import Self
+from typing import Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from authoring.light.daylight import LightSettings
 from authoring.looks.roles import LOOKS
@@ -19,6 +19,11 @@ class LightVariant(LightSettings):
     """Another light; omitted values are those of `[light]`."""
 
     name: str = Field(pattern=NAME, max_length=40, description="Name of the light variant")
+
+    @model_serializer(mode="wrap")
+    def _as_said(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave omitted values out: read again from a run or by a child, they must still be those of `[light]`."""
+        return {name: value for name, value in dump(self).items() if name in self.model_fields_set}
 
 
 class VariantSettings(Settings):
