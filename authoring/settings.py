@@ -52,7 +52,7 @@ class AuthoringSettings(Settings):
     @model_validator(mode="after")
     def _survey_ids_differ(self) -> Self:
         ids = [survey.id for survey in self.survey]
-        if len(set(ids)) < len(ids):
+        if len({name.lower() for name in ids}) < len(ids):  # some disks do not tell cases apart
             raise ValueError(f"two surveys have the same id; allowed: a different id each, found {', '.join(ids)}")
         return self
 

@@ -45,10 +45,10 @@ class VariantSettings(Settings):
         if any(light.name == BASE_LIGHT and light.model_fields_set != {"name"} for light in self.light):
             raise ValueError(f"{BASE_LIGHT!r} is the light of [light]: give a light of its own another name")
         for axis, names in self.names().items():
-            if len(set(names)) < len(names):
+            if len({name.lower() for name in names}) < len(names):  # some disks do not tell cases apart
                 raise ValueError(f"{axis} has one variant twice; allowed: each name once, found {', '.join(names)}")
         axes = [names for names in self.names().values() if names]
-        joined = ["_".join(names) for names in product(*axes)] if axes else []
+        joined = ["_".join(names).lower() for names in product(*axes)] if axes else []
         if twice := [name for name in joined if joined.count(name) > 1]:
             raise ValueError(f"two variants would have the name {twice[0]}: rename a look, a background or a light")
         return self
