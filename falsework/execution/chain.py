@@ -14,6 +14,7 @@ from falsework.stages import SEVERAL, STAGES
 from falsework.store.store import Task
 from groundwork.canonical import digest, file_digest, folder_digest
 from groundwork.errors import InputError
+from groundwork.marks import content_files, outputs_below
 from groundwork.output.place import RUN
 from groundwork.output.reading import reading
 from groundwork.progress import Progress
@@ -22,6 +23,7 @@ from recon.sampling.sampler_settings import AnySample
 from recon.settings import Mode
 
 FOREIGN_STAGE = "foreign stage"
+LARGE = 1_000_000_000  # bytes of an input whose reading is announced
 
 
 @dataclass(frozen=True)
@@ -148,6 +150,8 @@ def read_sources(scenario: Scenario, progress: Progress) -> Sources:
     """
     if scenario.stage is None:
         given = given_files(scenario)  # imported worlds and skies are identified by their content
+        for path in given.values():
+            _tell_of_large(path, progress)
         digests = {name: file_digest(path) if path.is_file() else folder_digest(path) for name, path in given.items()}
         return Sources(tuple(survey.id for survey in scenario.survey), given, digests)
     path = Path(scenario.stage.path)
@@ -166,8 +170,19 @@ def read_sources(scenario: Scenario, progress: Progress) -> Sources:
     real = Path(os.path.realpath(path))
     with reading(real, *roots):
         apart = [root for root in roots if not Path(os.path.realpath(root)).is_relative_to(real.parent)]
+        for place in (real.parent, *apart):
+            _tell_of_large(place, progress)
         found = digest([real.name, *(_digest(place, (real.parent, *roots)) for place in (real.parent, *apart))])
     return Sources(tuple(surveys), {FOREIGN_STAGE: path}, {FOREIGN_STAGE: found})
+
+
+def _tell_of_large(place: Path, progress: Progress) -> None:
+    """Say that reading a large input takes a while."""
+    runs = outputs_below(place, RUN) if place.is_dir() else set[Path]()
+    files = [place] if place.is_file() else [path for path in content_files(place) if runs.isdisjoint(path.parents)]
+    size = sum(path.stat().st_size for path in files if path.is_file())
+    if size > LARGE:
+        progress.note(f"{place}: {size / 1e9:.1f} GB are read, since results depend on their content")
 
 
 def _digest(root: Path, roots: tuple[Path, ...]) -> str:
