@@ -52,6 +52,17 @@ class AuthoringSettings(Settings):
     @model_validator(mode="after")
     def _survey_ids_differ(self) -> Self:
         ids = [survey.id for survey in self.survey]
-        if len(set(ids)) < len(ids):
+        if len({name.lower() for name in ids}) < len(ids):  # some disks do not tell cases apart
             raise ValueError(f"two surveys have the same id; allowed: a different id each, found {', '.join(ids)}")
+        return self
+
+    @model_validator(mode="after")
+    def _turned_skies_are_there(self) -> Self:
+        lights = self.variants.lights(self.light)
+        turned = {f"variants.light {light.name}": light.name for light in self.variants.light if light.sky_turn}
+        idle = [place for place, name in turned.items() if not lights[name].sky]
+        if self.light.sky_turn and not any(light.sky for light in lights.values()):
+            idle.insert(0, "light")
+        if idle:
+            raise ValueError(f"{idle[0]}: sky_turn has no effect without a photographed sky; allowed: only with sky")
         return self

@@ -11,7 +11,17 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from falsework.api_reading import path_of, read_capture, read_cloud, scenario_of
+from falsework.api_reading import read_capture, read_cloud, scenario_of
+from falsework.arguments import (
+    check,
+    check_progress,
+    check_text,
+    gigabytes,
+    of_python,
+    path_of,
+    whole,
+    whole_numbers,
+)
 from groundwork.errors import InputError
 from groundwork.progress import SILENT, Progress
 
@@ -27,6 +37,7 @@ if TYPE_CHECKING:
 S = TypeVar("S")
 
 
+@of_python
 def author(
     scenario: Scenario | Mapping[str, Any],
     out: str | PathLike[str],
@@ -54,9 +65,11 @@ def author(
     """
     from falsework.commands.verbs import author_file
 
-    return author_file(_scenario(scenario), path_of(out, "out"), scene, progress)
+    check_progress(progress)
+    return author_file(_scenario(scenario), path_of(out, "out"), whole(scene, "scene"), progress)
 
 
+@of_python
 def swap(
     scene: str | PathLike[str],
     out: str | PathLike[str],
@@ -96,6 +109,7 @@ def swap(
     from authoring.scenes.checkout import checkout_scene
     from falsework.commands.scene_verbs import choose_layers
 
+    check_progress(progress)
     asked = {"look": look, "background": background, "light": light, "taxonomy": taxonomy}
     choices = {axis: str(path_of(value, axis)) for axis, value in asked.items() if value is not None}
     place = path_of(out, "out")
@@ -109,6 +123,7 @@ def swap(
     return copy
 
 
+@of_python
 def render(
     stage: str | PathLike[str],
     out: str | PathLike[str],
@@ -144,13 +159,17 @@ def render(
     from falsework.commands.verbs import render_file
     from render.settings import RenderSettings
 
+    check_progress(progress)
+    check_text(survey, "survey")
+    seed = whole(seed, "seed")
     check_seed(seed, "seed")
-    told = _settings(settings or RenderSettings(), RenderSettings).model_dump(mode="json")
+    told = _settings(RenderSettings() if settings is None else settings, RenderSettings).model_dump(mode="json")
     place = path_of(out, "out")
     names = render_file(path_of(stage, "stage"), place, survey, told, seed, progress, allow_roots=_roots(allow_roots))
     return {name: read_capture(place / name) for name in names}
 
 
+@of_python
 def reconstruct(
     capture: Capture | str | PathLike[str],
     out: str | PathLike[str],
@@ -187,7 +206,8 @@ def reconstruct(
     from recon.settings import ReconSettings
     from render.capture import Capture
 
-    wanted = _settings(settings or ReconSettings(), ReconSettings)
+    check_progress(progress)
+    wanted = _settings(ReconSettings() if settings is None else settings, ReconSettings)
     if len(wanted.modes) > 1:
         raise InputError(
             "makes one cloud per call",
@@ -203,6 +223,7 @@ def reconstruct(
     return read_cloud(place)
 
 
+@of_python
 def sample(
     stage: str | PathLike[str],
     out: str | PathLike[str],
@@ -232,6 +253,7 @@ def sample(
     from falsework.commands.verbs import sample_file
     from recon.sampling.sampler_settings import SCANNERS, MeshSettings
 
+    check_progress(progress)
     _settings(settings, MeshSettings, *SCANNERS.values())
     kind = "mesh" if isinstance(settings, MeshSettings) else settings.kind
     place = path_of(out, "out")
@@ -239,6 +261,7 @@ def sample(
     return read_cloud(place)
 
 
+@of_python
 def run(
     scenario: Scenario | Mapping[str, Any],
     out: str | PathLike[str],
@@ -278,11 +301,16 @@ def run(
     """
     from falsework.pipeline import run_scenario
 
-    place = path_of(out, "out")
-    how: dict[str, Any] = {"retry_failed": retry_failed, "workers": workers, "cluster": cluster, "memory": memory}
-    return run_scenario(_scenario(scenario), place, progress, scenes, **how)
+    check_progress(progress)
+    check(retry_failed, "retry_failed", bool, "True or False")
+    check_text(cluster, "cluster")
+    how: dict[str, Any] = {"retry_failed": retry_failed, "workers": whole(workers, "workers"), "cluster": cluster}
+    how["memory"] = gigabytes(memory, "memory")
+    numbers = None if scenes is None else whole_numbers(scenes, "scenes")
+    return run_scenario(_scenario(scenario), path_of(out, "out"), progress, numbers, **how)
 
 
+@of_python
 def save_cloud(cloud: Cloud, out: str | PathLike[str]) -> None:
     """Write a cloud to a folder.
 
@@ -297,8 +325,9 @@ def save_cloud(cloud: Cloud, out: str | PathLike[str]) -> None:
         >>> falsework.save_cloud(cloud, "copy")
     """
     from groundwork.output.folder import fresh_output
-    from recon.cloud import write_cloud
+    from recon.cloud import Cloud, write_cloud
 
+    check(cloud, "cloud", Cloud, "a Cloud; a folder of one is read by read_cloud")
     fresh_output(path_of(out, "out"), "cloud", lambda folder: write_cloud(folder, cloud))
 
 

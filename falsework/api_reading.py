@@ -6,11 +6,10 @@ Every path may be a `str` or a `pathlib.Path`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from os import PathLike, fspath
-from pathlib import Path
+from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from groundwork.errors import InputError
+from falsework.arguments import check, check_text, of_python, path_of
 
 if TYPE_CHECKING:
     from falsework.scenario import Scenario
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
     from usd_schemas.reading.choices import StageChoices
 
 
+@of_python
 def read_stage(
     path: str | PathLike[str], *, survey: str | None = None, choices: StageChoices | None = None
 ) -> FlatScene:
@@ -39,12 +39,16 @@ def read_stage(
     Example:
         >>> flat = falsework.read_stage(scene)
     """
-    from usd_schemas.reading.choices import AS_AUTHORED
+    from usd_schemas.reading.choices import AS_AUTHORED, StageChoices
     from usd_schemas.reading.stage_reader import read_stage
 
-    return read_stage(path_of(path, "path"), survey=survey, choices=choices or AS_AUTHORED)
+    check_text(survey, "survey")
+    chosen = AS_AUTHORED if choices is None else choices
+    check(chosen, "choices", StageChoices, "StageChoices")
+    return read_stage(path_of(path, "path"), survey=survey, choices=chosen)
 
 
+@of_python
 def read_capture(folder: str | PathLike[str]) -> Capture:
     """Read a capture without its `truth/`; images are decoded later.
 
@@ -62,6 +66,7 @@ def read_capture(folder: str | PathLike[str]) -> Capture:
     return read_capture(path_of(folder, "folder"))
 
 
+@of_python
 def read_truth(capture: Capture | str | PathLike[str]) -> Truth | None:
     """Open the truth of a capture.
 
@@ -82,6 +87,7 @@ def read_truth(capture: Capture | str | PathLike[str]) -> Truth | None:
     return read_truth(capture if isinstance(capture, Capture) else path_of(capture, "capture"))
 
 
+@of_python
 def read_cloud(folder: str | PathLike[str]) -> Cloud:
     """Read a cloud and check that it is complete.
 
@@ -100,6 +106,7 @@ def read_cloud(folder: str | PathLike[str]) -> Cloud:
     return read_cloud(path_of(folder, "folder"))
 
 
+@of_python
 def load_scenario(path: str | PathLike[str]) -> Scenario:
     """Read a scenario file.
 
@@ -120,6 +127,7 @@ def load_scenario(path: str | PathLike[str]) -> Scenario:
     return load_scenario(path_of(path, "path"))
 
 
+@of_python
 def scenario_of(values: Mapping[str, Any], path: str | PathLike[str] = "scenario") -> Scenario:
     """Validate a scenario given as a dict of sections and keys.
 
@@ -139,19 +147,3 @@ def scenario_of(values: Mapping[str, Any], path: str | PathLike[str] = "scenario
     from falsework.scenario import scenario_of
 
     return scenario_of(values, path_of(path, "path"))
-
-
-def path_of(given: object, name: str) -> Path:
-    """Convert a path that a user gave.
-
-    Args:
-        given: A str or a Path.
-        name: Name of the argument, for the error.
-
-    Raises:
-        InputError: Anything else, bytes included.
-    """
-    spelled = fspath(given) if isinstance(given, str | PathLike) else None
-    if not isinstance(spelled, str):
-        raise InputError("not a path", field=name, value=type(given).__name__, allowed="a str or a pathlib.Path")
-    return Path(spelled)

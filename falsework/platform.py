@@ -1,5 +1,6 @@
-"""The platform, on which captures and clouds depend: package versions, the processor, the GL renderer."""
+"""The platform, on which results depend: package versions, the processor, the GL renderer."""
 
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -9,9 +10,35 @@ from groundwork.child import run_child
 PROBE_TIME_LIMIT = 120.0  # [s]
 PROBE_MEMORY_LIMIT = 4.0  # [GB]
 
-RENDER_PACKAGES = ("deflate", "moderngl", "numpy", "opencv-python-headless", "usd-core")
-RECON_PACKAGES = ("numpy", "opencv-python-headless", "pycolmap")
-SAMPLE_PACKAGES = ("numpy", "opencv-python-headless", "usd-core")
+# Packages whose version can change the bytes of a result: all that its code imports, except those that only check
+# values, open a context or read what they cannot change (`tests/falsework/test_platform.py` has the list).
+AUTHOR_PACKAGES = ("numpy", "open3d", "opencv-python-headless", "openexr", "scipy", "usd-core")
+RENDER_PACKAGES = (*AUTHOR_PACKAGES, "deflate", "materialx", "moderngl", "numba")
+RECON_PACKAGES = (
+    "laspy",
+    "lazrs",
+    "numba",
+    "numpy",
+    "open3d",
+    "opencv-python-headless",
+    "pycolmap",
+    "scipy",
+)
+SAMPLE_PACKAGES = ("laspy", "lazrs", "materialx", "numpy", "open3d", "opencv-python-headless", "usd-core")
+REPORT_PACKAGES = ("jinja2", "numpy", "opencv-python-headless", "plotly", "scipy")
+LEARN_PACKAGES = ("lightning", "numba", "numpy", "safetensors", "scikit-learn", "scipy", "torch")
+
+_NAMES = {"open3d": ("open3d-cpu", "open3d")}  # a build for processors alone has a name of its own
+
+
+@cache
+def author_platform() -> dict[str, str]:
+    """List the facts of the platform that an authored stage depends on; it is the same on every processor.
+
+    Returns:
+        Package name to version.
+    """
+    return _versions(AUTHOR_PACKAGES)
 
 
 @cache
@@ -30,8 +57,7 @@ def render_platform(device: str = "auto") -> dict[str, str]:
     request = {"device": device}
     driver = run_child("render.views.probe", request, time_limit=PROBE_TIME_LIMIT, memory_limit=PROBE_MEMORY_LIMIT)
     strings = {f"gl_{key}": str(driver[key]) for key in ("renderer", "version")}
-    packages = {name: version(name) for name in RENDER_PACKAGES}
-    return {**packages, "cpu": processor(), **strings}
+    return {**_versions(RENDER_PACKAGES), "cpu": processor(), **strings}
 
 
 @cache
@@ -41,7 +67,7 @@ def recon_platform() -> dict[str, str]:
     Returns:
         Package name to version, and `cpu`.
     """
-    return {**{name: version(name) for name in RECON_PACKAGES}, "cpu": processor()}
+    return {**_versions(RECON_PACKAGES), "cpu": processor()}
 
 
 @cache
@@ -49,17 +75,43 @@ def sample_platform() -> dict[str, str]:
     """List the facts of the platform that a sampled cloud depends on.
 
     Returns:
-        Package name to version, `open3d` (which casts the rays) under either package name, and `cpu`.
+        Package name to version, and `cpu`.
     """
-    caster = next((found for found in map(_version, ("open3d-cpu", "open3d")) if found), "none")
-    return {**{name: version(name) for name in SAMPLE_PACKAGES}, "open3d": caster, "cpu": processor()}
+    return {**_versions(SAMPLE_PACKAGES), "cpu": processor()}
 
 
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return ""
+@cache
+def report_platform() -> dict[str, str]:
+    """List the facts of the platform that the report of a scene depends on.
+
+    Returns:
+        Package name to version.
+    """
+    return _versions(REPORT_PACKAGES)
+
+
+@cache
+def learn_platform() -> dict[str, str]:
+    """List the facts of the platform that the results of an experiment depend on.
+
+    Returns:
+        Package name to version, and `cpu`.
+    """
+    return {**_versions(LEARN_PACKAGES), "cpu": processor()}
+
+
+def _versions(packages: tuple[str, ...]) -> dict[str, str]:
+    return {name: _version(_NAMES.get(name, (name,))) for name in packages}
+
+
+def _version(names: tuple[str, ...]) -> str:
+    """Read the version of a package that has one of several names; `none` if none of several is installed."""
+    if len(names) == 1:
+        return version(names[0])
+    for name in names:
+        with suppress(PackageNotFoundError):
+            return version(name)
+    return "none"
 
 
 def processor() -> str:

@@ -72,7 +72,7 @@ class Scenario(AuthoringSettings):
             raise ValueError("neither a survey nor a sample; allowed: at least one [[survey]] or [[sample]]")
         flown = [survey.id for survey in self.survey] if self.stage is None else []
         ids = [*flown, *(sample.id for sample in self.sample)]
-        if len(set(ids)) < len(ids):
+        if len({name.lower() for name in ids}) < len(ids):  # some disks do not tell cases apart
             raise ValueError(f"two clouds have the same id; allowed: a different id each, found {', '.join(ids)}")
         for sample in self.sample if self.stage is None else ():
             if isinstance(sample, MeshSample) and sample.min_views and not self.survey:
@@ -179,7 +179,7 @@ def _beside(scenario: Path, place: str) -> Path:
 
 def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
     """Give every imported world of the scenario an absolute path and a name."""
-    from authoring.imported.asset import claims_city
+    from authoring.imported.asset import claims_city, world_name
 
     worlds = {name: str(_beside(path, place)) for name, place in scenario.worlds.items()}
 
@@ -196,11 +196,13 @@ def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
                 allowed=", ".join((*BACKGROUNDS, *worlds)),
                 hint="Choose one of these, or the path of a world made by falsework background import",
             )
-        worlds[place.stem] = str(place)
-        return place.stem
+        return _add_file(worlds, world_name(place), place, "worlds", path)
 
     name = named(scenario.background.name)
     others = tuple(named(background) for background in scenario.variants.background)
+    _check_world_names(worlds, path)
+    if len(set(others)) < len(others):
+        raise InputError("one world twice", where=path, field="variants.background", value=list(others))
     for world in map(Path, worlds.values()):
         if not world.exists():
             raise MissingError("no such world", where=path, field="worlds", value=str(world))
@@ -220,6 +222,41 @@ def _with_worlds(scenario: Scenario, path: Path) -> Scenario:
     )
 
 
+def _check_world_names(worlds: Mapping[str, str], path: Path) -> None:
+    """Refuse names that no variant set takes, and those of our own backgrounds."""
+    from authoring.foreign.usd_file import safe_name
+
+    for name in worlds:
+        if name.lower() in BACKGROUNDS:
+            hint = "Rename it, or give it another name in [worlds] and use that as background"
+            raise InputError(
+                "has the name of a background of Falsework", where=path, field="worlds", value=name, hint=hint
+            )
+        if name != safe_name(name):
+            raise InputError(
+                "not a name of a world",
+                where=path,
+                field="worlds",
+                value=name,
+                allowed="letters, digits and _, beginning with a letter",
+                hint=f"Call it {safe_name(name)}",
+            )
+
+
+def _add_file(known: dict[str, str], name: str, place: Path, kind: str, scenario: Path) -> str:
+    """Add a file under its own name; another file of this name would replace it, also where case does not count."""
+    same = next((other for other in known if other.lower() == name.lower()), name)
+    if known.setdefault(same, str(place)) != str(place):
+        raise InputError(
+            "two files have the same name",
+            where=scenario,
+            field=kind,
+            value=name,
+            hint=f"Rename one of them, or give it another name in [{kind}]",
+        )
+    return same
+
+
 def _with_skies(scenario: Scenario, path: Path) -> Scenario:
     """Give every photographed sky of the scenario an absolute path and a name."""
     skies = {name: str(_beside(path, place)) for name, place in scenario.skies.items()}
@@ -227,8 +264,7 @@ def _with_skies(scenario: Scenario, path: Path) -> Scenario:
     def named(sky: str) -> str:
         if sky in ("", *skies):
             return sky
-        skies[Path(sky).name] = str(_beside(path, sky))
-        return Path(sky).name
+        return _add_file(skies, Path(sky).name, _beside(path, sky), "skies", path)
 
     base = scenario.light.model_copy(update={"sky": named(scenario.light.sky)})
     lights = tuple(light.model_copy(update={"sky": named(light.sky)}) for light in scenario.variants.light)
@@ -248,18 +284,9 @@ def _with_surfaces(scenario: Scenario, path: Path) -> Scenario:
     surfaces = {name: str(_beside(path, place)) for name, place in scenario.surfaces.items()}
     names = []
     for folder in scenario.look.folders:
-        name, place = (
-            (folder, surfaces[folder]) if folder in surfaces else (Path(folder).name, str(_beside(path, folder)))
-        )
-        if surfaces.setdefault(name, place) != place:
-            raise InputError(
-                "two folders have the same name",
-                where=path,
-                field="look.folders",
-                value=name,
-                hint="Rename one of them",
-            )
-        names.append(name)
+        is_named = folder in surfaces
+        place = _beside(path, folder)
+        names.append(folder if is_named else _add_file(surfaces, Path(folder).name, place, "surfaces", path))
     for place in surfaces.values():
         if not Path(place).exists():
             raise MissingError("no such folder of surfaces", where=path, field="look.folders", value=place)

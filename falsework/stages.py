@@ -43,7 +43,7 @@ def author(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
     """Write a layered stage.
 
     Args:
-        settings: `{seed, authoring}`.
+        settings: `{seed, authoring, platform}`.
         inputs: `world/<name>`, `sky/<name>` and `surface/<name>`: each imported world, photographed sky and folder of
             surfaces that the scenario names.
         folder: Empty folder to fill.
@@ -158,7 +158,7 @@ def report(settings: dict[str, Any], inputs: dict[str, Path], folder: Path, prog
     """Write the report page of one scene.
 
     Args:
-        settings: `{title}`.
+        settings: `{title, platform}`.
         inputs: `stage`, for each survey `capture/<survey>`, and `cloud/<survey>`, or with several clouds
             `cloud/<survey>+sparse` and so on; `sample/<id>` for each sample.
         folder: Empty folder to fill.

@@ -21,6 +21,7 @@ from groundwork.progress import SILENT, Progress
 _POLL = 0.1  # [s] interval between checks of the limits
 _STACK = ("@ ", "***", "PC: @")  # prefix of glog's stack lines, which follow its error message
 _LAST_LINES = 20  # lines of a child's output kept with its error
+AT_A_LIMIT = "stopped because it"  # what the error of a child says, after its name, if it reached a limit
 _PREFIX = "\x1efalsework "  # prefix of a child's messages, to separate them from the output of native libraries
 
 
@@ -194,7 +195,7 @@ def _conclude(module: str, code: int, verdict: str | None, replies: list[dict[st
     spoken = [line for line in errors.splitlines() if line.strip() and not line.lstrip().startswith(_STACK)]
     if verdict is not None:
         raise ChildError(
-            f"{module}: stopped because it {verdict}. Use fewer or smaller images, or raise the limit",
+            f"{module}: {AT_A_LIMIT} {verdict}. Use fewer or smaller images, or raise the limit",
             last_lines=tuple(spoken[-_LAST_LINES:]),
         )
     if final["kind"] == "result" and code == 0:

@@ -2,6 +2,8 @@
 
 from typing import Protocol
 
+_PRECISE, _SHORT, _LONG = 10.0, 120.0, 7200.0  # [s] times up to these are shown in tenths, seconds and minutes
+
 
 class Progress(Protocol):
     """Listener for the progress of one piece of work."""
@@ -85,3 +87,14 @@ class DistinctNotes:
 
 
 SILENT: Progress = Silent()
+
+
+def duration(seconds: float) -> str:
+    """Format a duration for people.
+
+    Args:
+        seconds: The time [s].
+    """
+    if seconds < _SHORT:
+        return f"{seconds:.1f} s" if seconds < _PRECISE else f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < _LONG else f"{seconds / 3600.0:.1f} h"

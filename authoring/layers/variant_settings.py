@@ -1,9 +1,9 @@
 """The section `[variants]` of a scenario: looks, backgrounds and lights whose product is made from one bridge."""
 
 from itertools import product
-from typing import Self
+from typing import Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from authoring.light.daylight import LightSettings
 from authoring.looks.roles import LOOKS
@@ -19,6 +19,11 @@ class LightVariant(LightSettings):
     """Another light; omitted values are those of `[light]`."""
 
     name: str = Field(pattern=NAME, max_length=40, description="Name of the light variant")
+
+    @model_serializer(mode="wrap")
+    def _as_said(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave omitted values out: read again from a run or by a child, they must still be those of `[light]`."""
+        return {name: value for name, value in dump(self).items() if name in self.model_fields_set}
 
 
 class VariantSettings(Settings):
@@ -40,10 +45,10 @@ class VariantSettings(Settings):
         if any(light.name == BASE_LIGHT and light.model_fields_set != {"name"} for light in self.light):
             raise ValueError(f"{BASE_LIGHT!r} is the light of [light]: give a light of its own another name")
         for axis, names in self.names().items():
-            if len(set(names)) < len(names):
+            if len({name.lower() for name in names}) < len(names):  # some disks do not tell cases apart
                 raise ValueError(f"{axis} has one variant twice; allowed: each name once, found {', '.join(names)}")
         axes = [names for names in self.names().values() if names]
-        joined = ["_".join(names) for names in product(*axes)] if axes else []
+        joined = ["_".join(names).lower() for names in product(*axes)] if axes else []
         if twice := [name for name in joined if joined.count(name) > 1]:
             raise ValueError(f"two variants would have the name {twice[0]}: rename a look, a background or a light")
         return self

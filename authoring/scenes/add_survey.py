@@ -13,6 +13,7 @@ from authoring.surveys.path import CameraPath
 from authoring.surveys.registry import plan_survey, record_flight
 from authoring.surveys.settings import AnySurvey, StageSettings
 from authoring.surveys.stage_subject import stage_subject
+from groundwork.errors import InputError
 from usd_schemas import tokens
 from usd_schemas.reading.choices import StageChoices
 from usd_schemas.reading.stage_reader import read_stage
@@ -36,6 +37,7 @@ def add_survey(scene: Path, settings: AnySurvey, seed: int | None = None) -> Cam
         InputError: A stored scene, one without a recipe, or a flight that is not possible.
     """
     check_editable(scene)
+    _check_id(scene.parent / "surveys", settings.id)
     seed = read_recipe(scene.parent).seed if seed is None else seed
     if isinstance(settings, StageSettings):
         path = record_flight(settings, existing_flight(settings, read_stage(scene)), seed)
@@ -55,6 +57,14 @@ def add_survey(scene: Path, settings: AnySurvey, seed: int | None = None) -> Cam
         export(root, scene)
     refresh_manifest(folder)
     return path
+
+
+def _check_id(surveys: Path, wanted: str) -> None:
+    """Refuse an id that differs from another survey's only by case, which some disks do not tell apart."""
+    others = sorted(path.stem for path in surveys.glob("*.usdc"))
+    for other in others:
+        if other.lower() == wanted.lower() and other != wanted:
+            raise InputError("differs from another survey only by case", field="survey.id", value=wanted, allowed=other)
 
 
 def _add_product(file: Path, path: CameraPath) -> None:

@@ -13,6 +13,20 @@ Turn = Annotated[float, Field(ge=0.0, le=45.0)]
 Reach = Annotated[float, Field(ge=0.5, le=100.0)]
 
 
+def _refuse_idle(settings: Settings, idle: tuple[str, ...], option: str, allowed: str) -> None:
+    """Refuse values that another one leaves without effect; defaults pass: a scenario written out in full has them all.
+
+    Args:
+        settings: The section.
+        idle: Names of the values.
+        option: The value that makes them so, as in a scenario.
+        allowed: What they need instead.
+    """
+    for name in idle:
+        if getattr(settings, name) != type(settings).model_fields[name].default:
+            raise ValueError(f"{name} has no effect with {option}; allowed: only with {allowed}")
+
+
 class RecordSettings(Settings):
     """Records of every flight, planned by Falsework or not."""
 
@@ -117,6 +131,14 @@ class GlobalSettings(SurveySettings):
                 raise ValueError(f"{name} must be the lower end, then the upper end; allowed: [{high}, {low}]")
         return self
 
+    @model_validator(mode="after")
+    def _tour_has_its_own(self) -> Self:
+        if self.tour == "rings":
+            _refuse_idle(self, ("stand_off", "over_deck", "turn"), 'tour = "rings"', 'tour = "loop"')
+        else:
+            _refuse_idle(self, ("margin",), 'tour = "loop"', 'tour = "rings"')
+        return self
+
 
 class LocalSettings(SurveySettings):
     """A close flight through the free space round a stretch of the bridge, as the paper's local scenario."""
@@ -135,7 +157,8 @@ class LocalSettings(SurveySettings):
     target: int | None = Field(
         default=None,
         ge=1,
-        description="Instance id of a component that the flight must come near; the box lies around it",
+        description="Instance id of a component that the flight must come near; the box lies around it, or at "
+        "`station` if that is set",
     )
     at_support: float = Field(default=0.7, ge=0.0, le=1.0, description="Probability that the box lies at a support [1]")
     length: float = Field(default=20.0, ge=6.0, le=100.0, description="Length of the box along the bridge [m]")
@@ -162,6 +185,15 @@ class LocalSettings(SurveySettings):
         low, high = self.images
         if not 2 <= low <= high <= 5000:
             raise ValueError(f"images must be two numbers from 2 to 5000, the smaller first (found {low}, {high})")
+        return self
+
+    @model_validator(mode="after")
+    def _choices_have_an_effect(self) -> Self:
+        if self.pitch == "free":
+            _refuse_idle(self, ("pitch_limit",), 'pitch = "free"', 'pitch = "limited"')
+        for name in ("station", "target"):
+            if getattr(self, name) is not None:
+                _refuse_idle(self, ("at_support",), name, "a drawn position")
         return self
 
 
@@ -194,6 +226,12 @@ class GridSettings(SurveySettings):
         le=1.0,
         description="Least share of an image that the bridge must fill; other images are not taken [1]",
     )
+
+    @model_validator(mode="after")
+    def _oblique_rows_lead_to_the_deck(self) -> Self:
+        if not self.deck:
+            _refuse_idle(self, ("oblique",), "deck = false", "deck = true")
+        return self
 
 
 class InspectionSettings(SurveySettings):
@@ -248,6 +286,12 @@ class InspectionSettings(SurveySettings):
         description="Largest number of chosen views; the legs between them add more images [1]",
     )
     pitch_limit: float = Field(default=90.0, ge=-90.0, le=90.0, description="Highest pitch of the gimbal [deg]")
+
+    @model_validator(mode="after")
+    def _members_have_no_pieces(self) -> Self:
+        if self.cover == "members":
+            _refuse_idle(self, ("stretch", "worth"), 'cover = "members"', 'cover = "surface"')
+        return self
 
 
 LegSettings = Annotated[GlobalSettings | LocalSettings | GridSettings | InspectionSettings, Field(discriminator="kind")]

@@ -52,13 +52,14 @@ def fly_whole(settings: GlobalSettings, subject: Subject, rng: np.random.Generat
     box = oriented_box(subject.bridge.reshape(-1, 3))
     lines = bearing_lines(box.to_local(subject.seats)) if len(subject.seats) else np.zeros((0, 2))
     if settings.tour == "rings":
-        route = clear_route(
-            draw_rings(settings, extended_box(settings, box), subject, rng), box, subject, settings.safety
-        )
+        rings = draw_rings(settings, extended_box(settings, box), subject, rng)
+        route = clear_route(rings, box, subject, settings.safety, "margin")
         length = float(np.linalg.norm(np.diff(route, axis=0), axis=1).sum())
         positions = np.round(equal_steps(route, min(settings.spacing, length / (settings.images - 1))), DECIMALS)
         return aim(positions, np.round(box.to_world(targets_of(settings, box, lines, positions)), DECIMALS))
-    route = clear_route(draw_route(settings, box, lines[:, 0], subject, rng), box, subject, settings.safety)
+    route = clear_route(
+        draw_route(settings, box, lines[:, 0], subject, rng), box, subject, settings.safety, "stand_off"
+    )
     crossing = np.abs(box.to_local(route)[:, 0]) > box.half[0] - CROSSING
     return _fly_loop(settings, box, lines, route, np.where(crossing, CROSSING_DENSITY, 1.0))
 
@@ -166,7 +167,7 @@ def draw_route(
     return box.to_world(np.column_stack([plan, height]))
 
 
-def clear_route(route: F64, box: OrientedBox, subject: Subject, safety: float) -> F64:
+def clear_route(route: F64, box: OrientedBox, subject: Subject, safety: float, distance: str) -> F64:
     """Move a route outwards and upwards until it is at a safe distance everywhere.
 
     Args:
@@ -174,6 +175,7 @@ def clear_route(route: F64, box: OrientedBox, subject: Subject, safety: float) -
         box: The bridge's box, which defines the outward direction.
         subject: Bridge and site.
         safety: Least distance to both [m].
+        distance: Name of the setting that moves the whole route outwards, for the error.
 
     Returns:
         The route, moved where necessary [m], shape (M, 3), float64.
@@ -199,7 +201,7 @@ def clear_route(route: F64, box: OrientedBox, subject: Subject, safety: float) -
         "way",
         field="survey.safety",
         value=safety,
-        hint="Lower it, or raise survey.stand_off",
+        hint=f"Lower it, or raise survey.{distance}",
     )
 
 

@@ -20,6 +20,7 @@ from authoring.layers.change import check_editable
 from authoring.layers.geometry import BRIDGE, SITE
 from authoring.layers.selection import AXES, choose, offered, unknown_choice
 from authoring.layers.variant import variant_layer
+from authoring.layers.variant_settings import BASE_LIGHT
 from authoring.light.daylight import read_date
 from authoring.light.panorama import PANORAMAS
 from authoring.looks.roles import LOOKS
@@ -198,12 +199,13 @@ def _is_world(axis: str, value: str) -> bool:
 def _maker(scene: Path, axis: str, value: str, known: tuple[str, ...]) -> Callable[[], str]:
     """Return the function that adds a choice to a scene: nothing is written before it is called."""
     if _is_world(axis, value):
+        _check_own_name(axis, world_name(Path(value)), value)
         return partial(_settle, scene, _drawn_alike(scene, axis), Path(value))
     if axis == "light" and Path(value).suffix.lower() in PANORAMAS:
+        _check_own_name(axis, Tf.MakeValidIdentifier(Path(value).stem), value)
         return partial(_author_sky, scene, Path(value))
     if axis == "look" and (Path(value).is_dir() or Path(value).suffix.lower() == ".zip"):
-        if Tf.MakeValidIdentifier(Path(value).stem) in LOOKS:
-            raise InputError("has the name of a look of Falsework", where=value, field=axis, hint="Rename it")
+        _check_own_name(axis, Tf.MakeValidIdentifier(Path(value).stem), value)
         return partial(_wear, scene, _drawn_alike(scene, axis), Path(value))
     makeable = {"look": tuple(LOOKS), "background": tuple(BACKGROUNDS), "light": ()}[axis]
     date = _date(value) if axis == "light" else None
@@ -213,6 +215,13 @@ def _maker(scene: Path, axis: str, value: str, known: tuple[str, ...]) -> Callab
     if date is not None:
         return partial(_author_light, scene, date)
     return partial(_author, scene, _drawn_alike(scene, axis), axis, value)
+
+
+def _check_own_name(axis: str, name: str, file: str) -> None:
+    """Refuse a file that would take the place of one of our own choices, also where case does not count."""
+    ours = {"look": LOOKS, "background": BACKGROUNDS, "light": (BASE_LIGHT,)}[axis]
+    if name.lower() in ours:
+        raise InputError(f"has the name of a {axis} of Falsework", where=file, field=axis, value=name, hint="Rename it")
 
 
 def _check_file(axis: str, file: Path) -> None:

@@ -56,7 +56,7 @@ def stage_background(scene: Path, file: Path, warn: Warn, origin: Point = HERE) 
         InputError: Not readable, a material or texture is missing, or it is more than 10 km away.
     """
     name = safe_name(file.stem)
-    if name in BACKGROUNDS:
+    if name.lower() in BACKGROUNDS:
         raise InputError("has the name of a world of Falsework", where=file, value=name, hint="Rename it")
     stage = open_foreign(file, warn)
     check_place(stage, file, scene, origin, warn)

@@ -36,7 +36,7 @@ def stage_look(scene: Path, file: Path, warn: Warn) -> Staged:
         InputError: Not readable, it has no material of a role, or a texture is missing.
     """
     name = safe_name(file.stem)
-    if name in LOOKS:
+    if name.lower() in LOOKS:
         raise InputError("has the name of a look of Falsework", where=file, value=name, hint="Rename it")
     stage = open_foreign(file, warn)
     roles = _roles(scene)

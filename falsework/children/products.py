@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from groundwork.child import answer_parent, run_child
+from groundwork.child import AT_A_LIMIT, answer_parent, run_child
 from groundwork.errors import ChildError, InputError
 from groundwork.output.reading import reading
 from groundwork.progress import SILENT, Progress
@@ -49,6 +49,8 @@ def read_safely(
 ) -> Any:
     """Run a child that reads an untrusted stage; a crash is reported as an error of that stage.
 
+    A limit is named only if the child was stopped at it.
+
     Args:
         module: Module that serves the request.
         request: JSON for it.
@@ -70,11 +72,18 @@ def read_safely(
             return run_child(module, request, time_limit=time_limit, memory_limit=memory_limit, progress=progress)
     except ChildError as error:
         reason = str(error).partition(": ")[2].partition(". Use fewer")[0]
-        raise InputError(
-            f"cannot be read within {time_limit:.0f} s and {memory_limit:.0f} GB: {reason}",
-            where=stage,
-            hint="Make it smaller, or flatten it in the program that made it",
-        ) from error
+        if reason.startswith(AT_A_LIMIT):
+            what = f"cannot be read within {time_limit:.0f} s and {memory_limit:.0f} GB: {reason}"
+            hint = "Make it smaller, or flatten it in the program that made it"
+        else:
+            what, hint = f"cannot be read: the process that reads it {reason}", _after_crash(error.signal)
+        raise InputError(what, where=stage, hint=hint) from error
+
+
+def _after_crash(signal: str) -> str:
+    if signal == "SIGKILL":  # of another process: ours names its limit
+        return "Something else ended it, often the system when memory runs short: run the command again"
+    return "Save it again in the program that made it, flattened if it still fails"
 
 
 def _answer(request: dict[str, Any], progress: Progress) -> list[str]:

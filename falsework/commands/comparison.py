@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ import numpy as np
 from falsework.commands.compared_bridges import Bridge, find_bridges
 from falsework.execution.costs import bytes_added
 from falsework.execution.events import write_event
-from falsework.platform import processor
+from falsework.platform import learn_platform
 from falsework.store.store import Store, Task
 from groundwork.canonical import digest
 from groundwork.files import read_json, write_json
@@ -40,7 +39,6 @@ from learn.device import Device
 from learn.trained import FOREST
 
 VERSIONS = {"noise": 1, "pieces": 2, "training": 2, "scores": 1}  # increased by hand, as in falsework.stages
-_PACKAGES = ("lightning", "numpy", "safetensors", "scikit-learn", "scipy", "torch")
 _NOISE = "noise.json"
 
 Make = Callable[[Path], None]
@@ -135,7 +133,7 @@ class Experiment:
             ]
             inputs = {f"given/{one.name}/{name}": one.digests[name] for one in mine for name in (part.cloud, part.like)}
             pairs = [(one.clouds[part.cloud], one.clouds[part.like]) for one in mine]
-            task = Task("noise", VERSIONS["noise"], {"platform": _platform()}, inputs)
+            task = Task("noise", VERSIONS["noise"], {"platform": learn_platform()}, inputs)
             jobs[part] = Job(task, partial(_fit, pairs), "noise", len(pairs), str(part))
         return jobs
 
@@ -154,7 +152,7 @@ class Experiment:
             inputs = {f"given/{name}": bridge.digests[name] for name in used}
             inputs |= {f"noise/{cloud_name(part)}": noise[part].task.key for part in parts if part.like}
             names = [cloud_name(part) for part in parts]
-            settings = {"cut": self.settings.cut.model_dump(mode="json"), "clouds": names, "platform": _platform()}
+            settings = {"cut": self.settings.cut.model_dump(mode="json"), "clouds": names, "platform": learn_platform()}
             sources = [
                 CloudSource(
                     cloud_name(part),
@@ -231,7 +229,7 @@ class Experiment:
             "data": data,
             "windows": _named(chosen[TRAIN], keys),
             "validation": _named(validation, keys),
-            "platform": _platform(),
+            "platform": learn_platform(),
         }
         inputs = {names[place.folder]: keys[place.folder] for place in (*chosen[TRAIN], *validation)}
         make = partial(train_trial, source, checked, train, progress=self.progress, data=data)
@@ -251,7 +249,7 @@ class Experiment:
         settings = {
             "sampling": source.settings.record(),
             "windows": _named(places, keys),
-            "platform": _platform(),
+            "platform": learn_platform(),
             "draws": self.settings.test_draws,
         }
         inputs = {"training": training.task.key, **{names[one.folder]: keys[one.folder] for one in places}}
@@ -375,7 +373,3 @@ def _score(model: Path, source: HeldWindows, folder: Path, progress: Progress, a
 def _named(places: Sequence[WindowPlace], keys: Mapping[Path, str]) -> dict[str, Any]:
     """Describe windows for a key: their number and their hash."""
     return {"count": len(places), "digest": digest([[keys[one.folder], one.cloud, one.number] for one in places])}
-
-
-def _platform() -> dict[str, str]:
-    return {**{name: version(name) for name in _PACKAGES}, "cpu": processor()}

@@ -15,6 +15,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from groundwork.progress import duration
+
 PLAIN_INTERVAL = 10.0  # [s] between two lines of one stage if the output is not a terminal
 
 
@@ -103,7 +105,7 @@ class ConsoleProgress:
         if self._first is None or self._done <= self._first[1]:
             return ""
         rate = (now - self._first[0]) / (self._done - self._first[1])
-        return f", about {rate * (self._total - self._done):.0f} s left"
+        return f", about {duration(rate * (self._total - self._done))} left"
 
     def _finish(self) -> None:
         if self._task is not None:

@@ -9,8 +9,8 @@ import tyro
 from falsework.commands.answers import AsJson, tell
 from falsework.commands.console import ConsoleProgress
 from falsework.commands.given_files import need_scenario
-from falsework.commands.run_table import duration
 from falsework.execution.parts import check_parts, scene_range
+from groundwork.progress import duration
 
 if TYPE_CHECKING:
     from falsework.execution.plan import Plan

@@ -9,10 +9,10 @@ from rich.table import Table
 from rich.text import Text
 
 from falsework.execution.board import StepEvent
+from groundwork.progress import duration
 
 MOST_ROWS = 12  # scenes shown at a time: those being processed, then those that ended last
 _MANY = 100.0  # [1/h] rates above are shown without a decimal
-_SHORT, _LONG = 120.0, 7200.0  # [s] times up to these are shown in seconds, and in minutes
 
 
 @dataclass
@@ -141,14 +141,3 @@ class RunTable:
     def _count(self, stage: str) -> str:
         done = sum(min(len(scene.done.get(stage, ())), self._steps[stage]) for scene in self._scenes.values())
         return f"{done}/{self._steps[stage] * len(self._scenes)}"
-
-
-def duration(seconds: float) -> str:
-    """Format a duration for people.
-
-    Args:
-        seconds: The time [s].
-    """
-    if seconds < _SHORT:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < _LONG else f"{seconds / 3600:.1f} h"

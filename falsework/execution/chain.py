@@ -8,12 +8,13 @@ from typing import Any, get_args
 
 from authoring.streams import stream
 from falsework.children.products import surveys_of
-from falsework.platform import recon_platform, render_platform, sample_platform
+from falsework.platform import author_platform, recon_platform, render_platform, report_platform, sample_platform
 from falsework.scenario import Scenario, given_files, scene_seed, scene_title
 from falsework.stages import SEVERAL, STAGES
 from falsework.store.store import Task
 from groundwork.canonical import digest, file_digest, folder_digest
 from groundwork.errors import InputError
+from groundwork.marks import content_files, outputs_below
 from groundwork.output.place import RUN
 from groundwork.output.reading import reading
 from groundwork.progress import Progress
@@ -22,6 +23,7 @@ from recon.sampling.sampler_settings import AnySample
 from recon.settings import Mode
 
 FOREIGN_STAGE = "foreign stage"
+LARGE = 1_000_000_000  # bytes of an input whose reading is announced
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,7 @@ class Chain:
         parents = {step.input_name: step for step in self.steps if step.kind != "model" and step.link not in without}
         given, keys = _stage_input(self.stage, self.sources)
         inputs = {**keys, **{name: step.task.key for name, step in parents.items()}}
-        task = new_task("report", {"title": self.title}, inputs)
+        task = new_task("report", {"title": self.title, "platform": report_platform()}, inputs)
         return Step(task, "report.html", parents, given, "report.html")
 
 
@@ -148,6 +150,8 @@ def read_sources(scenario: Scenario, progress: Progress) -> Sources:
     """
     if scenario.stage is None:
         given = given_files(scenario)  # imported worlds and skies are identified by their content
+        for path in given.values():
+            _tell_of_large(path, progress)
         digests = {name: file_digest(path) if path.is_file() else folder_digest(path) for name, path in given.items()}
         return Sources(tuple(survey.id for survey in scenario.survey), given, digests)
     path = Path(scenario.stage.path)
@@ -166,8 +170,19 @@ def read_sources(scenario: Scenario, progress: Progress) -> Sources:
     real = Path(os.path.realpath(path))
     with reading(real, *roots):
         apart = [root for root in roots if not Path(os.path.realpath(root)).is_relative_to(real.parent)]
+        for place in (real.parent, *apart):
+            _tell_of_large(place, progress)
         found = digest([real.name, *(_digest(place, (real.parent, *roots)) for place in (real.parent, *apart))])
     return Sources(tuple(surveys), {FOREIGN_STAGE: path}, {FOREIGN_STAGE: found})
+
+
+def _tell_of_large(place: Path, progress: Progress) -> None:
+    """Say that reading a large input takes a while."""
+    runs = outputs_below(place, RUN) if place.is_dir() else set[Path]()
+    files = [place] if place.is_file() else [path for path in content_files(place) if runs.isdisjoint(path.parents)]
+    size = sum(path.stat().st_size for path in files if path.is_file())
+    if size > LARGE:
+        progress.note(f"{place}: {size / 1e9:.1f} GB are read, since results depend on their content")
 
 
 def _digest(root: Path, roots: tuple[Path, ...]) -> str:
@@ -186,7 +201,8 @@ def scene_chain(scenario: Scenario, index: int, sources: Sources) -> Chain:
     seed = scene_seed(scenario.seed, index)
     stage = None
     if scenario.stage is None:
-        task = new_task("stage", {"seed": seed, "authoring": scenario.authoring()}, sources.digests)
+        settings = {"seed": seed, "authoring": scenario.authoring(), "platform": author_platform()}
+        task = new_task("stage", settings, sources.digests)
         stage = Step(task, "stage", given=sources.given)
     variants = scenario.variants.combinations() or [""]
     pairs = product(sources.surveys, variants)

@@ -5,7 +5,6 @@ import multiprocessing
 import os
 import secrets
 import signal
-import tempfile
 import threading
 import time
 import warnings
@@ -24,6 +23,7 @@ from falsework.execution.chain import Sources, scene_chain
 from falsework.execution.memory import memory_guard
 from falsework.execution.outcome import Outcome
 from falsework.execution.scene import BusySceneError, RunOptions, blame_scene, run_scene, steps_of
+from falsework.execution.scratch import scratch_folder
 from falsework.scenario import Scenario
 from falsework.store.store import Store
 from groundwork.errors import FalseworkError, InputError
@@ -216,7 +216,7 @@ def _own_cluster(workers: int) -> Iterator[Any]:
         # Lost connections of an interrupted run are not logged; the workers get this with the settings.
         "logging": {"distributed": "critical"},
     }
-    with tempfile.TemporaryDirectory(prefix="falsework-") as scratch, config.set(settings):
+    with scratch_folder() as scratch, config.set(settings):
         for name in ("distributed", "distributed.client"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
         cluster, client = _started_apart(partial(_start_workers, workers, scratch))

@@ -7,6 +7,7 @@ from statistics import median
 from typing import Any
 
 from falsework.report.page import SERIES, number, settings_rows, write_page
+from groundwork.progress import duration
 
 MOST_ROWS = 400  # scenes in a table; of more, incomplete ones come first
 MOST_BARS = 80  # scenes in the plot of times
@@ -252,14 +253,3 @@ def _side_by_side(runs: Sequence[RunFacts]) -> list[list[str]]:
         if any(told.get(name, 0) for told in sums)
     ]
     return [["", *(run.name for run in runs)], *rows]
-
-
-def duration(seconds: float) -> str:
-    """Format a duration for people.
-
-    Args:
-        seconds: The time [s].
-    """
-    if seconds < 90.0:
-        return f"{seconds:.1f} s" if seconds < 10.0 else f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.1f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"

@@ -1,6 +1,7 @@
 """Records of rejected and failed tasks, so that they are not repeated in vain."""
 
 import json
+import re
 import traceback
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -71,7 +72,7 @@ def failure_of(error: Exception, attempts: int, root: Path) -> Failure | None:
 
     def plain(text: str) -> str:
         for place in (str(root.resolve()), str(root)):
-            text = text.replace(place, "OUT") if len(place) > 1 else text
+            text = _whole(place).sub("OUT", text) if place not in {".", "/"} else text
         return text
 
     if isinstance(error, RejectedSceneError):
@@ -88,6 +89,12 @@ def failure_of(error: Exception, attempts: int, root: Path) -> Failure | None:
     lines = tuple(f"{Path(frame.filename).name}:{frame.lineno} {frame.name}" for frame in frames)
     said = " ".join(f"{type(error).__name__}: {plain(str(error))}".split())
     return Failure("failed", "internal", said[:LINE_LENGTH], last_lines=lines, attempts=attempts)
+
+
+def _whole(place: str) -> re.Pattern[str]:
+    """Match a folder's path where it is not part of another name; a relative one, perhaps a word, where it goes on."""
+    before, after = (r"(?<![\w.-])", r"(?![\w-]|\.\w)") if place.startswith("/") else (r"(?<![\w./-])", r"(?=/)")
+    return re.compile(before + re.escape(place) + after)
 
 
 def write_failure(path: Path, task: dict[str, Any], failure: Failure, work: Path) -> None:

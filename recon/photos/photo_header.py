@@ -15,6 +15,7 @@ from pathlib import Path
 
 from groundwork.errors import InputError, MissingError
 from groundwork.foreign_file import read_regular
+from groundwork.png_chunks import SIGNATURE as PNG
 from recon.photos.photo_xmp import SIGNATURE, DroneFacts, read_xmp
 
 _FORMATS = {1: "B", 2: "c", 3: "H", 4: "I", 5: "II", 6: "b", 7: "c", 8: "h", 9: "i", 10: "ii"}
@@ -24,7 +25,6 @@ _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}  # of the focal plane's resol
 _QUARTER_TURNS = {3: 2, 6: 1, 8: 3}  # by Exif's orientation; no camera writes mirrored ones
 _FILM = 43.266615  # [mm] diagonal of 36 x 24
 _DISAGREE = 0.2  # [1] far beyond the rounding of the equivalent; photographs are halved rather than shrunk by a tenth
-_PNG = b"\x89PNG\r\n\x1a\n"
 
 _SILENT = DroneFacts()
 
@@ -66,7 +66,7 @@ def read_header(path: Path) -> PhotoHeader:
     except MissingError:
         raise MissingError("no such image", where=path, hint="Put it back") from None
     try:
-        size, exif, xmp = _read_png(data) if data.startswith(_PNG) else _read_jpeg(data)
+        size, exif, xmp = _read_png(data) if data.startswith(PNG) else _read_jpeg(data)
     except (struct.error, IndexError, ValueError):
         raise InputError(
             "the image is cut off or damaged, or neither JPEG nor PNG",
@@ -108,7 +108,7 @@ def _read_jpeg(data: bytes) -> tuple[tuple[int, int], bytes, bytes]:
 
 def _read_png(data: bytes) -> tuple[tuple[int, int], bytes, bytes]:
     width, height = struct.unpack_from(">II", data, 16)
-    at = len(_PNG)
+    at = len(PNG)
     while at + 8 <= len(data):
         length, kind = struct.unpack_from(">I4s", data, at)
         if kind == b"eXIf":

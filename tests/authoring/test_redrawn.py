@@ -1,4 +1,4 @@
-"""Nothing is added to a scene whose bridge or site today's code would draw differently."""
+"""What is added to a scene: nothing where today's code would draw it differently, or in the place of what is ours."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,10 +7,13 @@ import pytest
 
 from authoring.axis.alignment import Layout
 from authoring.families.registry import DrawnBridge, build_bridge
+from authoring.imported.asset import MARK
 from authoring.layers.assets import Pieces
 from authoring.parts.piers import Ground
+from authoring.scenes.add_survey import add_survey
 from authoring.shapes.component import Component
 from authoring.site.site import Site, draw_site
+from authoring.surveys.settings import GlobalSettings
 from authoring.variants import add
 from authoring.variants.add import set_choices
 from groundwork.errors import InputError
@@ -57,12 +60,28 @@ def test_geometry_that_somebody_has_changed_is_not_compared(own_scene: Path, mon
     assert set_choices(own_scene, {"look": "random"}, print) == {"look": "random"}
 
 
-def test_surfaces_with_the_name_of_our_look_are_refused_before_anything_is_written(
-    own_scene: Path, tmp_path: Path
-) -> None:
-    """A folder called as a look of ours: one line, and the light that was asked for with it is not added either."""
-    (tmp_path / "clean").mkdir()
+@pytest.mark.parametrize(
+    ("axis", "name"),
+    [("background", "none"), ("background", "City"), ("light", "default.hdr"), ("look", "clean"), ("look", "Clean")],
+)
+def test_a_file_takes_no_name_of_ours(own_scene: Path, axis: str, name: str, tmp_path: Path) -> None:
+    """A world, a sky or surfaces of this name would replace ours: nothing is written, not what is asked beside it."""
+    own = tmp_path / "mine" / name
+    (own if axis != "light" else own.parent).mkdir(parents=True)
+    if axis == "background":
+        head = f'(\n    customLayerData = {{\n        int "{MARK}" = 1\n    }}\n)\n'
+        (own / f"{name}.usda").write_text(f"#usda 1.0\n{head}")
     before = file_bytes(own_scene.parent)
-    with pytest.raises(InputError, match="has the name of a look"):
-        set_choices(own_scene, {"light": "2024-12-21T10:00", "look": str(tmp_path / "clean")}, print)
+    other = {"look": "random"} if axis == "light" else {"light": "2024-12-21T10:00"}
+    with pytest.raises(InputError, match=f"{own}: {axis}: has the name of a {axis} of Falsework .*Rename it"):
+        set_choices(own_scene, {**other, axis: str(own)}, print)
+    assert file_bytes(own_scene.parent) == before
+
+
+def test_a_survey_that_differs_from_another_by_case_is_refused(own_scene: Path) -> None:
+    """On some disks its files would replace those of the other one."""
+    (flown,) = (path.stem for path in (own_scene.parent / "surveys").glob("*.usdc"))
+    before = file_bytes(own_scene.parent)
+    with pytest.raises(InputError, match=rf"survey\.id: differs from another survey only by case .*allowed: {flown}"):
+        add_survey(own_scene, GlobalSettings(id=flown.upper()))
     assert file_bytes(own_scene.parent) == before

@@ -161,15 +161,18 @@ def test_obstacles_push_the_route_away() -> None:
         Component(f"Site_Floor_{z:02d}", "building", "rock", "Ways", box((-60, -60, z), (100, 60, z + 0.2)), 40_100 + z)
         for z in range(0, 60, 2)
     )
-    with pytest.raises(InputError, match=r"the instance 401\d\d is in the way"):
-        plan_survey(settings, make_subject(box_bridge(), (*flat_site(), *floors)), 1)
+    full = make_subject(box_bridge(), (*flat_site(), *floors))
+    with pytest.raises(InputError, match=r"the instance 401\d\d is in the way.*or raise survey\.stand_off"):
+        plan_survey(settings, full, 1)
+    with pytest.raises(InputError, match=r"the instance 401\d\d is in the way.*or raise survey\.margin"):
+        plan_survey(GlobalSettings(tour="rings"), full, 1)
 
 
 def test_free_routes_stay(subject: Subject) -> None:
     """A route with room to spare is not touched."""
     frame = oriented_box(subject.bridge.reshape(-1, 3))
     route = draw_route(GlobalSettings(), frame, np.zeros(0), subject, stream(1, "survey/x"))
-    np.testing.assert_array_equal(clear_route(route, frame, subject, 1.5), route)
+    np.testing.assert_array_equal(clear_route(route, frame, subject, 1.5, "stand_off"), route)
 
 
 def test_bearing_lines_are_grouped() -> None:

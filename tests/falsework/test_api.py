@@ -17,6 +17,7 @@ from pydantic import BaseModel
 import falsework
 import falsework.api
 import falsework.api_reading
+from falsework.arguments import of_python
 from tests.falsework.served_here import served_here
 from tests.learn.toy_bridge import toy_cloud
 
@@ -33,7 +34,11 @@ def Xform "W" (
 """
 SCENARIO = {"sample": [{"kind": "mesh"}]}
 WRONG: Any = {"density": 1.0}
+EMPTY: Any = {}
 NUMBER: Any = 5
+WORD: Any = "2"
+YES: Any = True
+HALF: Any = 1.5
 BYTES: Any = b"x.usda"
 
 
@@ -42,6 +47,13 @@ def photographs(out: Path) -> str:
     (out.parent / "photographs").mkdir()
     cv2.imwrite(str(out.parent / "photographs/a.jpg"), np.zeros((64, 64, 3), np.uint8))
     return str(out.parent / "photographs")
+
+
+def one_box(out: Path) -> str:
+    """Write a stage of one box beside the output."""
+    path = out.parent / "s.usda"
+    path.write_text('#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Z"\n)\ndef Cube "Box"\n{\n}\n')
+    return str(path)
 
 
 CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
@@ -76,8 +88,38 @@ CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
     "a number as a stage": (lambda out: falsework.read_stage(NUMBER), "path: not a path"),
     "a number as a scenario": (lambda out: falsework.load_scenario(NUMBER), "path: not a path"),
     "a number as a scenario's path": (lambda out: falsework.scenario_of({}, NUMBER), "path: not a path"),
-    "a missing model as str": (lambda out: falsework.reconstruct(".", out, model="x"), "x: --model: no such folder"),
+    "a missing model as str": (lambda out: falsework.reconstruct(".", out, model="x"), "x: model: no such folder"),
     "a missing control as str": (lambda out: falsework.reconstruct(photographs(out), out, control="x"), "x: no such"),
+    "an empty dict as settings": (lambda out: falsework.render("x", out, settings=EMPTY), "settings of a wrong class"),
+    "a number as scenes": (
+        lambda out: falsework.run(SCENARIO, out, scenes=NUMBER),
+        r"^scenes: of a wrong type \(found 'int'\); allowed: whole numbers, such as \[0, 2\] or range\(3\)$",
+    ),
+    "a word as scenes": (lambda out: falsework.run(SCENARIO, out, scenes=WORD), "scenes: of a wrong type"),
+    "words as scenes": (lambda out: falsework.run(SCENARIO, out, scenes=[WORD]), "scenes: .* allowed: a whole number$"),
+    "a word as workers": (lambda out: falsework.run(SCENARIO, out, workers=WORD), "workers: of a wrong type .*'str'"),
+    "True as workers": (lambda out: falsework.run(SCENARIO, out, workers=YES), "workers: of a wrong type .*'bool'"),
+    "a word as memory": (lambda out: falsework.run(SCENARIO, out, memory=WORD), "memory: .* allowed: a number of GB$"),
+    "a word to retry": (lambda out: falsework.run(SCENARIO, out, retry_failed=WORD), "retry_failed: .*True or False$"),
+    "a number as cluster": (lambda out: falsework.run(SCENARIO, out, cluster=NUMBER), "cluster: .* allowed: a str$"),
+    "a place as cluster": (lambda out: falsework.run(SCENARIO, out, cluster="x"), "^cluster: not an address"),
+    "half a scene": (lambda out: falsework.author(SCENARIO, out, scene=HALF), "scene: of a wrong type .*'float'"),
+    "a missing scene": (lambda out: falsework.author(SCENARIO, out, scene=9), "^scene: no such scene"),
+    "a word as seed": (lambda out: falsework.render("x", out, seed=WORD), "seed: of a wrong type"),
+    "a number as survey": (lambda out: falsework.render("x", out, survey=NUMBER), "survey: of a wrong type"),
+    "True as progress": (lambda out: falsework.run(SCENARIO, out, progress=YES), "progress: cannot listen .*'bool'"),
+    "a class as progress": (
+        lambda out: falsework.author(SCENARIO, out, progress=falsework.ConsoleProgress),  # type: ignore[arg-type]
+        "progress: cannot listen .*stage, advance, note",
+    ),
+    "a dict as choices": (lambda out: falsework.read_stage("x", choices=EMPTY), "choices: .* allowed: StageChoices$"),
+    "a number as survey to read": (lambda out: falsework.read_stage("x", survey=NUMBER), "survey: of a wrong type"),
+    "a missing camera": (
+        lambda out: falsework.read_stage(one_box(out), choices=falsework.StageChoices(camera="x")),
+        r"s\.usda: choices\.camera: no such camera|^choices\.camera: no such camera",
+    ),
+    "a path as a cloud": (lambda out: falsework.save_cloud(WORD, out), "cloud: .*; a folder of one is read by"),
+    "a number as a section": (lambda out: falsework.scenario_of({NUMBER: {}}), "scenario: .*5"),
     "a column": (
         lambda out: falsework.save_cloud(
             replace(toy_cloud(1, 50), columns={**toy_cloud(1, 50).columns, "mine": np.zeros(50)}), out
@@ -94,6 +136,33 @@ def test_a_wrong_call_is_one_line(name: str, tmp_path: Path) -> None:
     with pytest.raises(falsework.InputError, match=said):
         call(tmp_path / "out")
     assert not list((tmp_path / "out").glob("*"))
+
+
+def test_numbers_of_numpy_are_numbers(tmp_path: Path) -> None:
+    """A scene, a seed and workers may come from an array."""
+    with pytest.raises(falsework.InputError, match=r"scene: no such scene \(found 9\)"):
+        falsework.author(SCENARIO, tmp_path / "out", scene=np.int64(9))  # type: ignore[arg-type]
+    numbers: Any = np.array([7, 9])
+    with pytest.raises(falsework.InputError, match=r"scenes: no such scene \(found \[7, 9\]\)"):
+        falsework.run(SCENARIO, tmp_path / "out", scenes=numbers)
+
+
+def test_an_error_names_arguments_instead_of_options() -> None:
+    """In its hints too, and from a child, of which only the text is known; a command to type stays as it is."""
+
+    @of_python
+    def call(out: str, allow_roots: str = "", workers: int = 0) -> None:
+        raise falsework.InputError(out)
+
+    for said, wanted in {
+        "x: -o: is a folder. Give --allow-root DIR or --output": "x: out: is a folder. Give allow_roots DIR or out",
+        "--workers: only 0 with --cluster": "workers: only 0 with --cluster",
+        "no world. Import it with falsework background import FILE -o DIR": None,
+        "a-workers and x--workers, -1 and - o": None,
+    }.items():
+        with pytest.raises(falsework.InputError) as caught:
+            call(said)
+        assert str(caught.value) == (wanted or said)
 
 
 def test_one_folder_as_root_is_that_folder_alone(tmp_path: Path) -> None:

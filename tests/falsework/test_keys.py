@@ -12,7 +12,7 @@ from falsework.execution import chain
 from falsework.execution.chain import read_sources, scene_chain
 from falsework.scenario import Scenario
 from falsework.stages import STAGES
-from groundwork.progress import SILENT
+from groundwork.progress import SILENT, DistinctNotes
 from recon.settings import ReconSettings
 from tests.falsework.tiny_chain import tiny_scenario
 
@@ -228,3 +228,19 @@ def test_files_that_a_stage_must_not_read_do_not_count(tmp_path: Path) -> None:
     (tmp_path / "in/archive").unlink()
     texture.write_bytes(b"second")
     assert found(texture) != with_root
+
+
+def test_a_large_input_is_announced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One line before it is read, with its size; none for a small one, nor for runs beside a stage."""
+    monkeypatch.setattr(chain, "LARGE", 1000)
+    for name, size in {"in/s.usda": 100, "in/out/big.bin": 5000, "world/w.usda": 4000, "few/w.usda": 10}.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(b"#" * size)
+    (tmp_path / "in/out/.falsework").write_text("run\n")
+    said: list[str] = []
+    told = DistinctNotes(SILENT)
+    monkeypatch.setattr(told, "note", said.append)
+    worlds = {name: str(tmp_path / name) for name in ("world", "few")}
+    read_sources(tiny_scenario(worlds=worlds), told)
+    read_sources(tiny_scenario(survey=[], sample=[{"kind": "mesh"}], stage={"path": str(tmp_path / "in/s.usda")}), told)
+    assert said == [f"{tmp_path}/world: 0.0 GB are read, since results depend on their content"]

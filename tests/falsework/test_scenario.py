@@ -21,6 +21,25 @@ BAD = {
     "survey of no kind": ("[[survey]]\nkind = 'lokal'", ["survey.0.kind", "'lokal'", "global, local, grid"]),
     "unknown key of one kind": ("[[survey]]\nkind = 'local'\nlenght = 3.0", ["lenght", "Did you mean 'length'"]),
     "same id twice": ("[[survey]]\nkind = 'grid'\n[[survey]]\nkind = 'grid'", ["same id", "grid, grid"]),
+    "ids that differ by case": (
+        "[[survey]]\nkind = 'grid'\nid = 'a'\n[[survey]]\nkind = 'grid'\nid = 'A'",
+        ["same id", "a, A"],
+    ),
+    "a sample's id by case": ("[[survey]]\nkind = 'grid'\n[[sample]]\nkind = 'mesh'\nid = 'Grid'", ["grid, Grid"]),
+    "a light's name by case": ("[[variants.light]]\nname = 'a'\n[[variants.light]]\nname = 'A'", ["twice", "a, A"]),
+    "a world called none": ("[worlds]\nnone = '.'", ["worlds: has the name of a background", "'none'", "another name"]),
+    "a world called like ours": ("[background]\nname = './City'", ["worlds: has the name of a background", "'City'"]),
+    "a world without a name": ("[worlds]\n'my world' = '.'", ["not a name of a world", "Call it my_world"]),
+    "two worlds of one name": (
+        "[background]\nname = 'a/town'\n[variants]\nbackground = ['b/Town']",
+        ["worlds: two files have the same name", "'Town'"],
+    ),
+    "one world twice": ("[worlds]\nx = 'City'\n[variants]\nbackground = ['x', 'Day']", ["Day"]),
+    "two skies of one name": (
+        "[light]\nsky = 'a/s.hdr'\n[[variants.light]]\nname = 'x'\nsky = 'b/s.hdr'",
+        ["skies: two files have the same name", "'s.hdr'", "[skies]"],
+    ),
+    "two surfaces of one name": ("[look]\nfolders = ['a/town', 'b/town']", ["surfaces: two files have the same name"]),
     "wrong type": ("seed = 'seven'", ["seed", "'seven'", "should be a number"]),
     "out of range": ("scenes = 0", ["scenes", "0", "greater than or equal to 1"]),
     "endless": ("scenes = 999999999999999999", ["scenes", "less than or equal to 1000000"]),
@@ -66,6 +85,8 @@ def test_bad_scenario_is_one_line(case: str, tmp_path: Path) -> None:
     text, parts = BAD[case]
     path = tmp_path / "scenario.toml"
     path.write_text(text)
+    for name in ("City", "a/town", "b/town", "b/Town"):
+        (tmp_path / name).mkdir(parents=True, exist_ok=True)
     with pytest.raises(InputError) as caught:
         load_scenario(path)
     message = str(caught.value)
@@ -152,12 +173,15 @@ def test_good_scene_ranges() -> None:
 def test_imported_world_is_found_beside_the_scenario(tmp_path: Path) -> None:
     """A path as the background's name, or in a variant, becomes a name and an input; an absent one is an error."""
     (tmp_path / "cities/hague").mkdir(parents=True)
+    (tmp_path / "cities/the-hague.1").mkdir()
     file = tmp_path / "scenario.toml"
     file.write_text('[background]\nname = "cities/hague"\n[variants]\nbackground = ["cities/hague", "none"]\n')
     scenario = load_scenario(file)
     assert scenario.background.name == "hague"
     assert scenario.variants.background == ("hague", "none")
     assert given_files(scenario) == {"world/hague": tmp_path / "cities/hague"}
+    file.write_text('[background]\nname = "cities/the-hague.1"\n')  # the name that scene set gives it
+    assert given_files(load_scenario(file)) == {"world/the_hague_1": tmp_path / "cities/the-hague.1"}
     file.write_text('[background]\nname = "cities/delft"\n')
     with pytest.raises(InputError, match=r"no such background.*cities/delft.*countryside"):
         load_scenario(file)

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from falsework.store.failures import ATTEMPTS
+from falsework.store.failures import ATTEMPTS, failure_of
 from falsework.store.store import Store, Task
-from groundwork.errors import ChildError, RejectedSceneError
+from groundwork.errors import ChildError, InputError, RejectedSceneError
 
 TASK = Task("stage", 1, {"seed": 7}, {"parent": "abc"})
 
@@ -157,6 +157,28 @@ def test_the_next_try_finds_what_a_killed_one_left(tmp_path: Path) -> None:
         store.sweep()
         assert (tmp_path / "work" / TASK.key).exists() != last
     assert found == [[f"try_{number + 1}" for number in range(tries)] for tries in range(ATTEMPTS)]
+
+
+@pytest.mark.parametrize(
+    ("root", "said", "kept"),
+    [
+        ("/d/out", "/d/out/work/a: broken", "OUT/work/a: broken"),
+        ("/d/out", "in '/d/out', file:///d/out/b. See /d/out.", "in 'OUT', file://OUT/b. See OUT."),
+        (
+            "/d/out",
+            "/d/outer/a, /d/out-2, /d/out.old and /mnt/d/out",
+            "/d/outer/a, /d/out-2, /d/out.old and /mnt/d/out",
+        ),
+        ("out", "timeout: ran out of memory in out/work/a", "timeout: ran out of memory in OUT/work/a"),
+        ("out", "in_out/a, lay-out/b, ../out/c", "in_out/a, lay-out/b, ../out/c"),
+        ("a", "a bad value: a/work", "a bad value: OUT/work"),
+    ],
+)
+def test_a_record_of_a_failure_names_no_place_of_the_run(root: str, said: str, kept: str) -> None:
+    """The path of the run becomes OUT, so that it can be moved; words and other paths that contain it stay."""
+    failure = failure_of(InputError(said), 1, Path(root))
+    assert failure is not None
+    assert failure.message == kept
 
 
 def test_a_torn_record_of_a_failure_is_none(tmp_path: Path) -> None:

@@ -130,6 +130,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "gallery",
         "doctor.py",
         "commands",
+        "arguments.py",
         "api_reading.py",
         "api.py",
         "cli.py",

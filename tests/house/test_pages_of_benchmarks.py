@@ -65,3 +65,31 @@ def test_readme_repeats_what_the_accuracy_page_says() -> None:
     lines = page.read_text(encoding="utf-8").splitlines()
     (sentence,) = (line for line in lines if " bridges with a close flight of a part, " in line)
     assert sentence in " ".join(readme.read_text(encoding="utf-8").split())
+
+
+def test_the_readme_gives_the_figures_of_the_demos_page() -> None:
+    """Points, shares, bearings, images and the error of the cameras are those that `make bench` wrote last."""
+    page = (ROOT / "docs/benchmarks/chain.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| ([^|]+) \| ([\d,.]+)%? \|$", page, re.M))
+    wanted = {
+        "images": rows["images"],
+        "camera": rows["median camera center error [mm]"],
+        "points": rows["points"],
+        "near": rows["points within 0.1 m of the true surface"],
+        "right": f"{float(rows['of these, with the class of that surface']):.1f}",
+        "bearings": rows["points of class bearing"],
+    }
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    lead = re.search(
+        r"^One bridge \(seed 7\), (?P<images>\d+) images .* positions of (?P<camera>[\d.]+) mm:$", readme, re.M
+    )
+    row = re.search(
+        r"^\| dense, `medium` \| (?P<points>[\d,]+) \| (?P<near>[\d.]+) % \| (?P<right>[\d.]+) % "
+        r"\| (?P<bearings>[\d,]+) \|$",
+        readme,
+        re.M,
+    )
+    assert lead is not None
+    assert row is not None
+    assert {**lead.groupdict(), **row.groupdict()} == wanted
+    assert ("every camera registered" in readme) == (rows["cameras registered and within limits"] == "100.0")

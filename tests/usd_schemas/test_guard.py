@@ -3,12 +3,13 @@
 import shlex
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pxr import Usd, UsdGeom, Vt
 
 from falsework.children.products import surveys_of
-from groundwork.errors import InputError, MissingError
+from groundwork.errors import ChildError, InputError, MissingError
 from groundwork.progress import Progress
 from tests.conftest import RecordProof
 from usd_schemas.guard.guard import check_stage
@@ -195,6 +196,29 @@ def test_whatever_kills_the_child_is_the_fault_of_the_stage(tmp_path: Path, monk
     monkeypatch.setattr("falsework.children.products.TIME_LIMIT", 0.1)
     with pytest.raises(InputError, match=r"scene.usda: cannot be read within 0 s and 4 GB: stopped because it ran"):
         surveys_of(scene)
+
+
+@pytest.mark.parametrize(
+    ("said", "signal", "line"),
+    [
+        ("died of SIGSEGV: it printed nothing", "SIGSEGV", "died of SIGSEGV: it printed nothing. Save it again"),
+        ("died of SIGKILL: it printed nothing", "SIGKILL", "died of SIGKILL: .* Something else ended it"),
+        ("failed with exit code 1: MemoryError", "", "failed with exit code 1: MemoryError. Save it again"),
+    ],
+)
+def test_a_limit_is_named_only_where_the_child_was_stopped_at_it(
+    said: str, signal: str, line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A crash is called what it was."""
+
+    def crash(module: str, *_: Any, **__: Any) -> None:
+        raise ChildError(f"{module}: {said}", signal=signal)
+
+    monkeypatch.setattr("falsework.children.products.run_child", crash)
+    begin = "scene.usda: cannot be read: the process that reads it "
+    with pytest.raises(InputError, match=begin + line) as caught:
+        surveys_of(write(tmp_path / "scene.usda", MESH))
+    assert " GB" not in str(caught.value)
 
 
 def test_odd_things_are_warned_of(tmp_path: Path, record_proof: RecordProof) -> None:
