@@ -84,6 +84,12 @@ CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
         ),
         "not a column of the format",
     ),
+    "a list as a column": (
+        lambda out: falsework.save_cloud(
+            replace(toy_cloud(1, 50), columns={**toy_cloud(1, 50).columns, "segment": [0] * 50}), out
+        ),
+        r"^/.*/out/segment\.npy: segment: a column is not an array",
+    ),
 }
 
 
