@@ -62,7 +62,7 @@ def _sigmas(packet: bytes) -> tuple[float, float, float] | None:
         if along is None:
             return None
         east, north, up = along, along, 1.5 * along if up is None else up
-    return (east, north, up) if _FLAT < min(east, north, up) and max(east, north, up) < _WIDE else None
+    return (east, north, up) if min(east, north, up) > _FLAT and max(east, north, up) < _WIDE else None
 
 
 def _number(packet: bytes, name: str) -> float | None:

@@ -58,13 +58,15 @@ def map_images(
         shutil.rmtree(path, ignore_errors=True)
         path.mkdir()
     _clear_ties(folder)
-    run = _map_globally if (kind := choose_mapper(capture, settings)) == "global" else _map_incrementally
+    kind = choose_mapper(capture, settings)
     wrong = _doubtful_pairs(capture, matches / DATABASE, progress)
     thinned = write_tie_points(matches / DATABASE, ties, settings.tie_points, seed, wrong)
     source = ties if thinned else matches / DATABASE
-    ranked = _ranked(run(capture, source, models, settings, seed, progress))
     growth: dict[str, float] = {}
-    if kind != "global":
+    if kind == "global":
+        ranked = _ranked(_map_globally(capture, source, settings, seed, progress))
+    else:
+        ranked = _ranked(_map_incrementally(capture, source, models, settings, seed, progress))
         ranked = _begun_anew(capture, source, models, ranked, _mapper_options(settings, seed), progress)
         growth = _grow_largest(capture, source, models, ranked, _mapper_options(settings, seed), progress)
     _clear_ties(folder)
@@ -311,7 +313,7 @@ def _incremental_options(settings: SparseSettings, seed: int) -> pycolmap.Increm
 
 
 def _map_globally(
-    capture: Capture, database: Path, models: Path, settings: SparseSettings, seed: int, progress: Progress
+    capture: Capture, database: Path, settings: SparseSettings, seed: int, progress: Progress
 ) -> dict[int, pycolmap.Reconstruction]:
     options = pycolmap.GlobalPipelineOptions(random_seed=seed, min_model_size=3)
     mapper = options.mapper

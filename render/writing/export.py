@@ -195,11 +195,11 @@ def _write_points(path: Path, points: F64, colors: NDArray[np.uint8]) -> None:
     header = "".join(
         f"property {kind} {name}\n"
         for kind, name in (
-            *(("float", axis) for axis in "xyz"),
+            *(("double", axis) for axis in "xyz"),
             *(("uchar", name) for name in ("red", "green", "blue")),
         )
     )
-    table = np.empty(len(points), [("xyz", "<3f4"), ("rgb", "3u1")])
+    table = np.empty(len(points), [("xyz", "<3f8"), ("rgb", "3u1")])
     table["xyz"], table["rgb"] = points, colors
     text = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n{header}end_header\n"
     write_bytes(path, text.encode() + table.tobytes())

@@ -13,7 +13,7 @@ from groundwork.errors import InputError
 from groundwork.progress import SILENT
 from render.capture import Truth, read_capture, read_truth
 from render.writing.capture_writer import write_truth
-from render.writing.export import export_capture
+from render.writing.export import _surface_points, export_capture
 from tests.render.scenes import CAMERA
 from tests.render.test_capture import write_example
 from usd_schemas.distortion import NO_DISTORTION, Distortion
@@ -72,7 +72,11 @@ def test_nerfstudio_axes_and_intrinsics(tmp_path: Path, truth: Truth) -> None:
     told = json.loads((out / "transforms.json").read_text())
     assert told["camera_model"] == "OPENCV"
     assert (told["w"], told["h"]) == (CAMERA.width, CAMERA.height)
-    assert (out / told["ply_file_path"]).stat().st_size > 500
+    head, _, body = (out / told["ply_file_path"]).read_bytes().partition(b"end_header\n")
+    assert [f"property double {axis}".encode() in head for axis in "xyz"] == [True] * 3  # map coordinates survive
+    coord = np.frombuffer(body, [("xyz", "<3f8"), ("rgb", "3u1")])["xyz"]
+    np.testing.assert_array_equal(coord, _surface_points(read_capture(tmp_path / "capture"), truth, SILENT)[0])
+    assert len(coord) > 30
     matrix = np.array([[told["fl_x"], 0, told["cx"] - 0.5], [0, told["fl_y"], told["cy"] - 0.5], [0, 0, 1]])
     bend = np.array([told[name] for name in ("k1", "k2", "p1", "p2")])
     for row, frame in enumerate(told["frames"]):
