@@ -34,14 +34,20 @@ def read_stage(
         The stage in meters with z up; moving objects at the time of each image.
 
     Raises:
-        InputError: There is no such file, it is not a USD file, it contains nothing to draw, or it has no such product.
+        InputError: There is no such file, it is not a USD file, it contains nothing to draw, it has no such product, or
+            a choice is impossible.
 
     Example:
         >>> flat = falsework.read_stage(scene)
     """
-    from usd_schemas.reading.choices import AS_AUTHORED
+    from usd_schemas.reading.choices import AS_AUTHORED, StageChoices, check_choices
     from usd_schemas.reading.stage_reader import read_stage
 
+    if not isinstance(choices or AS_AUTHORED, StageChoices):
+        raise InputError(
+            "choices of a wrong class", field="choices", value=type(choices).__name__, allowed="StageChoices"
+        )
+    check_choices(choices or AS_AUTHORED, are_options=False)
     return read_stage(path_of(path, "path"), survey=survey, choices=choices or AS_AUTHORED)
 
 

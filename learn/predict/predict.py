@@ -27,6 +27,7 @@ from learn.instances import Boxes, connected_parts
 from learn.predict.class_sum import sum_classes
 from learn.predict.model import PointModel
 from learn.predict.settings import PredictSettings
+from learn.predict.unit_doubts import spread_doubt, thinning_doubt
 from learn.sample import Sample
 from recon.cloud import read_cloud
 from recon.formats.scan import (
@@ -47,7 +48,6 @@ _ASPRS = "asprs"  # only this table has the codes of LAS' field `classification`
 FORMAT = "falsework.instances"
 BOXES = ".instances.json"
 _CUBE_BYTES = 140  # for each occupied cube, beside its probabilities: of tiles or of instances, whichever is more
-_FEWEST_SEEN = 0.002  # [1] share of occupied cubes to points: below, the unit is probably wrong
 
 
 @dataclass(frozen=True)
@@ -100,6 +100,8 @@ def predict_scan(
         frame = _frame_of(file, told, settings, source)
         own = _own_columns(source, model, frame, stream.count)
         cloud = thin_stream(stream, frame, model, settings.chunk, source, own)
+        if doubt := spread_doubt(cloud.coord, stream.count, frame.meters):
+            progress.note(f"warning: {source.name}: {doubt}")  # before the work: its many tiles take hours
         check_memory(len(cloud), len(summing.names), available_memory(), source)
         summed = vote(cloud, model, settings.batch, progress, summing.matrix)
         classes, sure = summing.decide(summed, settings.min_confidence)
@@ -129,8 +131,8 @@ def predict_scan(
                 "classes": {str(i): name for i, name in names.items()},
             }
         given = {name: int(counts[i]) for i, name in names.items() if counts[i]}
-        doubts = _doubts(contradiction(told, frame), len(cloud), stream.count)
-    return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found), doubts)
+    doubts = (contradiction(told, frame), thinning_doubt(len(cloud), stream.count))
+    return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found), tuple(filter(None, doubts)))
 
 
 def _check_outputs(source: Path, out: Path, former: dict[str, Any]) -> None:
@@ -188,11 +190,6 @@ def _refuse_boxes_of_another(record: dict[str, Any], out: Path) -> None:
             where=out.with_suffix(BOXES),
             hint="Choose a name for the copy that does not differ in its suffix alone",
         )
-
-
-def _doubts(contradicted: str, seen: int, count: int) -> tuple[str, ...]:
-    few = f"thinning left only {seen} of {count} points: check the unit" if seen < max(_FEWEST_SEEN * count, 2) else ""
-    return tuple(line for line in (contradicted, few) if line)
 
 
 def _is_former(record: dict[str, Any], copy: Path) -> bool:

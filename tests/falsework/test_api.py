@@ -84,6 +84,28 @@ CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
         ),
         "not a column of the format",
     ),
+    **{
+        f"{field} of {value}": (
+            lambda out, field=field, value=value: falsework.read_stage(
+                "x.usda", choices=falsework.StageChoices(**{field: value})
+            ),
+            rf"^{field}: {said}; allowed: ",
+        )
+        for field, value, said in (
+            ("camera", 7, r"not a camera \(found 7\)"),
+            ("purposes", ("render", "foo"), r"not a USD purpose \(found 'foo'\)"),
+            ("frames", (1.0, float("nan")), r"not time codes \(found nan\)"),
+            ("frames", "7", r"not time codes \(found '7'\)"),
+            ("variants", (("/World", "roof"),), r"not a variant \(found \('/World', 'roof'\)\)"),
+            ("width", -5, r"image size out of range \(found -5\)"),
+            ("height", "640", r"image size out of range \(found '640'\)"),
+            ("subdivision", 5, r"number of refinements out of range \(found 5\)"),
+        )
+    },
+    "choices of another class": (
+        lambda out: falsework.read_stage("x.usda", choices=WRONG),
+        r"choices: choices of a wrong class \(found 'dict'\); allowed: StageChoices",
+    ),
     "a list as a column": (
         lambda out: falsework.save_cloud(
             replace(toy_cloud(1, 50), columns={**toy_cloud(1, 50).columns, "segment": [0] * 50}), out
