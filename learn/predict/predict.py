@@ -27,7 +27,7 @@ from learn.instances import Boxes, connected_parts
 from learn.predict.class_sum import sum_classes
 from learn.predict.model import PointModel
 from learn.predict.settings import PredictSettings
-from learn.predict.unit_doubts import spread_doubt, thinning_doubt
+from learn.predict.unit_doubts import note_spread, unit_doubts
 from learn.sample import Sample
 from recon.cloud import read_cloud
 from recon.formats.scan import (
@@ -100,8 +100,7 @@ def predict_scan(
         frame = _frame_of(file, told, settings, source)
         own = _own_columns(source, model, frame, stream.count)
         cloud = thin_stream(stream, frame, model, settings.chunk, source, own)
-        if doubt := spread_doubt(cloud.coord, stream.count, frame.meters):
-            progress.note(f"warning: {source.name}: {doubt}")  # before the work: its many tiles take hours
+        note_spread(cloud.coord, stream.count, frame.meters, source.name, progress)  # its tiles may take hours
         check_memory(len(cloud), len(summing.names), available_memory(), source)
         summed = vote(cloud, model, settings.batch, progress, summing.matrix)
         classes, sure = summing.decide(summed, settings.min_confidence)
@@ -131,8 +130,8 @@ def predict_scan(
                 "classes": {str(i): name for i, name in names.items()},
             }
         given = {name: int(counts[i]) for i, name in names.items() if counts[i]}
-    doubts = (contradiction(told, frame), thinning_doubt(len(cloud), stream.count))
-    return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found), tuple(filter(None, doubts)))
+    doubts = unit_doubts(contradiction(told, frame), len(cloud), stream.count)
+    return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found), doubts)
 
 
 def _check_outputs(source: Path, out: Path, former: dict[str, Any]) -> None:

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from groundwork.progress import Progress
+
 _FEWEST_SEEN = 0.002  # [1] share of occupied cubes to points: below, the unit is probably wrong
 _WIDE = 50_000.0  # [m] longer than any bridge
 _SPARSE = 2.0  # [m] at this distance of the points no part of a bridge can be seen
@@ -34,16 +36,30 @@ def spread_doubt(coord: NDArray[np.float64], count: int, meters: float) -> str:
     return f"its points extend over {extent:,.0f} m{words}: check the unit of {meters:g} m (--unit)"
 
 
-def thinning_doubt(seen: int, count: int) -> str:
-    """Say that thinning left hardly any point: meters that were read as millimeters.
+def note_spread(coord: NDArray[np.float64], count: int, meters: float, name: str, progress: Progress) -> None:
+    """Warn of a `spread_doubt` in one line.
 
     Args:
+        coord: Thinned points [m], shape (V, 3), float64.
+        count: Points before thinning.
+        meters: Length of a unit of the scan [m].
+        name: Name of the scan.
+        progress: Listener.
+    """
+    if doubt := spread_doubt(coord, count, meters):
+        progress.note(f"warning: {name}: {doubt}")
+
+
+def unit_doubts(contradicted: str, seen: int, count: int) -> tuple[str, ...]:
+    """List what a finished prediction shows of a wrong unit, such as meters that were read as millimeters.
+
+    Args:
+        contradicted: How the user's unit differs from the scan's, or empty.
         seen: Points after thinning.
         count: Points before.
 
     Returns:
-        A line for people; empty where nothing is odd.
+        Lines for people.
     """
-    if seen >= max(_FEWEST_SEEN * count, 2):
-        return ""
-    return f"thinning left only {seen} of {count} points: check the unit"
+    few = f"thinning left only {seen} of {count} points: check the unit" if seen < max(_FEWEST_SEEN * count, 2) else ""
+    return tuple(line for line in (contradicted, few) if line)

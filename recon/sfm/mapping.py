@@ -62,13 +62,10 @@ def map_images(
     wrong = _doubtful_pairs(capture, matches / DATABASE, progress)
     thinned = write_tie_points(matches / DATABASE, ties, settings.tie_points, seed, wrong)
     source = ties if thinned else matches / DATABASE
-    growth: dict[str, float] = {}
     if kind == "global":
-        ranked = _ranked(_map_globally(capture, source, settings, seed, progress))
+        ranked, growth = _ranked(_map_globally(capture, source, settings, seed, progress)), dict[str, float]()
     else:
-        ranked = _ranked(_map_incrementally(capture, source, models, settings, seed, progress))
-        ranked = _begun_anew(capture, source, models, ranked, _mapper_options(settings, seed), progress)
-        growth = _grow_largest(capture, source, models, ranked, _mapper_options(settings, seed), progress)
+        ranked, growth = _map_and_grow(capture, source, models, settings, seed, progress)
     _clear_ties(folder)
     in_largest, away = set[str](), set[str]()
     in_any = {name for model in ranked for name in _registered(model)}
@@ -187,6 +184,16 @@ def transform(model: Path, out: Path, similarity: dict[str, Any]) -> int:
     moved.write_binary(out)
     check_whole(out)
     return moved.num_points3D()
+
+
+def _map_and_grow(
+    capture: Capture, database: Path, models: Path, settings: SparseSettings, seed: int, progress: Progress
+) -> tuple[list[pycolmap.Reconstruction], dict[str, float]]:
+    """Map one image after the other; again, and with fewer matches, where images are misplaced or missing."""
+    ranked = _ranked(_map_incrementally(capture, database, models, settings, seed, progress))
+    ranked = _begun_anew(capture, database, models, ranked, _mapper_options(settings, seed), progress)
+    growth = _grow_largest(capture, database, models, ranked, _mapper_options(settings, seed), progress)
+    return ranked, growth
 
 
 def _map_incrementally(

@@ -44,6 +44,11 @@ def photographs(out: Path) -> str:
     return str(out.parent / "photographs")
 
 
+def read_with(**choices: Any) -> object:
+    """Read a stage with one choice."""
+    return falsework.read_stage("x.usda", choices=falsework.StageChoices(**choices))
+
+
 CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
     "a file as scenario": (lambda out: falsework.author("x.toml", out), "use load_scenario"),  # type: ignore[arg-type]
     "workers": (lambda out: falsework.run(SCENARIO, out, workers=-1), "number of workers out of range"),
@@ -86,9 +91,7 @@ CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     **{
         f"{field} of {value}": (
-            lambda out, field=field, value=value: falsework.read_stage(
-                "x.usda", choices=falsework.StageChoices(**{field: value})
-            ),
+            lambda out, field=field, value=value: read_with(**{field: value}),
             rf"^{field}: {said}; allowed: ",
         )
         for field, value, said in (

@@ -8,7 +8,7 @@ import pytest
 from groundwork.progress import Silent
 from learn.predict.predict import predict_scan
 from learn.predict.settings import PredictSettings
-from learn.predict.unit_doubts import spread_doubt, thinning_doubt
+from learn.predict.unit_doubts import spread_doubt, unit_doubts
 from tests.learn.oracle_model import ColorModel
 
 BOX = np.random.default_rng(3).uniform((0.0, 0.0, 0.0), (60.0, 12.0, 8.0), (4000, 3))  # [m] mean distance 0.6
@@ -32,7 +32,9 @@ def test_millimeters_as_meters_are_doubted() -> None:
 @pytest.mark.parametrize(("seen", "said"), [(1, True), (7, True), (8, False)])
 def test_meters_as_millimeters_are_doubted(seen: int, said: bool) -> None:
     """Thinning leaves fewer than 2 of 1000 points."""
-    assert bool(thinning_doubt(seen, 4000)) == said
+    few = (f"thinning left only {seen} of 4000 points: check the unit",) if said else ()
+    assert unit_doubts("", seen, 4000) == few
+    assert unit_doubts("feet?", seen, 4000) == ("feet?", *few)
 
 
 def test_the_doubt_comes_before_the_work(tmp_path: Path) -> None:

@@ -3,11 +3,13 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pycolmap
 import pytest
+from numpy.typing import NDArray
 
 from groundwork.errors import InputError
 from groundwork.progress import SILENT
@@ -105,6 +107,37 @@ def test_the_film_shows_every_image(tmp_path: Path, truth: Truth) -> None:
     assert first is not None
     assert abs(frames[0][:, : CAMERA.width].mean() - first.mean()) < 4
     assert truth.names[0] == "000000"
+
+
+@pytest.mark.parametrize("kept", [0, 1, 2])
+def test_a_film_that_was_not_written_is_noticed(
+    kept: int, tmp_path: Path, truth: Truth, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """OpenCV's writer says nothing where a frame or the whole file does not reach the disk."""
+    real = cv2.VideoWriter
+
+    class Losing:
+        fourcc = staticmethod(real.fourcc)
+
+        def __init__(self, *given: Any) -> None:
+            self.film, self.left = real(*given) if kept else None, kept
+
+        def isOpened(self) -> bool:
+            return True
+
+        def write(self, frame: NDArray[np.uint8]) -> None:
+            if self.film is not None and self.left:
+                self.film.write(frame)
+                self.left -= 1
+
+        def release(self) -> None:
+            if self.film is not None:
+                self.film.release()
+
+    monkeypatch.setattr(cv2, "VideoWriter", Losing)
+    assert len(truth.names) == 3
+    with pytest.raises(InputError, match=rf"flight\.mp4: the film is not complete \(found '{kept} of 3 images'\)"):
+        written(tmp_path, "video")
 
 
 def test_photographs_alone_make_a_film_and_nothing_else(tmp_path: Path, truth: Truth) -> None:
