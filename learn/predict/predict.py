@@ -90,8 +90,7 @@ def predict_scan(
         InputError: The scan cannot be read, states no unit, lacks a channel of the model, or needs too much memory.
     """
     file = _file_of(source, out)
-    former = _boxes_record(out.with_suffix(BOXES))
-    _check_outputs(source, out, former)
+    former = _check_outputs(source, out)
     check_copy(file, out)
     link, ids = _link_of(settings, model), tuple(getattr(model, "ids", ()))  # a user's own classes have own numbers
     summing = sum_classes(model.classes, model.table, settings.table, settings.classes, ids)
@@ -134,11 +133,13 @@ def predict_scan(
     return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found), doubts)
 
 
-def _check_outputs(source: Path, out: Path, former: dict[str, Any]) -> None:
-    """Refuse to overwrite files that are not from an earlier prediction of this name."""
+def _check_outputs(source: Path, out: Path) -> dict[str, Any]:
+    """Refuse to overwrite files that are not from an earlier prediction of this name; return its record of boxes."""
+    former = _boxes_record(out.with_suffix(BOXES))
     _refuse_boxes_of_another(former, out)
     check_output_file(out.with_suffix(BOXES), [source], lambda path: bool(former))
     check_output_file(out, [source], lambda path: _is_former(former, path))
+    return former
 
 
 def _link_of(settings: PredictSettings, model: PointModel) -> float:
