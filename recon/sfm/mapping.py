@@ -148,7 +148,7 @@ def choose_mapper(capture: Capture, settings: SparseSettings) -> str:
 def adjust_robustly(model: pycolmap.Reconstruction, threads: int) -> None:
     """Run bundle adjustment once more, with a robust loss.
 
-    COLMAP's incremental mapper minimises squared errors, so that a few matches that are off by pixels shift every
+    COLMAP's incremental mapper minimizes squared errors, so that a few matches that are off by pixels shift every
     camera. The robust loss halves the distance between the demo's cameras and the truth.
     Source: Triggs et al., Bundle Adjustment: A Modern Synthesis (2000), on robust cost functions; Cauchy's.
 
