@@ -34,17 +34,19 @@ def read_stage(
         The stage in meters with z up; moving objects at the time of each image.
 
     Raises:
-        InputError: There is no such file, it is not a USD file, it contains nothing to draw, or it has no such product.
+        InputError: There is no such file, it is not a USD file, it contains nothing to draw, it has no such product, or
+            a choice is impossible.
 
     Example:
         >>> flat = falsework.read_stage(scene)
     """
-    from usd_schemas.reading.choices import AS_AUTHORED, StageChoices
+    from usd_schemas.reading.choices import AS_AUTHORED, StageChoices, check_choices
     from usd_schemas.reading.stage_reader import read_stage
 
     check_text(survey, "survey")
     chosen = AS_AUTHORED if choices is None else choices
     check(chosen, "choices", StageChoices, "StageChoices")
+    check_choices(chosen, are_options=False)
     return read_stage(path_of(path, "path"), survey=survey, choices=chosen)
 
 

@@ -145,6 +145,20 @@ def passing_code(error: BaseException) -> int:
     return 0
 
 
+def show_place(error: BaseException, work: object, place: object) -> None:
+    """Let an error name the place that the user chose, where it names the temporary one in which we worked.
+
+    Args:
+        error: Any exception; only ours are changed.
+        work: Temporary file or folder, which does not exist when the user reads the error.
+        place: Its final place.
+    """
+    if isinstance(error, FalseworkError):
+        error.args = tuple(
+            part.replace(str(work), str(place)) if isinstance(part, str) else part for part in error.args
+        )
+
+
 def _shown(value: object) -> str:
     """Format a value; of a very long one, only its two ends."""
     try:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from groundwork.canonical import canonical_json, file_digest
-from groundwork.errors import InputError, OutOfSpaceError
+from groundwork.errors import InputError, OutOfSpaceError, show_place
 from groundwork.foreign_file import MOST_TEXT, parse_json, read_regular
 from groundwork.marks import TEMPORARY, content_files
 
@@ -178,7 +178,8 @@ def whole_file(path: Path, check: Callable[[], object] | None = None) -> Iterato
                 check()
             partial.replace(path)
             sync(path.parent)
-        except BaseException:
+        except BaseException as error:
+            show_place(error, partial, path)
             partial.unlink(missing_ok=True)
             raise
 
@@ -203,7 +204,8 @@ def whole_folder(place: Path) -> Iterator[Path]:
         try:
             yield fresh
             put_in_place(fresh, place)
-        except BaseException:
+        except BaseException as error:
+            show_place(error, fresh, place)
             shutil.rmtree(fresh, ignore_errors=True)
             raise
 

@@ -3,6 +3,7 @@
 import difflib
 import types
 import typing
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -67,13 +68,14 @@ def read_toml(path: Path) -> dict[str, Any]:
     return parse_toml(read_regular(path, MOST_TOML), path)
 
 
-def parse_settings(model: type[S], values: dict[str, Any], where: object) -> S:
+def parse_settings(model: type[S], values: dict[str, Any], where: object, options: Collection[str] = ()) -> S:
     """Validate nested dicts as settings.
 
     Args:
         model: The settings class.
         values: Values from the user.
         where: File name for the error message.
+        options: Keys that the user gave as options of the command line; an error names them as such, without `where`.
 
     Raises:
         InputError: All errors: unknown keys (each with the nearest known one), wrong types, values out of range.
@@ -83,8 +85,10 @@ def parse_settings(model: type[S], values: dict[str, Any], where: object) -> S:
     except ValidationError as error:
         details = error.errors()
         if len(details) == 1:
-            raise _as_input_error(model, details[0], where) from None
-        found = [f"({number}) {_as_input_error(model, detail, None)}" for number, detail in enumerate(details, 1)]
+            raise _as_input_error(model, details[0], where, options) from None
+        found = [
+            f"({number}) {_as_input_error(model, detail, None, options)}" for number, detail in enumerate(details, 1)
+        ]
         shown = "; ".join(found[:MANY]) + (f"; and {len(found) - MANY} more" if len(found) > MANY else "")
         raise InputError(f"{len(found)} errors: {shown}", where=where) from None
 
@@ -115,8 +119,10 @@ def _single(value: Any, types: set[Any]) -> str | None:
     return None
 
 
-def _as_input_error(model: type[Settings], detail: ErrorDetails, where: object) -> InputError:
+def _as_input_error(model: type[Settings], detail: ErrorDetails, where: object, options: Collection[str]) -> InputError:
     field = _field(model, detail)
+    if field in options:
+        field, where = f"--{field.replace('_', '-')}", None
     if detail["type"] == "extra_forbidden":
         known = _known_keys(model, detail["loc"][:-1])
         near = difflib.get_close_matches(str(detail["loc"][-1]), known, n=1, cutoff=_NEAR)

@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from groundwork.canonical import canonical_json
 from groundwork.errors import InputError, MissingError
 from groundwork.files import read_json, write_bytes, write_json
 from groundwork.foreign_file import check_regular
 from groundwork.output.reading import reading
+from recon.columns import COLUMNS, OBSERVATION_COLUMNS, OPTIONAL_COLUMNS, Column, ColumnKind
 from usd_schemas.components import NOISY_POINT, ClassRow
 
 FORMAT = "falsework.cloud"
@@ -26,77 +28,6 @@ MESH = "mesh"
 LIDAR_TERRESTRIAL, LIDAR_MOBILE, LIDAR_AIRBORNE = "lidar-terrestrial", "lidar-mobile", "lidar-airborne"
 RECONSTRUCTED = (SFM_SPARSE, SFM_DENSE)  # each of their points has at least one observation
 SOURCES = (*RECONSTRUCTED, MESH, LIDAR_TERRESTRIAL, LIDAR_MOBILE, LIDAR_AIRBORNE)
-
-Column = NDArray[Any]
-
-
-@dataclass(frozen=True)
-class ColumnKind:
-    """What one column holds.
-
-    Attributes:
-        dtype: numpy name of its numbers.
-        width: Numbers per row; 1 for a flat column.
-        unit: Unit.
-        meaning: One sentence.
-    """
-
-    dtype: str
-    width: int
-    unit: str
-    meaning: str
-
-
-COLUMNS: Mapping[str, ColumnKind] = {
-    "coord": ColumnKind("float64", 3, "m", "Position in the world, z up."),
-    "color": ColumnKind("uint8", 3, "1", "sRGB colour, mean over the views; of a sampled point: that of the material."),
-    "normal": ColumnKind(
-        "float32", 3, "1", "Unit normal of the surface; of a sparse point: towards the mean of its cameras."
-    ),
-    "segment": ColumnKind("uint8", 1, "1", "Class id by vote of the views that show its surface; 255 without truth."),
-    "instance": ColumnKind("uint32", 1, "1", "Component id by vote within the class; 0 for none."),
-    "component": ColumnKind("uint16", 1, "1", "Row in the list `components` of cloud.json."),
-    "confidence": ColumnKind("float32", 1, "1", "Share of the views that show the class."),
-    "label_margin_px": ColumnKind(
-        "float32", 1, "px", "Largest distance of a keypoint to a label edge, over the views."
-    ),
-    "uncertainty": ColumnKind(
-        "float32", 1, "m", "Median over the views of |true depth - reconstructed depth|, aligned reconstructed pose."
-    ),
-    "uncertainty_min": ColumnKind("float32", 1, "m", "Smallest depth error of a view."),
-    "uncertainty_max": ColumnKind("float32", 1, "m", "Largest depth error of a view."),
-    "uncertainty_relative": ColumnKind("float32", 1, "1", "Median of depth error over reconstructed depth."),
-    "displacement": ColumnKind(
-        "float32", 1, "m", "Median distance to the point that the true camera sees at the keypoint's true depth."
-    ),
-    "surface_distance": ColumnKind("float32", 1, "m", "Distance to the nearest true surface."),
-    "surface_class": ColumnKind("uint8", 1, "1", "Class id of the nearest true surface; 255 without truth."),
-    "reprojection_error": ColumnKind(
-        "float32", 1, "px", "Mean distance between keypoints and reprojected point; NaN of a dense point."
-    ),
-    "n_views": ColumnKind("uint16", 1, "1", "Number of valid cameras that saw the point."),
-}
-
-OPTIONAL_COLUMNS: Mapping[str, ColumnKind] = {
-    "intensity": ColumnKind(
-        "float32", 1, "1", "Strength of the echo: reflectance times the cosine of the incidence angle."
-    ),
-    "range": ColumnKind("float32", 1, "m", "Measured distance from the scanner."),
-    "station": ColumnKind("uint16", 1, "1", "Row in the list `stations` of the statistics: position of the scanner."),
-}
-
-OBSERVATION_COLUMNS: Mapping[str, ColumnKind] = {
-    "start": ColumnKind(
-        "int64", 1, "1", "First observation of each point, then the number of observations: one row more than points."
-    ),
-    "image": ColumnKind("uint32", 1, "1", "Row in the list `cameras` of cloud.json."),
-    "uv": ColumnKind(
-        "float64", 2, "px", "Keypoint, or where a dense point appears; the top-left pixel's centre is (0.5, 0.5)."
-    ),
-    "label": ColumnKind("uint8", 1, "1", "Class id at the keypoint's pixel; 255 without truth."),
-    "instance": ColumnKind("uint32", 1, "1", "Component id at the keypoint's pixel."),
-    "depth_error": ColumnKind("float32", 1, "m", "|true depth - reconstructed depth| at the keypoint's pixel."),
-}
 
 
 @dataclass(frozen=True)
@@ -152,9 +83,9 @@ def write_cloud(folder: Path, cloud: Cloud) -> None:
         cloud: What to write.
 
     Raises:
-        InputError: A column is missing, unknown, or of a wrong shape or type; or the source is unknown.
+        InputError: A column is missing, unknown, not an array, or of a wrong shape or type; the source is unknown; or a
+            table or figure has no form in JSON, such as NaN.
     """
-    _check(folder, cloud)
     kinds = _kinds(cloud.columns)
     if unknown := cloud.columns.keys() - kinds.keys():
         raise InputError(
@@ -164,29 +95,29 @@ def write_cloud(folder: Path, cloud: Cloud) -> None:
             allowed=", ".join(kinds),
             hint="Store it in a separate file",
         )
+    _check(folder, cloud)
+    described = {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "source": cloud.source,
+        "bridge": cloud.bridge,
+        "count": len(cloud),
+        "observation_count": len(cloud.observations["image"]),
+        "columns": {name: vars(kind) for name, kind in kinds.items()},
+        "observations": {name: vars(kind) for name, kind in OBSERVATION_COLUMNS.items()},
+        "components": cloud.components,
+        "classes": tuple(vars(row) for row in cloud.classes),
+        "alignment": cloud.alignment,
+        "cameras": cloud.cameras,
+        "statistics": cloud.statistics,
+    }
+    _check_described(folder / "cloud.json", described)
     (folder / OBSERVATIONS).mkdir()
     for name in kinds:
         _save(folder / f"{name}.npy", cloud.columns[name])
     for name in OBSERVATION_COLUMNS:
         _save(folder / OBSERVATIONS / f"{name}.npy", cloud.observations[name])
-    write_json(
-        folder / "cloud.json",
-        {
-            "format": FORMAT,
-            "format_version": FORMAT_VERSION,
-            "source": cloud.source,
-            "bridge": cloud.bridge,
-            "count": len(cloud),
-            "observation_count": len(cloud.observations["image"]),
-            "columns": {name: vars(kind) for name, kind in kinds.items()},
-            "observations": {name: vars(kind) for name, kind in OBSERVATION_COLUMNS.items()},
-            "components": cloud.components,
-            "classes": [vars(row) for row in cloud.classes],
-            "alignment": cloud.alignment,
-            "cameras": cloud.cameras,
-            "statistics": cloud.statistics,
-        },
-    )
+    write_json(folder / "cloud.json", described)
 
 
 def read_cloud(folder: Path | str) -> Cloud:
@@ -253,28 +184,58 @@ def _read_cloud(folder: Path) -> Cloud:
     path = folder / "cloud.json"
     stored = _read_description(path)
     try:
-        kinds, components, classes = _kinds(stored["columns"]), stored["components"], stored["classes"]
-        count, observation_count, cameras = stored["count"], stored["observation_count"], stored["cameras"]
+        kinds, count, observation_count = _kinds(stored["columns"]), stored["count"], stored["observation_count"]
         _want(type(count) is type(observation_count) is int, "count")
-        _want(all(isinstance(name, str) for name in components) and isinstance(components, list), "components")
-        _want(isinstance(cameras, list) and all(isinstance(row["name"], str) for row in cameras), "cameras")
-        _want(isinstance(stored.get("bridge", ""), str), "bridge")
-        _want(isinstance(stored["alignment"], dict) and isinstance(stored["statistics"], dict), "statistics")
+        tables = _tables(stored)
         cloud = Cloud(
             columns={name: _load(folder / f"{name}.npy") for name in kinds},
             observations={name: _load(folder / OBSERVATIONS / f"{name}.npy") for name in OBSERVATION_COLUMNS},
-            components=tuple(components),
-            classes=tuple(_class_row(row) for row in classes),
-            alignment=stored["alignment"],
-            cameras=tuple(cameras),
-            statistics=stored["statistics"],
             source=stored.get("source", SFM_SPARSE),
-            bridge=stored.get("bridge", ""),
+            **tables,
         )
     except (KeyError, TypeError) as error:
         raise InputError(f"a key is missing or of a wrong kind: {error}", where=path) from None
     _check(folder, cloud, count, observation_count)
     return cloud
+
+
+def _tables(stored: dict[str, Any]) -> dict[str, Any]:
+    """Check and return what `cloud.json` holds beside the columns; a TypeError names what is wrong."""
+    components, classes, cameras = stored["components"], stored["classes"], stored["cameras"]
+    bridge = stored.get("bridge", "")
+    _want(isinstance(components, list | tuple) and all(isinstance(name, str) for name in components), "components")
+    _want(isinstance(cameras, list | tuple) and all(isinstance(row["name"], str) for row in cameras), "cameras")
+    _want(isinstance(bridge, str), "bridge")
+    alignment, statistics = stored["alignment"], stored["statistics"]
+    _want(isinstance(alignment, Mapping), "alignment")
+    _want(isinstance(statistics, Mapping), "statistics")
+    return {
+        "components": tuple(components),
+        "classes": tuple(_class_row(row) for row in classes),
+        "alignment": alignment,
+        "cameras": tuple(cameras),
+        "statistics": statistics,
+        "bridge": bridge,
+    }
+
+
+def _check_described(path: Path, described: dict[str, Any]) -> None:
+    """Refuse to write what no reader would accept."""
+    for key, value in described.items():
+        parts = (
+            value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list | tuple) else ()
+        )
+        for name, part in (*parts, ("", value)):
+            try:
+                canonical_json(part)
+            except (ValueError, TypeError) as error:
+                field = f"{key}.{name}" if name != "" else key
+                raise InputError(f"has no form in JSON: {error}", where=path, field=field) from None
+    try:
+        _tables(described)
+    except TypeError as error:
+        allowed = "ids and colors from 0 to 255, printable names" if str(error) == "classes" else None
+        raise InputError("of a wrong kind, or out of range", where=path, field=str(error), allowed=allowed) from None
 
 
 def _want(right: bool, key: str) -> None:
@@ -331,8 +292,8 @@ def _load(path: Path) -> Column:
 
 
 def _check(folder: Path, cloud: Cloud, count: int | None = None, observation_count: int | None = None) -> None:
-    _check_present(folder, COLUMNS, cloud.columns)
-    _check_present(folder / OBSERVATIONS, OBSERVATION_COLUMNS, cloud.observations)
+    _check_arrays(folder, _kinds(cloud.columns), cloud.columns)
+    _check_arrays(folder / OBSERVATIONS, OBSERVATION_COLUMNS, cloud.observations)
     count = len(cloud) if count is None else count
     observation_count = len(cloud.observations["image"]) if observation_count is None else observation_count
     if cloud.source not in SOURCES:
@@ -362,15 +323,17 @@ def _check(folder: Path, cloud: Cloud, count: int | None = None, observation_cou
         raise InputError("a component that is not listed", where=folder / "component.npy")
 
 
-def _check_present(folder: Path, kinds: Mapping[str, ColumnKind], found: Mapping[str, Column]) -> None:
+def _check_arrays(folder: Path, kinds: Mapping[str, ColumnKind], found: Mapping[str, Column]) -> None:
     for name, kind in kinds.items():
-        if name not in found:
+        column = found.get(name)
+        if not isinstance(column, np.ndarray) or not column.ndim:
             raise InputError(
-                "a column is missing",
+                "a column is missing" if column is None else "a column is not an array",
                 where=folder / f"{name}.npy",
                 field=name,
+                value=None if column is None else type(column).__name__,
                 allowed=f"{kind.dtype}, {kind.width} in each row [{kind.unit}]",
-                hint="Fill this column too",
+                hint="Fill this column too" if column is None else "Make it one with numpy.array",
             )
 
 
@@ -380,6 +343,7 @@ def _check_column(path: Path, column: Column, kind: ColumnKind, rows: int) -> No
         raise InputError(
             "a column of a wrong shape or type",
             where=path,
+            field=path.stem,
             value=f"{column.dtype} {column.shape}",
             allowed=f"{kind.dtype} {shape}",
             hint="Reconstruct again",

@@ -1,9 +1,9 @@
 """Settings of the reconstruction."""
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from groundwork.settings import Settings
 
@@ -83,6 +83,15 @@ class SparseSettings(Settings):
     """Additional resident memory of the extraction per thread and megapixel of a photograph, which is reduced to a
     longest side of 3,200 px [GB]."""
 
+    @model_validator(mode="after")
+    def _gps_is_used(self) -> Self:
+        if self.use_gps_in_mapping and self.mapper == "global":
+            raise ValueError(
+                "use_gps_in_mapping has no effect with the mapper global; allowed: mapper incremental, or auto, which "
+                "then is incremental"
+            )
+        return self
+
 
 class DenseSettings(Settings):
     """Dense matching: how depth is measured, between which images, and the limits of its child process."""
@@ -109,6 +118,15 @@ class DenseSettings(Settings):
     """Largest resident memory of the dense step, independent of the size of the depth maps [GB]."""
     memory_per_megapixel: float = Field(default=0.7, ge=0.0, le=100.0)
     """Additional resident memory of the dense step per thread and megapixel of a depth map [GB]."""
+
+    @model_validator(mode="after")
+    def _angles_ascend(self) -> Self:
+        if self.min_angle > self.max_angle:
+            raise ValueError(
+                f"min_angle ({self.min_angle:g} deg) is larger than max_angle ({self.max_angle:g} deg); allowed: the "
+                "smaller one as min_angle"
+            )
+        return self
 
 
 class AlignmentSettings(Settings):

@@ -2,9 +2,12 @@
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from groundwork.settings import Settings
+from usd_schemas.reading.choices import MOST_REFINEMENTS
+
+_NORTHMOST = 89.0  # [deg] nearer to a pole a few meters to the east are many degrees
 
 
 class SensorSettings(Settings):
@@ -122,7 +125,7 @@ class ShadingSettings(Settings):
     subdivision: int = Field(
         default=1,
         ge=0,
-        le=4,
+        le=MOST_REFINEMENTS,
         description="Number of refinements of subdivision surfaces; 0 draws their control meshes [1].",
     )
     haze_distance: float | None = Field(
@@ -155,3 +158,13 @@ class RenderSettings(ShadingSettings):
         description="Latitude [deg], longitude [deg] and height [m] of the scene's origin, for EXIF.",
     )
     sensor: SensorSettings = Field(default_factory=SensorSettings, description="The sensor of the camera.")
+
+    @field_validator("geodetic_origin")
+    @classmethod
+    def _is_on_earth(cls, origin: tuple[float, float, float]) -> tuple[float, float, float]:
+        latitude, longitude, height = origin
+        if abs(latitude) > _NORTHMOST or abs(longitude) > 180.0 or not -12_000.0 <= height <= 100_000.0:
+            raise ValueError(
+                "should be latitude, longitude and height; allowed: -89 to 89 deg, -180 to 180 deg, -12000 to 100000 m"
+            )
+        return origin

@@ -1,6 +1,6 @@
 """Lens distortion: the radial and tangential polynomial of COLMAP's OPENCV camera.
 
-It acts on normalised coordinates (x / z, y / z), between the pose and the calibration matrix: a point at `xy` is imaged
+It acts on normalized coordinates (x / z, y / z), between the pose and the calibration matrix: a point at `xy` is imaged
 where a camera without distortion would image `distort(xy)`.
 """
 
@@ -14,7 +14,7 @@ from groundwork.errors import InputError
 F64 = NDArray[np.float64]
 
 STEPS = 30  # Newton's method needs about five
-CLOSE = 1e-12  # largest remaining error, in normalised coordinates [1]
+CLOSE = 1e-12  # largest remaining error, in normalized coordinates [1]
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,10 @@ class Distortion:
         """Apply the distortion.
 
         Args:
-            xy: Normalised coordinates [1], shape (..., 2), float64.
+            xy: Normalized coordinates [1], shape (..., 2), float64.
 
         Returns:
-            Distorted normalised coordinates [1], the same shape (..., 2), float64.
+            Distorted normalized coordinates [1], the same shape (..., 2), float64.
         """
         x, y = xy[..., 0], xy[..., 1]
         square = x * x + y * y
@@ -64,10 +64,10 @@ class Distortion:
         """Invert the distortion by Newton's method.
 
         Args:
-            xy: Distorted normalised coordinates [1], shape (..., 2), float64.
+            xy: Distorted normalized coordinates [1], shape (..., 2), float64.
 
         Returns:
-            Normalised coordinates [1], the same shape (..., 2), float64.
+            Normalized coordinates [1], the same shape (..., 2), float64.
 
         Raises:
             InputError: A point is where the polynomial is no longer monotonic, so that the distortion has no inverse.
@@ -108,10 +108,10 @@ class Distortion:
         return (square <= lowest) | ((xx + yy > 0.0) & (xx * yy - xy_ * xy_ > 0.0))
 
     def slopes(self, xy: F64) -> tuple[F64, F64, F64]:
-        """Compute the derivatives of the distorted coordinates by the normalised ones.
+        """Compute the derivatives of the distorted coordinates by the normalized ones.
 
         Args:
-            xy: Normalised coordinates [1], shape (..., 2), float64.
+            xy: Normalized coordinates [1], shape (..., 2), float64.
 
         Returns:
             Derivatives dx/dx, dx/dy = dy/dx and dy/dy [1], each of shape (...), float64.

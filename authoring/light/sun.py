@@ -83,7 +83,7 @@ def sun_illuminance(height: float, turbidity: float) -> F64:
     """Find the sun's light on a surface that faces it, after air, haze and ozone.
 
     Source: Preetham, Shirley and Smits, A practical analytic model for daylight, SIGGRAPH 1999, appendix A.1 (Rayleigh,
-    Angstrom haze with exponent 1.3, ozone; water vapour and mixed gases hardly affect visible light).
+    Angstrom haze with exponent 1.3, ozone; water vapor and mixed gases hardly affect visible light).
 
     Args:
         height: Height above the horizon [deg].

@@ -237,7 +237,7 @@ def write_texture(folder: Path, name: str, image: U8) -> str:
     Args:
         folder: Folder of the layer; receives `textures/`.
         name: Name of the file without its suffix.
-        image: Grey or RGB values, shape (H, W) or (H, W, 3), uint8.
+        image: Gray or RGB values, shape (H, W) or (H, W, 3), uint8.
 
     Returns:
         The file, as the layer refers to it.

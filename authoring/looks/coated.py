@@ -13,7 +13,7 @@ def painted_steel(tile: Tile, color: Color, age: float) -> Sheet:
 
     Args:
         tile: Where it repeats.
-        color: Linear colour of the paint [1].
+        color: Linear color of the paint [1].
         age: 0 for newly painted, 1 for overdue [1].
     """
     clouds, dust = fractal(tile, 1.8, 0.05), fractal(tile, 0.05, slope=0.2)
@@ -35,13 +35,13 @@ def painted_steel(tile: Tile, color: Color, age: float) -> Sheet:
 
 
 def rusted(tile: Tile) -> Floats:
-    """Draw the colours of rust.
+    """Draw the colors of rust.
 
     Args:
         tile: Where it repeats.
 
     Returns:
-        Linear colour [1], shape (H, W, 3), float32.
+        Linear color [1], shape (H, W, 3), float32.
     """
     return palette(0.5 + 0.12 * fractal(tile, 0.5, 0.02) + 0.10 * fractal(tile, 0.04, slope=0.3), _RUST)
 
@@ -83,7 +83,7 @@ def galvanised(tile: Tile, age: float, color: Color = (0.36, 0.365, 0.37)) -> Sh
     Args:
         tile: Where it repeats.
         age: 0 for new, 1 for dull [1].
-        color: Linear colour of the zinc [1].
+        color: Linear color of the zinc [1].
     """
     spangle = per_cell(tile, cells(tile, 0.022)) - 0.5
     clouds, dust = fractal(tile, 0.8, 0.03), fractal(tile, 0.04, slope=0.2)
@@ -113,8 +113,8 @@ def marking(tile: Tile, age: float, road: Floats, color: Color = (0.60, 0.595, 0
     Args:
         tile: Where it repeats.
         age: 0 for new, 1 for worn [1].
-        road: Linear colour of the road under it [1], shape (H, W, 3), float32.
-        color: Linear colour of the paint [1].
+        road: Linear color of the road under it [1], shape (H, W, 3), float32.
+        color: Linear color of the paint [1].
     """
     worn = ramp(fractal(tile, 0.8, 0.03) + 0.9 * fractal(tile, 0.04, slope=0.2), 2.6 - 2.0 * age, 3.4 - 2.0 * age)
     film = paint(color, 1 + 0.05 * fractal(tile, 1.0, 0.05) + 0.05 * fractal(tile, 0.04, slope=0.2))

@@ -7,7 +7,7 @@ from authoring.looks.noise import Tile, fractal, spots, standard
 
 _PIXELS = 2048
 _SEED = 20_531  # one detail for all surfaces, so that its file is the same wherever it lies
-_SPREAD = 0.18  # standard deviation of the grey values [1]
+_SPREAD = 0.18  # standard deviation of the gray values [1]
 
 # Specks of a tile of side 1: pitch, radius, share of the places taken, and how high they stand out of the noise.
 _SPECKS = (
@@ -25,7 +25,7 @@ def detail_texture() -> U8:
     one gives three times the keypoints of noise alone.
 
     Returns:
-        Grey values, shape (2048, 2048), uint8.
+        Gray values, shape (2048, 2048), uint8.
     """
     tile = Tile(_PIXELS, 1.0, np.random.default_rng(_SEED))
     field = np.float32(0.6) * fractal(tile, 0.25, slope=0.6)

@@ -12,7 +12,7 @@ _JPEG_QUALITY = 90  # of sheets: 1 to 1.5 MB at 2048 texels, a fifth of a PNG, a
 
 
 def encode_srgb(albedo: Floats) -> U8:
-    """Code linear colours as sRGB.
+    """Code linear colors as sRGB.
 
     Args:
         albedo: Linear values [1], shape (...), float32.
@@ -72,7 +72,7 @@ def png(image: U8) -> bytes:
     """Compress an image as PNG with fixed parameters.
 
     Args:
-        image: Grey, RGB or RGBA values, shape (H, W), (H, W, 3) or (H, W, 4), uint8.
+        image: Gray, RGB or RGBA values, shape (H, W), (H, W, 3) or (H, W, 4), uint8.
     """
     import cv2
 
@@ -82,10 +82,10 @@ def png(image: U8) -> bytes:
 
 
 def jpeg(image: U8) -> bytes:
-    """Compress an image as JPEG with fixed parameters, colours at full resolution.
+    """Compress an image as JPEG with fixed parameters, colors at full resolution.
 
     Args:
-        image: Grey or RGB values, shape (H, W) or (H, W, 3), uint8.
+        image: Gray or RGB values, shape (H, W) or (H, W, 3), uint8.
     """
     import cv2
 

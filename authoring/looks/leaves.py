@@ -17,7 +17,7 @@ _SHIFT = 4  # bits of a texel's fraction in the corners of what is drawn
 _STEM: Color = (0.060, 0.046, 0.032)
 _TURNS = 1_109  # seed of how far each leaf has turned
 _TURNED = 0.55, 1.3  # least and most of it: on one tree there are leaves of last month and of the next [1]
-# Mean linear colours of sunlit leaves: 5 to 7 % red, 8 to 12 % green, 2 to 4 % blue.
+# Mean linear colors of sunlit leaves: 5 to 7 % red, 8 to 12 % green, 2 to 4 % blue.
 _TINTS: dict[str, Color] = {
     "oak": (0.066, 0.098, 0.028),
     "lime": (0.090, 0.128, 0.034),
@@ -61,9 +61,9 @@ _SEASONS: dict[Season, dict[str, Color]] = {
 
 @dataclass
 class _Cell:
-    """A cell while it is drawn: colours and opacity, the first row at the top, and a random stream.
+    """A cell while it is drawn: colors and opacity, the first row at the top, and a random stream.
 
-    `turned` is the colour that leaves turn to in the season, `turns` a stream that says how far each has turned.
+    `turned` is the color that leaves turn to in the season, `turns` a stream that says how far each has turned.
     """
 
     color: NDArray[np.float32]

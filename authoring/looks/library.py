@@ -84,10 +84,10 @@ class SheetFiles:
     """A sheet that lies beside a layer; files are given as that layer names them.
 
     Attributes:
-        albedo: Base colour, sRGB.
-        roughness: Roughness, grey.
+        albedo: Base color, sRGB.
+        roughness: Roughness, gray.
         normal: Tangent-space normals; empty for none.
-        color: Mean linear colour [1].
+        color: Mean linear color [1].
         mean_roughness: Mean roughness [1].
     """
 

@@ -21,15 +21,15 @@ class MaterialRecipe:
 
     Attributes:
         name: Name of the surface, e.g. `board_concrete`.
-        albedo_file: Tileable base colour, sRGB; empty for none.
-        color: Linear base colour [1] where there is no `albedo_file`; the mean of the file where there is one.
-        roughness_file: Tileable roughness, grey; empty for none.
+        albedo_file: Tileable base color, sRGB; empty for none.
+        color: Linear base color [1] where there is no `albedo_file`; the mean of the file where there is one.
+        roughness_file: Tileable roughness, gray; empty for none.
         roughness: Roughness [1], the mean of the file where there is one.
         normal_file: Tileable tangent-space normals; empty for none.
         metallic: Metallic [1].
         ior: Refractive index [1]: 1 for surfaces without any shine.
         sheet: Length of the sheet's sides along `st` [m].
-        detail_file: Tileable grey detail, mean 0.5; empty for none.
+        detail_file: Tileable gray detail, mean 0.5; empty for none.
         periods: Size of one tile of the detail for each octave [m].
         amplitudes: Contrast of each octave [1].
         macro_file: RGB texture on `st1`, mean 0.5; empty for none.

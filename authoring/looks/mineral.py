@@ -34,7 +34,7 @@ def board_concrete(tile: Tile, age: float, color: Color = _CEMENT) -> Sheet:
     Args:
         tile: Where it repeats.
         age: 0 for newly struck, 1 for decades of weather [1].
-        color: Linear colour of the cement skin [1].
+        color: Linear color of the cement skin [1].
     """
     tone, pores = concrete_skin(tile, age)
     wood = fractal(tile, 0.10, 0.006, slope=0.7, stretch=(16.0, 1.0))
@@ -52,7 +52,7 @@ def panel_concrete(tile: Tile, age: float, color: Color = _CEMENT, ties: bool = 
     Args:
         tile: Where it repeats.
         age: 0 for newly struck, 1 for decades of weather [1].
-        color: Linear colour of the cement skin [1].
+        color: Linear color of the cement skin [1].
         ties: Whether the two sides of the form were tied through the concrete.
     """
     tone, pores = concrete_skin(tile, age)
@@ -73,12 +73,12 @@ def panel_concrete(tile: Tile, age: float, color: Color = _CEMENT, ties: bool = 
 
 
 def smooth_concrete(tile: Tile, age: float, color: Color = (0.385, 0.375, 0.350)) -> Sheet:
-    """Precast concrete from a steel mould: fewer marks, lighter, pores in the vertical faces.
+    """Precast concrete from a steel mold: fewer marks, lighter, pores in the vertical faces.
 
     Args:
         tile: Where it repeats.
         age: 0 for newly struck, 1 for decades of weather [1].
-        color: Linear colour of the cement skin [1].
+        color: Linear color of the cement skin [1].
     """
     tone, pores = concrete_skin(tile, age)
     drift = fractal(tile, 1.5, 0.06, stretch=(1.0, 3.3))
@@ -92,7 +92,7 @@ def deck_concrete(tile: Tile, age: float, color: Color = (0.315, 0.300, 0.275)) 
     Args:
         tile: Where it repeats.
         age: 0 for newly struck, 1 for decades of weather [1].
-        color: Linear colour of the cement skin [1].
+        color: Linear color of the cement skin [1].
     """
     tone, pores = concrete_skin(tile, age)
     grooves = fractal(tile, 0.05, 0.008, slope=0.3, stretch=(1.0, 12.5))
@@ -116,8 +116,8 @@ def asphalt(
     Args:
         tile: Where it repeats.
         age: 0 for newly laid, 1 for decades of traffic [1].
-        bitumen: Linear colour of the binder [1].
-        stone: Mean linear colour of the stones, which bitumen coats until traffic has worn it off [1].
+        bitumen: Linear color of the binder [1].
+        stone: Mean linear color of the stones, which bitumen coats until traffic has worn it off [1].
     """
     stones = cells(tile, 0.017)
     own = per_cell(tile, stones)
@@ -139,7 +139,7 @@ def plaster(tile: Tile, color: Color) -> Sheet:
 
     Args:
         tile: Where it repeats.
-        color: Linear colour of the paint [1].
+        color: Linear color of the paint [1].
     """
     rough = fractal(tile, 0.06, 0.010, slope=0.3)
     clouds, damp = fractal(tile, 2.5, 0.1), fractal(tile, 1.4, 0.05)
@@ -172,8 +172,8 @@ def masonry(tile: Tile, age: float, color: Color = (0.33, 0.30, 0.25), other: Co
     Args:
         tile: Where it repeats.
         age: 0 for newly dressed, 1 for centuries of weather [1].
-        color: Linear colour of most stones [1].
-        other: Linear colour of the others [1].
+        color: Linear color of most stones [1].
+        other: Linear color of the others [1].
     """
     edge, own, hue = _courses(tile, 0.80, 0.40, 0.014)
     clouds, grain = fractal(tile, 0.5, 0.03), fractal(tile, 0.05, 0.008, slope=0.3)
@@ -227,8 +227,8 @@ def stones(tile: Tile, pitch: float, color: Color, bed: Color) -> Sheet:
     Args:
         tile: Where it repeats.
         pitch: Mean size of the stones [m].
-        color: Mean linear colour of the stones [1].
-        bed: Linear colour between them [1].
+        color: Mean linear color of the stones [1].
+        bed: Linear color between them [1].
     """
     grain, clouds = fractal(tile, 3 * pitch, slope=0.4), fractal(tile, 2.0, 0.2)
     albedo, relief = paint(bed, 1 + 0.2 * grain), np.zeros_like(grain)
@@ -250,7 +250,7 @@ def roof_tile(tile: Tile, color: Color = (0.275, 0.120, 0.072)) -> Sheet:
 
     Args:
         tile: Where it repeats.
-        color: Linear colour of the tiles, of clay when not given [1].
+        color: Linear color of the tiles, of clay when not given [1].
     """
     rows, columns = max(1, round(tile.meters / 0.32)), max(1, round(tile.meters / 0.20))
     steps = (np.arange(tile.pixels, dtype=np.float32) + 0.5) / tile.pixels
@@ -274,11 +274,11 @@ def stained(tile: Tile, albedo: Floats, age: float) -> Floats:
 
     Args:
         tile: Where it repeats.
-        albedo: Linear colour [1], shape (H, W, 3), float32.
+        albedo: Linear color [1], shape (H, W, 3), float32.
         age: 0 for none, 1 for decades of weather [1].
 
     Returns:
-        Linear colour [1], shape (H, W, 3), float32.
+        Linear color [1], shape (H, W, 3), float32.
     """
     if age <= 0:
         return albedo
@@ -295,11 +295,11 @@ def cracked(tile: Tile, albedo: Floats, amount: float) -> Floats:
 
     Args:
         tile: Where it repeats.
-        albedo: Linear colour [1], shape (H, W, 3), float32.
+        albedo: Linear color [1], shape (H, W, 3), float32.
         amount: 0 for few, 1 for a net of them [1].
 
     Returns:
-        Linear colour [1], shape (H, W, 3), float32.
+        Linear color [1], shape (H, W, 3), float32.
     """
     where = ramp(fractal(tile, 1.6, 0.3), 1.1 - 0.9 * amount, 1.9 - 0.9 * amount)
     path = np.abs(fractal(tile, 1.1, 0.015, slope=1.6))
@@ -312,11 +312,11 @@ def hairlines(tile: Tile, albedo: Floats, age: float) -> Floats:
 
     Args:
         tile: Where it repeats.
-        albedo: Linear colour [1], shape (H, W, 3), float32.
+        albedo: Linear color [1], shape (H, W, 3), float32.
         age: 0 for none, 1 for decades of weather [1].
 
     Returns:
-        Linear colour [1], shape (H, W, 3), float32.
+        Linear color [1], shape (H, W, 3), float32.
     """
     if age < 0.3:
         return albedo

@@ -7,7 +7,7 @@ from authoring.looks.sheet import Color, Sheet, cover, paint, palette
 
 
 def grass(tile: Tile, dry: float) -> Sheet:
-    """Turf seen from some metres: tufts, blades, dry stalks, soil showing through.
+    """Turf seen from some meters: tufts, blades, dry stalks, soil showing through.
 
     Args:
         tile: Where it repeats.
@@ -173,7 +173,7 @@ def timber(tile: Tile, age: float, color: Color = (0.155, 0.120, 0.088)) -> Shee
     Args:
         tile: Where it repeats.
         age: 0 for newly sawn, 1 for decades of weather [1].
-        color: Linear colour of the wood [1].
+        color: Linear color of the wood [1].
     """
     rings = fractal(tile, 0.10, 0.006, slope=0.6, stretch=(20.0, 1.0))
     check = ramp(fractal(tile, 0.12, 0.006, stretch=(16.7, 1.0)), 2.3 - age, 3.0 - age)

@@ -111,7 +111,7 @@ def _aged(surface: str, suffix: str) -> str:
 
 
 def sheet_numbers(pieces: tuple[Component | Scatter, ...]) -> dict[int, int]:
-    """Choose the sheet of every component: by its id, so that neighbours differ.
+    """Choose the sheet of every component: by its id, so that neighbors differ.
 
     Args:
         pieces: Components of a bridge.

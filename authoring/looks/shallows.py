@@ -14,7 +14,7 @@ EDGE_FADE = 8.0  # [m] before the site's edge, over which the image fades into t
 
 
 def shallows(site: Site, pixels: int, rng: np.random.Generator) -> Floats:
-    """Draw the factors that multiply the colour of deep water.
+    """Draw the factors that multiply the color of deep water.
 
     Args:
         site: A site with a river.

@@ -1,4 +1,4 @@
-"""One baked surface in numbers, and the few colour operations that recipes are made of."""
+"""One baked surface in numbers, and the few color operations that recipes are made of."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ class Sheet:
     """One tileable surface.
 
     Attributes:
-        albedo: Linear base colour [1], shape (H, W, 3), float32.
+        albedo: Linear base color [1], shape (H, W, 3), float32.
         roughness: Roughness [1], shape (H, W), float32.
         height: Relief [m], shape (H, W), float32, or None where it is too flat to matter.
         opacity: Opacity [1], shape (H, W), float32, of what is cut out; None for what is whole.
@@ -29,41 +29,41 @@ class Sheet:
 
 
 def paint(color: Color, tone: Floats) -> Floats:
-    """Colour a grey field.
+    """Color a gray field.
 
     Args:
-        color: Linear colour [1].
+        color: Linear color [1].
         tone: Factor of it [1], shape (H, W), float32; negative values count as 0.
 
     Returns:
-        Linear colour [1], shape (H, W, 3), float32.
+        Linear color [1], shape (H, W, 3), float32.
     """
     return np.maximum(tone, 0)[..., None] * np.asarray(color, np.float32)
 
 
 def cover(below: Floats, mask: Floats, above: Color | Floats) -> Floats:
-    """Lay a colour over another.
+    """Lay a color over another.
 
     Args:
-        below: Linear colour [1], shape (H, W, 3), float32.
+        below: Linear color [1], shape (H, W, 3), float32.
         mask: Opacity of what lies above [1], shape (H, W), float32.
-        above: Linear colour [1], one for all or shape (H, W, 3), float32.
+        above: Linear color [1], one for all or shape (H, W, 3), float32.
 
     Returns:
-        Linear colour [1], shape (H, W, 3), float32.
+        Linear color [1], shape (H, W, 3), float32.
     """
     return below + mask[..., None] * (np.asarray(above, np.float32) - below)
 
 
 def palette(tone: Floats, colors: tuple[Color, ...]) -> Floats:
-    """Map a field from 0 to 1 onto a line of colours at even steps.
+    """Map a field from 0 to 1 onto a line of colors at even steps.
 
     Args:
         tone: Place on the line [1], shape (H, W), float32; clipped to 0 and 1.
-        colors: At least two linear colours [1].
+        colors: At least two linear colors [1].
 
     Returns:
-        Linear colour [1], shape (H, W, 3), float32.
+        Linear color [1], shape (H, W, 3), float32.
     """
     stops = np.asarray(colors, np.float32)
     place = np.arange(_STEPS, dtype=np.float32) * np.float32((len(colors) - 1) / (_STEPS - 1))
@@ -77,11 +77,11 @@ def soften(albedo: Floats, contrast: float) -> Floats:
     """Bring the darks and lights of a picture closer to its mean, which stays.
 
     Args:
-        albedo: Linear colour [1], shape (H, W, 3), float32.
+        albedo: Linear color [1], shape (H, W, 3), float32.
         contrast: Exponent of each channel over its mean [1]; 1 changes nothing.
 
     Returns:
-        Linear colour [1], shape (H, W, 3), float32.
+        Linear color [1], shape (H, W, 3), float32.
     """
     if contrast == 1:
         return albedo

@@ -23,7 +23,7 @@ def facade_glass(tile: Tile, color: Color) -> Sheet:
 
     Args:
         tile: Where it repeats.
-        color: Linear colour of the panes [1].
+        color: Linear color of the panes [1].
     """
     own = _per_pane(tile, 1.5, 1.8)
     veil = fractal(tile, 2.0, 0.08)
@@ -37,7 +37,7 @@ def cladding(tile: Tile, color: Color) -> Sheet:
 
     Args:
         tile: Where it repeats.
-        color: Linear colour of the metal [1].
+        color: Linear color of the metal [1].
     """
     seam = np.maximum(joints(tile, 1.5, 0.02, "u"), joints(tile, 1.0, 0.02, "v"))
     dust = fractal(tile, 0.6, 0.01)
@@ -76,10 +76,10 @@ def roofing(tile: Tile) -> Sheet:
 
 
 def paint_colors(tile: Tile) -> Sheet:
-    """Stripes of glossy paint, one metre each: a mesh picks its colour by a constant `st`.
+    """Stripes of glossy paint, one meter each: a mesh picks its color by a constant `st`.
 
     Args:
-        tile: Where it repeats; as many metres as colours.
+        tile: Where it repeats; as many meters as colors.
     """
     stripe = (np.arange(tile.pixels) * len(PALETTE)) // tile.pixels
     row = np.asarray(PALETTE, np.float32)[stripe]
@@ -104,7 +104,7 @@ def far_facade(tile: Tile, wall: Color, pane: tuple[float, float], opening: tupl
 
     Args:
         tile: Where it repeats.
-        wall: Linear colour of the wall [1].
+        wall: Linear color of the wall [1].
         pane: Distance between windows along and up the wall [m].
         opening: Share of it that is glass, along and up [1].
     """

@@ -8,12 +8,12 @@ from authoring.looks.sheet import Color, Sheet, cover, paint
 
 
 def washed_concrete(tile: Tile, age: float, color: Color = (0.300, 0.280, 0.240)) -> Sheet:
-    """Concrete whose skin was washed off: pebbles of several kinds in a grey matrix.
+    """Concrete whose skin was washed off: pebbles of several kinds in a gray matrix.
 
     Args:
         tile: Where it repeats.
         age: 0 for new, 1 for decades of weather [1].
-        color: Mean linear colour of the pebbles [1].
+        color: Mean linear color of the pebbles [1].
     """
     tone, _ = concrete_skin(tile, 0.5 * age)
     albedo, relief = paint((0.345, 0.335, 0.310), tone), np.zeros_like(tone)
@@ -35,7 +35,7 @@ def coated_concrete(tile: Tile, age: float, color: Color = (0.520, 0.505, 0.455)
     Args:
         tile: Where it repeats.
         age: 0 for new, 1 for overdue [1].
-        color: Linear colour of the coating [1].
+        color: Linear color of the coating [1].
     """
     roll, clouds = fractal(tile, 0.05, slope=0.2), fractal(tile, 1.2, 0.12)
     tone, pores = concrete_skin(tile, age)
@@ -53,7 +53,7 @@ def rubble(tile: Tile, age: float, color: Color = (0.285, 0.260, 0.215)) -> Shee
     Args:
         tile: Where it repeats.
         age: 0 for newly built, 1 for centuries of weather [1].
-        color: Mean linear colour of the stones [1].
+        color: Mean linear color of the stones [1].
     """
     blocks = cells(tile, 0.26, stretch=1.7, jitter=0.75)
     own, hue = per_cell(tile, blocks), per_cell(tile, blocks)

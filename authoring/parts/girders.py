@@ -40,7 +40,7 @@ class GirderSettings(Settings):
 
     shape: Shape | None = chosen(
         _SHAPES,
-        "Cross section; the void of a box is not modelled",
+        "Cross section; the void of a box is not modeled",
         among=f" of the sections that suit the bridge: t and rectangle for spans up to {_SHORT_SPAN:g} m, u and box "
         f"for decks from {_NARROW_DECK:g} m on",
         paper={"i": 50.0, "rectangle": 50.0},

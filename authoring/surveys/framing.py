@@ -20,7 +20,7 @@ class Eye:
     Attributes:
         camera: Intrinsics.
         distortion: Distortion of the lens.
-        widest: Largest distance from the axis that a picture shows, in normalised coordinates [1].
+        widest: Largest distance from the axis that a picture shows, in normalized coordinates [1].
     """
 
     camera: Pinhole

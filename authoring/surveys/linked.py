@@ -14,7 +14,7 @@ F64 = NDArray[np.float64]
 COLUMNS, ROWS = 24, 18  # rays of an image
 NEIGHBORS = 12  # nearest images that each is compared with, besides the next ones in the order of flight
 AHEAD = 4
-TURNED = 30.0  # [deg], largest angle at which features of a surface are still recognised
+TURNED = 30.0  # [deg], largest angle at which features of a surface are still recognized
 # Shares of an image's surfaces that a partner must see alike [1]. How much a mapper needs depends on the texture, which
 # is not known yet: the prediction is the mean over these. Both they and the number of partners are fitted to
 # docs/benchmarks/registration.md.

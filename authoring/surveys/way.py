@@ -41,7 +41,7 @@ def shortcut(way: F64, subject: Subject, safety: float) -> F64:
 def rounded_way(way: F64, subject: Subject, safety: float) -> F64:
     """Round a path with a centripetal Catmull-Rom spline, leg by leg; a leg that would be too close stays straight.
 
-    Source: E. Catmull, R. Rom 1974; parametrisation of P. Lee 1989, which makes no loops.
+    Source: E. Catmull, R. Rom 1974; parametrization of P. Lee 1989, which makes no loops.
 
     Args:
         way: Corners [m], shape (M, 3), float64.

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.page import write_page
+from benchmarks.recon.completeness import Completeness, measure_completeness, visible_surface
 from benchmarks.recon.plain_vote import plain_verdict
 from benchmarks.speed_unit import slower, this_machine
 from groundwork.progress import SILENT
@@ -31,7 +32,6 @@ from recon.settings import DenseSettings, ReconSettings
 from recon.sfm.colmap_model import SparseModel, read_model
 from recon.sfm.sparse import Sparse
 from recon.truth.annotate import ObservedTruth, annotate, gather
-from recon.truth.completeness import Completeness, measure_completeness, visible_surface
 from recon.truth.surface_distance import nearest_surface
 from recon.truth.uncertainty import depths, measure
 from render.capture import Capture, Truth, read_capture, read_truth

@@ -210,7 +210,7 @@ def _build(
 
 def _units(given: dict[str, Any], paths: list[Path]) -> ScanUnits:
     """Read the unit of the scans; without a scan none may be given, because clouds are in meters."""
-    units = parse_settings(ScanUnits, given, "dataset")
+    units = parse_settings(ScanUnits, given, "dataset", given.keys())
     if units != AS_STATED and all(path.is_dir() for path in paths):
         raise InputError(
             "is given, and no source is a scan: clouds are in meters, z up",

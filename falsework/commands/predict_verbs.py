@@ -68,7 +68,7 @@ def predict(
 
     values: dict[str, Any] = {"unit": unit, "scale": scale, "up": up, "table": table, "classes": classes}
     values |= {"min_confidence": min_confidence, "link": link, "chunk": chunk}
-    settings = parse_settings(PredictSettings, values, "predict")
+    settings = parse_settings(PredictSettings, values, "predict", values.keys())
     known = named_model(model, device)
     if model and Path(model).is_dir():
         output_place(output, [Path(model)])

@@ -49,7 +49,8 @@ def mesh(
     settings: dict[str, Any] = {"density": density, "scope": scope, "reach": reach, "seed": seed}
     settings |= {"points": points} if points is not None else {}
     settings |= {"min_views": 1} if visible else {}
-    checked = parse_settings(MeshSettings, settings | given_settings(set), "--set")
+    given = given_settings(set)
+    checked = parse_settings(MeshSettings, settings | given, "--set", settings.keys() - given.keys())
     return _sample("mesh", checked, stage, output, allow_root, as_json)
 
 
@@ -82,8 +83,9 @@ def lidar(
     from recon.sampling.sampler_settings import SCANNERS
 
     settings: dict[str, Any] = {"scope": scope, "seed": seed} | ({} if reach is None else {"reach": reach})
-    settings |= given_settings(set)
-    checked = parse_settings(SCANNERS[kind], settings | {"kind": kind}, "--set")
+    given = given_settings(set)
+    asked = settings | given | {"kind": kind}
+    checked = parse_settings(SCANNERS[kind], asked, "--set", settings.keys() - given.keys())
     return _sample(kind, checked, stage, output, allow_root, as_json)
 
 

@@ -265,6 +265,7 @@ def _settings(chosen: dict[str, Any], begun: dict[str, Any], given: tuple[str, .
     from learn.training.settings import TrainSettings
 
     values = {name: value for name, value in chosen.items() if value is not None}
+    options = values.keys() - given_settings(given).keys()
     values["model"] = values["model"] or begun.get("network", "pointnet2-ssg")
     values["network"] = dict(begun["settings"]) if values["model"] == begun.get("network") else {}
     for key, value in given_settings(given).items():
@@ -273,7 +274,7 @@ def _settings(chosen: dict[str, Any], begun: dict[str, Any], given: tuple[str, .
             values[group] = {**values.get(group, {}), inner: value}
         else:
             values[key] = value
-    return parse_settings(TrainSettings, values, "train")
+    return parse_settings(TrainSettings, values, "train", options)
 
 
 def _demo(output: Path, seed: int, epochs: int | None, unwanted: list[str], as_json: bool) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from groundwork.canonical import digest
-from groundwork.errors import InputError, RejectedSceneError
+from groundwork.errors import InputError, RejectedSceneError, show_place
 from groundwork.files import space_errors, sweep, sync, write_bytes
 from groundwork.marks import MARK, NEXT, Listing, is_mark, list_folder, read_listing
 from groundwork.output.lock import sole_writer
@@ -65,6 +65,7 @@ def fresh_output(
                 sweep(files)
                 make_ready(place, former, kind, is_marked)
             except BaseException as error:
+                show_place(error, files, folder)
                 keeps = resume and not isinstance(error, RejectedSceneError) and bool(list_folder(files, kind).files)
                 if not keeps and not is_ready(place):
                     discard(work)

@@ -12,7 +12,7 @@ from learn.models.gather import Shared
 def pooled(layers: Iterable[nn.Module], begun: Tensor) -> Tensor:
     """Apply a shared MLP to neighborhoods, and take the maximum over each.
 
-    Normalisation and activation are monotonic, so the maximum can be taken before them, which saves time in training.
+    Normalization and activation are monotonic, so the maximum can be taken before them, which saves time in training.
     In evaluation and under autocast, all steps run in the usual order.
 
     Args:

@@ -16,7 +16,7 @@ STEM = 8
 HEAD = (64, 32)
 WIDEST = 2048  # four times the published one; a number in a damaged file must not fill the memory
 SLOPE = 0.2
-_EPSILON, _MOMENTUM = 1e-6, 0.01  # of the published batch normalisation; a momentum of 0.99 there is 0.01 here
+_EPSILON, _MOMENTUM = 1e-6, 0.01  # of the published batch normalization; a momentum of 0.99 there is 0.01 here
 
 
 class RandlaNetSettings(Settings):

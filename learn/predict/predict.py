@@ -27,6 +27,7 @@ from learn.instances import Boxes, connected_parts
 from learn.predict.class_sum import sum_classes
 from learn.predict.model import PointModel
 from learn.predict.settings import PredictSettings
+from learn.predict.unit_doubts import note_spread, unit_doubts
 from learn.sample import Sample
 from recon.cloud import read_cloud
 from recon.formats.scan import (
@@ -47,7 +48,6 @@ _ASPRS = "asprs"  # only this table has the codes of LAS' field `classification`
 FORMAT = "falsework.instances"
 BOXES = ".instances.json"
 _CUBE_BYTES = 140  # for each occupied cube, beside its probabilities: of tiles or of instances, whichever is more
-_FEWEST_SEEN = 0.002  # [1] share of occupied cubes to points: below, the unit is probably wrong
 
 
 @dataclass(frozen=True)
@@ -90,8 +90,7 @@ def predict_scan(
         InputError: The scan cannot be read, states no unit, lacks a channel of the model, or needs too much memory.
     """
     file = _file_of(source, out)
-    former = _boxes_record(out.with_suffix(BOXES))
-    _check_outputs(source, out, former)
+    former = _check_outputs(source, out)
     check_copy(file, out)
     link, ids = _link_of(settings, model), tuple(getattr(model, "ids", ()))  # a user's own classes have own numbers
     summing = sum_classes(model.classes, model.table, settings.table, settings.classes, ids)
@@ -100,6 +99,7 @@ def predict_scan(
         frame = _frame_of(file, told, settings, source)
         own = _own_columns(source, model, frame, stream.count)
         cloud = thin_stream(stream, frame, model, settings.chunk, source, own)
+        note_spread(cloud.coord, stream.count, frame.meters, source.name, progress)  # its tiles may take hours
         check_memory(len(cloud), len(summing.names), available_memory(), source)
         summed = vote(cloud, model, settings.batch, progress, summing.matrix)
         classes, sure = summing.decide(summed, settings.min_confidence)
@@ -129,15 +129,17 @@ def predict_scan(
                 "classes": {str(i): name for i, name in names.items()},
             }
         given = {name: int(counts[i]) for i, name in names.items() if counts[i]}
-        doubts = _doubts(contradiction(told, frame), len(cloud), stream.count)
+    doubts = unit_doubts(contradiction(told, frame), len(cloud), stream.count)
     return Prediction(stream.count, len(cloud), given, int(counts[255]), len(found), doubts)
 
 
-def _check_outputs(source: Path, out: Path, former: dict[str, Any]) -> None:
-    """Refuse to overwrite files that are not from an earlier prediction of this name."""
+def _check_outputs(source: Path, out: Path) -> dict[str, Any]:
+    """Refuse to overwrite files that are not from an earlier prediction of this name; return its record of boxes."""
+    former = _boxes_record(out.with_suffix(BOXES))
     _refuse_boxes_of_another(former, out)
     check_output_file(out.with_suffix(BOXES), [source], lambda path: bool(former))
     check_output_file(out, [source], lambda path: _is_former(former, path))
+    return former
 
 
 def _link_of(settings: PredictSettings, model: PointModel) -> float:
@@ -188,11 +190,6 @@ def _refuse_boxes_of_another(record: dict[str, Any], out: Path) -> None:
             where=out.with_suffix(BOXES),
             hint="Choose a name for the copy that does not differ in its suffix alone",
         )
-
-
-def _doubts(contradicted: str, seen: int, count: int) -> tuple[str, ...]:
-    few = f"thinning left only {seen} of {count} points: check the unit" if seen < max(_FEWEST_SEEN * count, 2) else ""
-    return tuple(line for line in (contradicted, few) if line)
 
 
 def _is_former(record: dict[str, Any], copy: Path) -> bool:

@@ -57,14 +57,15 @@ def _code(values: NDArray[Any]) -> str:
 
 
 def write_colored_points(path: Path, cloud: Cloud) -> None:
-    """Write only positions, normals and colors, as photogrammetry and splatting programs read them.
+    """Write only positions in double precision, normals and colors, as photogrammetry and splatting programs read them.
 
     Args:
         path: File to write, in a folder that the caller writes atomically.
         cloud: What to write.
     """
-    layout = [("xyz", "<3f4"), ("normal", "<3f4"), ("rgb", "3u1")]
-    names = [("float", name) for name in ("x", "y", "z", "nx", "ny", "nz")]
+    layout = [("xyz", "<3f8"), ("normal", "<3f4"), ("rgb", "3u1")]
+    # In single precision a position at map coordinates would be half a meter off.
+    names = [("double", name) for name in "xyz"] + [("float", name) for name in ("nx", "ny", "nz")]
     names += [("uchar", name) for name in ("red", "green", "blue")]
     properties = "".join(f"property {kind} {name}\n" for kind, name in names)
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(cloud)}\n{properties}end_header\n"

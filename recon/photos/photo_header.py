@@ -59,7 +59,7 @@ def read_header(path: Path) -> PhotoHeader:
         path: Photograph.
 
     Raises:
-        InputError: Neither JPEG nor PNG, or cut off before its size.
+        InputError: Neither JPEG nor PNG, cut off before its size, or without pixels.
     """
     try:
         data = read_regular(path)
@@ -73,6 +73,13 @@ def read_header(path: Path) -> PhotoHeader:
             where=path,
             hint="Copy it again, or leave it out",
         ) from None
+    if 0 in size:
+        raise InputError(
+            "states a width or height of 0 pixels",
+            where=path,
+            value=f"{size[0]} x {size[1]}",
+            hint="Copy it again, or leave it out",
+        )
     try:
         root, lens, gps = _read_tiff(exif)
     except (struct.error, IndexError, ValueError, ZeroDivisionError):

@@ -13,7 +13,7 @@ SIGNATURE = b"http:"
 """Beginning of the JPEG segment of a packet: a name space, ended by a zero byte."""
 
 _NUMBER = rb"[-+]?\d+(?:\.\d+)?(?:/\d+)?"
-_FLAT = 1e-3  # [m] a smaller stated error is not credible
+_FLAT, _WIDE = 1e-3, 1e5  # [m] a smaller or larger stated error is not credible
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def _sigmas(packet: bytes) -> tuple[float, float, float] | None:
         if along is None:
             return None
         east, north, up = along, along, 1.5 * along if up is None else up
-    return (east, north, up) if min(east, north, up) > _FLAT else None
+    return (east, north, up) if min(east, north, up) > _FLAT and max(east, north, up) < _WIDE else None
 
 
 def _number(packet: bytes, name: str) -> float | None:
@@ -70,4 +70,7 @@ def _number(packet: bytes, name: str) -> float | None:
     if found is None:
         return None
     top, _, bottom = found.group(1).partition(b"/")
-    return float(top) / float(bottom) if bottom and float(bottom) else None if bottom else float(top)
+    if bottom and not float(bottom):
+        return None
+    value = float(top) / float(bottom or 1)
+    return value if np.isfinite(value) else None  # hundreds of digits

@@ -16,7 +16,7 @@ Mask = NDArray[np.bool_]
 OK, UNREGISTERED, CENTER_OUTLIER, ROTATION_OUTLIER = "ok", "unregistered", "centre_outlier", "rotation_outlier"
 REGISTERED = (OK, CENTER_OUTLIER, ROTATION_OUTLIER)
 _MIN_CAMERAS = 3
-_STRAIGHT = 1e-3  # ratio of second to first singular value below which centres do not determine the rotation
+_STRAIGHT = 1e-3  # ratio of second to first singular value below which centers do not determine the rotation
 _ROUNDS = 10
 
 
@@ -26,12 +26,12 @@ class Target:
 
     Attributes:
         kind: `truth`, `gps`, `control points`, `scale bars` or `none`.
-        centers: Camera centres [m], shape (N, 3), float64, one row per image of the capture; NaN where unknown.
+        centers: Camera centers [m], shape (N, 3), float64, one row per image of the capture; NaN where unknown.
         rotations: Camera-to-world rotations [1], shape (N, 3, 3), float64, or None when only positions are known.
         center_limit: Distance above which a center is an outlier [m].
         sigmas: Stated standard deviation of each center along x, y, z [m], shape (N, 3), float64, or None; infinite for
             a height that was not measured.
-        bias: Standard deviation along x, y, z of the error that all centres share [m].
+        bias: Standard deviation along x, y, z of the error that all centers share [m].
         gimbal: Up direction in each camera's axes from its gimbal [1], shape (N, 3), float64, NaN where unknown; or
             None.
         quarter_turns: Turns by 90 degrees clockwise that make each picture upright, shape (N,), int64; None for none.
@@ -93,7 +93,7 @@ def center_limit(centers: F64, survey_kind: object, settings: AlignmentSettings)
     """Choose the distance above which a camera center is an outlier.
 
     Args:
-        centers: Target camera centres [m], shape (N, 3), float64.
+        centers: Target camera centers [m], shape (N, 3), float64.
         survey_kind: The survey's kind; `local` has its own limit.
         settings: May state the limit.
 
@@ -112,9 +112,9 @@ def align(
 ) -> Alignment:
     """Fit the similarity to the inlier cameras, and give every camera a status.
 
-    RANSAC over the centres finds the inliers. By default the rotation is then the mean of the cameras' own rotations:
-    on a nearly straight flight the centres alone do not determine the roll about the path.
-    Source: the paper aligns by RANSAC over centres (method `paper`).
+    RANSAC over the centers finds the inliers. By default the rotation is then the mean of the cameras' own rotations:
+    on a nearly straight flight the centers alone do not determine the roll about the path.
+    Source: the paper aligns by RANSAC over centers (method `paper`).
 
     Args:
         poses: camera_to_world of the registered images [model units], shape (I, 4, 4), float64.
@@ -127,7 +127,7 @@ def align(
         The alignment.
 
     Raises:
-        RejectedSceneError: `alignment_failed`, or `straight_path` where centres alone do not determine the rotation.
+        RejectedSceneError: `alignment_failed`, or `straight_path` where centers alone do not determine the rotation.
     """
     known = np.asarray(np.isfinite(target.centers[rows]).all(axis=1))
     source, goal = poses[:, :3, 3], np.nan_to_num(target.centers[rows])
@@ -151,7 +151,7 @@ def align(
     spread = np.linalg.svd(goal[inliers] - goal[inliers].mean(axis=0), compute_uv=False).astype(np.float64)
     method = "centres+rotations" if by_rotations else "centres"
     if not by_rotations and spread[1] < _STRAIGHT * spread[0]:
-        raise RejectedSceneError("straight_path", "all cameras lie on one line, so their centres determine no rotation")
+        raise RejectedSceneError("straight_path", "all cameras lie on one line, so their centers determine no rotation")
     straying = ~known | (far > target.center_limit)
     twisted = by_rotations & (twist > settings.rotation_limit)
     count = len(target.centers)
@@ -242,7 +242,7 @@ def _central_rotation(rotations: F64, inliers: Mask) -> F64:
 
 
 def _misfit(similarity: Similarity, source: F64, goal: F64, turned: F64 | None) -> tuple[F64, F64]:
-    """Compute the residuals of a similarity: distances of centres [m] and angles [deg], both of shape (I,)."""
+    """Compute the residuals of a similarity: distances of centers [m] and angles [deg], both of shape (I,)."""
     far = np.linalg.norm(similarity.move(source) - goal, axis=1).astype(np.float64)
     return far, angles(turned, similarity.rotation) if turned is not None else np.full(len(source), np.nan)
 

@@ -104,8 +104,6 @@ def _pattern(
         if not len(stations):
             stations = place_stations(scene, surface, bridge, rays, settings, rng)
         heights = int((settings.highest - settings.lowest) / settings.angular_step + 0.5) + 1
-        if heights < 1:
-            raise InputError("the highest ray lies below the lowest", field="highest", value=settings.highest)
         total = len(stations) * max(1, round(360.0 / settings.angular_step)) * heights
         return tripod_rays(stations, settings, rng), total, {"stations": np.round(stations, 4).tolist()}
     if isinstance(settings, AirborneSettings):

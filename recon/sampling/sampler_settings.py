@@ -1,9 +1,9 @@
 """Settings of the clouds that are sampled from a stage without images."""
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from groundwork.settings import Settings
 
@@ -42,6 +42,12 @@ class MeshSettings(ScopeSettings):
     noise: float = Field(default=0.0, ge=0.0, le=10.0)
     """Standard deviation of a displacement along each of x, y and z [m]."""
 
+    @model_validator(mode="after")
+    def _survey_counts(self) -> Self:
+        if self.survey and not self.min_views:
+            raise ValueError(f"survey ({self.survey!r}) has no effect without min_views; allowed: min_views from 1 on")
+        return self
+
 
 class ScannerSettings(ScopeSettings):
     """What all laser scanners share: ranges, noise, and which echoes are lost."""
@@ -76,6 +82,22 @@ class ScannerSettings(ScopeSettings):
     return_gap: float = Field(default=1.0, ge=0.0, le=20.0)
     """Smallest distance between two returns of a pulse [m]."""
 
+    @model_validator(mode="after")
+    def _ranges_ascend(self) -> Self:
+        if self.min_range >= self.max_range:
+            raise ValueError(
+                f"min_range ({self.min_range:g} m) leaves no range below max_range ({self.max_range:g} m); allowed: a "
+                "smaller min_range"
+            )
+        return self
+
+
+def _check_elevations(lowest: float, highest: float) -> None:
+    if lowest > highest:
+        raise ValueError(
+            f"lowest ({lowest:g} deg) is above highest ({highest:g} deg); allowed: the smaller one as lowest"
+        )
+
 
 class TerrestrialSettings(ScannerSettings):
     """A scanner on a tripod, at stations on the ground and on the deck."""
@@ -95,6 +117,11 @@ class TerrestrialSettings(ScannerSettings):
     """Lowest elevation of the rays; the tripod is below [deg]."""
     highest: float = Field(default=90.0, ge=-90.0, le=90.0)
     """Highest elevation of the rays [deg]."""
+
+    @model_validator(mode="after")
+    def _elevations_ascend(self) -> Self:
+        _check_elevations(self.lowest, self.highest)
+        return self
 
 
 class MobileSettings(ScannerSettings):
@@ -130,6 +157,11 @@ class MobileSettings(ScannerSettings):
     """Standard deviation of the range [m]."""
     beam_divergence: float = Field(default=0.002, ge=0.0, le=0.02)
     """Full angle of the beam's cone; 0 for no mixed pixels [rad]."""
+
+    @model_validator(mode="after")
+    def _elevations_ascend(self) -> Self:
+        _check_elevations(self.lowest, self.highest)
+        return self
 
 
 class AirborneSettings(ScannerSettings):
@@ -171,6 +203,14 @@ class AirborneSettings(ScannerSettings):
     """Full angle of the beam's cone; 0 for no mixed pixels [rad]."""
     returns: int = Field(default=4, ge=1, le=10)
     """Largest number of returns per pulse. Above 1, a pulse partly passes through the leaves of trees and shrubs."""
+
+    @model_validator(mode="after")
+    def _ground_is_in_range(self) -> Self:
+        if self.altitude >= self.max_range:
+            raise ValueError(
+                f"altitude ({self.altitude:g} m) is not below max_range ({self.max_range:g} m): no pulse would return"
+            )
+        return self
 
 
 class MeshSample(MeshSettings):

@@ -58,15 +58,14 @@ def map_images(
         shutil.rmtree(path, ignore_errors=True)
         path.mkdir()
     _clear_ties(folder)
-    run = _map_globally if (kind := choose_mapper(capture, settings)) == "global" else _map_incrementally
+    kind = choose_mapper(capture, settings)
     wrong = _doubtful_pairs(capture, matches / DATABASE, progress)
     thinned = write_tie_points(matches / DATABASE, ties, settings.tie_points, seed, wrong)
     source = ties if thinned else matches / DATABASE
-    ranked = _ranked(run(capture, source, models, settings, seed, progress))
-    growth: dict[str, float] = {}
-    if kind != "global":
-        ranked = _begun_anew(capture, source, models, ranked, _mapper_options(settings, seed), progress)
-        growth = _grow_largest(capture, source, models, ranked, _mapper_options(settings, seed), progress)
+    if kind == "global":
+        ranked, growth = _ranked(_map_globally(capture, source, settings, seed, progress)), dict[str, float]()
+    else:
+        ranked, growth = _map_and_grow(capture, source, models, settings, seed, progress)
     _clear_ties(folder)
     in_largest, away = set[str](), set[str]()
     in_any = {name for model in ranked for name in _registered(model)}
@@ -149,7 +148,7 @@ def choose_mapper(capture: Capture, settings: SparseSettings) -> str:
 def adjust_robustly(model: pycolmap.Reconstruction, threads: int) -> None:
     """Run bundle adjustment once more, with a robust loss.
 
-    COLMAP's incremental mapper minimises squared errors, so that a few matches that are off by pixels shift every
+    COLMAP's incremental mapper minimizes squared errors, so that a few matches that are off by pixels shift every
     camera. The robust loss halves the distance between the demo's cameras and the truth.
     Source: Triggs et al., Bundle Adjustment: A Modern Synthesis (2000), on robust cost functions; Cauchy's.
 
@@ -185,6 +184,16 @@ def transform(model: Path, out: Path, similarity: dict[str, Any]) -> int:
     moved.write_binary(out)
     check_whole(out)
     return moved.num_points3D()
+
+
+def _map_and_grow(
+    capture: Capture, database: Path, models: Path, settings: SparseSettings, seed: int, progress: Progress
+) -> tuple[list[pycolmap.Reconstruction], dict[str, float]]:
+    """Map one image after the other; again, and with fewer matches, where images are misplaced or missing."""
+    ranked = _ranked(_map_incrementally(capture, database, models, settings, seed, progress))
+    ranked = _begun_anew(capture, database, models, ranked, _mapper_options(settings, seed), progress)
+    growth = _grow_largest(capture, database, models, ranked, _mapper_options(settings, seed), progress)
+    return ranked, growth
 
 
 def _map_incrementally(
@@ -311,7 +320,7 @@ def _incremental_options(settings: SparseSettings, seed: int) -> pycolmap.Increm
 
 
 def _map_globally(
-    capture: Capture, database: Path, models: Path, settings: SparseSettings, seed: int, progress: Progress
+    capture: Capture, database: Path, settings: SparseSettings, seed: int, progress: Progress
 ) -> dict[int, pycolmap.Reconstruction]:
     options = pycolmap.GlobalPipelineOptions(random_seed=seed, min_model_size=3)
     mapper = options.mapper

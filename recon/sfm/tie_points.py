@@ -23,7 +23,7 @@ Bools = NDArray[np.bool_]
 _CELLS = 8  # cells along each side of an image; each cell keeps its share of tie points
 _LONG = 3  # views above which a longer track is not preferred: the longest tracks show distant objects
 _SPREAD_SHARE = 0.5  # share of an image's tie points that is distributed evenly over its cells [1]
-_PAIR_TIES = 100  # matches that a pair always keeps: COLMAP initialises only from pairs with at least as many
+_PAIR_TIES = 100  # matches that a pair always keeps: COLMAP initializes only from pairs with at least as many
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,7 @@ class GlFunctions:
         self._clip_control(_LOWER_LEFT, _ZERO_TO_ONE)
 
     def clear_color(self, attachment: int, value: tuple[float, float, float, float]) -> None:
-        """Clear one floating-point or normalised attachment of the bound framebuffer.
+        """Clear one floating-point or normalized attachment of the bound framebuffer.
 
         Args:
             attachment: Number of the color attachment.

@@ -82,11 +82,10 @@ def geodetic(gps: tuple[float, float, float], origin: tuple[float, float, float]
     bend = 1 - _EARTH_E2 * np.sin(latitude) ** 2
     north = _EARTH_A * (1 - _EARTH_E2) / bend**1.5 + origin[2]
     east = (_EARTH_A / np.sqrt(bend) + origin[2]) * np.cos(latitude)
-    return (
-        float(origin[0] + np.rad2deg(gps[1] / north)),
-        float(origin[1] + np.rad2deg(gps[0] / east)),
-        origin[2] + gps[2],
-    )
+    longitude = float(origin[1] + np.rad2deg(gps[0] / east))
+    if abs(longitude) > 180.0:  # beyond the date line
+        longitude = (longitude + 180.0) % 360.0 - 180.0
+    return float(origin[0] + np.rad2deg(gps[1] / north)), longitude, origin[2] + gps[2]
 
 
 def _tiff(shot: Shot, width: int, height: int) -> bytes:

@@ -126,6 +126,9 @@ def write_video(capture: Capture, out: Path, progress: Progress) -> list[str]:
         capture: A capture.
         out: Folder to fill.
         progress: Listener.
+
+    Raises:
+        InputError: OpenCV cannot write the film, or could not write all of it.
     """
     truth = read_truth(capture)
     width, height = capture.size
@@ -148,7 +151,23 @@ def write_video(capture: Capture, out: Path, progress: Progress) -> list[str]:
         film.write(cv2.cvtColor(np.hstack(parts).astype(np.uint8), cv2.COLOR_RGB2BGR))
         progress.advance(row + 1)
     film.release()
+    _check_film(path, len(capture.images))
     return ["flight.mp4"]
+
+
+def _check_film(path: Path, count: int) -> None:
+    """Refuse a film that is not complete: OpenCV says nothing where it could not write, as on a full disk."""
+    film = cv2.VideoCapture(str(path)) if path.is_file() and path.stat().st_size else None
+    found = 0 if film is None else round(film.get(cv2.CAP_PROP_FRAME_COUNT))
+    if film is not None:
+        film.release()
+    if found != count:
+        raise InputError(
+            "the film is not complete",
+            where=path,
+            value=f"{max(found, 0)} of {count} images",
+            hint="Check that the disk has room; else install opencv-python-headless with pip",
+        )
 
 
 EXPORTS: dict[str, Callable[[Capture, Path, Progress], list[str]]] = {
@@ -195,11 +214,11 @@ def _write_points(path: Path, points: F64, colors: NDArray[np.uint8]) -> None:
     header = "".join(
         f"property {kind} {name}\n"
         for kind, name in (
-            *(("float", axis) for axis in "xyz"),
+            *(("double", axis) for axis in "xyz"),
             *(("uchar", name) for name in ("red", "green", "blue")),
         )
     )
-    table = np.empty(len(points), [("xyz", "<3f4"), ("rgb", "3u1")])
+    table = np.empty(len(points), [("xyz", "<3f8"), ("rgb", "3u1")])
     table["xyz"], table["rgb"] = points, colors
     text = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n{header}end_header\n"
     write_bytes(path, text.encode() + table.tobytes())

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.recon.completeness import measure_completeness, visible_surface
 from falsework.pipeline import run_scenario
 from falsework.scenario import load_scenario
 from groundwork.progress import SILENT
 from recon.cloud import Cloud, read_cloud
-from recon.truth.completeness import measure_completeness, visible_surface
 from render.capture import Truth, read_capture, read_truth
 from tests.conftest import RecordProof
 

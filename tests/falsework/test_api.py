@@ -56,6 +56,11 @@ def one_box(out: Path) -> str:
     return str(path)
 
 
+def read_with(**choices: Any) -> object:
+    """Read a stage with one choice."""
+    return falsework.read_stage("x.usda", choices=falsework.StageChoices(**choices))
+
+
 CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
     "a file as scenario": (lambda out: falsework.author("x.toml", out), "use load_scenario"),  # type: ignore[arg-type]
     "workers": (lambda out: falsework.run(SCENARIO, out, workers=-1), "number of workers out of range"),
@@ -125,6 +130,32 @@ CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
             replace(toy_cloud(1, 50), columns={**toy_cloud(1, 50).columns, "mine": np.zeros(50)}), out
         ),
         "not a column of the format",
+    ),
+    **{
+        f"{field} of {value}": (
+            lambda out, field=field, value=value: read_with(**{field: value}),
+            rf"^{field}: {said}; allowed: ",
+        )
+        for field, value, said in (
+            ("camera", 7, r"not a camera \(found 7\)"),
+            ("purposes", ("render", "foo"), r"not a USD purpose \(found 'foo'\)"),
+            ("frames", (1.0, float("nan")), r"not time codes \(found nan\)"),
+            ("frames", "7", r"not time codes \(found '7'\)"),
+            ("variants", (("/World", "roof"),), r"not a variant \(found \('/World', 'roof'\)\)"),
+            ("width", -5, r"image size out of range \(found -5\)"),
+            ("height", "640", r"image size out of range \(found '640'\)"),
+            ("subdivision", 5, r"number of refinements out of range \(found 5\)"),
+        )
+    },
+    "choices of another class": (
+        lambda out: falsework.read_stage("x.usda", choices=WRONG),
+        r"choices: of a wrong type \(found 'dict'\); allowed: StageChoices",
+    ),
+    "a list as a column": (
+        lambda out: falsework.save_cloud(
+            replace(toy_cloud(1, 50), columns={**toy_cloud(1, 50).columns, "segment": [0] * 50}), out
+        ),
+        r"^/.*/out/segment\.npy: segment: a column is not an array",
     ),
 }
 

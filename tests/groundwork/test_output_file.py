@@ -46,6 +46,18 @@ def test_a_link_stays_and_its_target_is_written(tmp_path: Path) -> None:
     assert target.read_bytes() == PAGE
 
 
+def test_an_error_names_the_file_and_not_its_temporary_name(tmp_path: Path) -> None:
+    """Nor does anything remain of the temporary file."""
+
+    def fail() -> None:
+        with fresh_file(tmp_path / "page.html") as temporary:
+            raise InputError("bad", where=temporary)
+
+    with pytest.raises(InputError, match=f"^{tmp_path}/page.html: bad$"):
+        fail()
+    assert not list(tmp_path.iterdir())
+
+
 def test_what_no_file_can_be_is_one_line(tmp_path: Path) -> None:
     """Folders, devices, pipes, stores, inputs and names that cannot be are refused before any work."""
     source, pipe, result = tmp_path / "scene.usda", tmp_path / "pipe", tmp_path / "store" / "key"

@@ -234,10 +234,10 @@ def test_what_cannot_go_on_leaves_nothing(resume: bool, tmp_path: Path) -> None:
         raise RejectedSceneError("too_few", "too few images")
 
     def fail(folder: Path) -> None:
-        raise InputError("bad")
+        raise InputError("bad", where=folder / "new")
 
     for write in (reject, fail):
-        with pytest.raises((RejectedSceneError, InputError)):
+        with pytest.raises((RejectedSceneError, InputError), match=f"^{out}/new: bad$|^too few images$"):  # not .next
             fresh_output(out, "cloud", write, resume=resume)
         assert not list(tmp_path.iterdir())
         fresh_output(out, "cloud", writes("old"), resume=resume)

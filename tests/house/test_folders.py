@@ -84,6 +84,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     ),
     "recon": (
         "settings.py",
+        "columns.py",
         "cloud.py",
         "steps.py",
         "shortage.py",

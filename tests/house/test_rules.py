@@ -12,7 +12,7 @@ from tests.house.test_files import WRITER, raw_writes
 from tests.house.test_folders import FLOORS, wrong_arrows
 from tests.house.test_imports import a_cycle, forgetful_kernels, wrong_imports
 from tests.house.test_sizes import crowded_functions, long_functions, long_modules, unannotated
-from tests.house.test_spelling import british
+from tests.house.test_spelling import british, british_texts
 
 
 def broken_everywhere(source: str) -> list[str]:
@@ -27,11 +27,11 @@ def broken_everywhere(source: str) -> list[str]:
 
 
 def broken_in_room(room: str, path: Path) -> list[str]:
-    """Find what breaks the rules for rooms: those for all, shapes, few arguments, writes, kernels and imports."""
+    """Find what breaks the rules for rooms: those for all, shapes, arguments, writes, kernels, imports and texts."""
     source = path.read_text(encoding="utf-8")
     found = [*broken_everywhere(source), *shapeless(source), *crowded_functions(source), *forgetful_kernels(source)]
     found += [] if path == WRITER else raw_writes(source)
-    found += wrong_imports(room, source)
+    found += [*wrong_imports(room, source), *british_texts(source)]
     place = path.relative_to(ROOT / room).parts[0]
     if room in FLOORS and place != "__init__.py":
         found += wrong_arrows(room, place, source)

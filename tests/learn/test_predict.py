@@ -370,7 +370,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         ((folder, "-o", tmp_path / "c.laz", *model, "--table", "falsework"), "do not determine"),
         ((folder, "-o", tmp_path / "c.laz", *model, "--link", "0.01"), "smaller than the model's voxel"),
         ((folder, "-o", tmp_path / "c.laz", *model, "--unit", "m", "--scale", "2.0"), "both a unit and a scale"),
-        ((folder, "-o", tmp_path / "c.laz", *model, "--min-confidence", "1.5"), "less than or equal to 1"),
+        ((folder, "-o", tmp_path / "c.laz", *model, "--min-confidence", "1.5"), "falsework: --min-confidence: "),
         ((folder, "-o", tmp_path / "c.laz", "--model", "builtins:dict"), "an object that is not a model"),
     ]
     for words, said in cases:

@@ -27,7 +27,7 @@ from recon.cloud import (
 )
 from recon.formats.laz import LAZ_SCALE, write_laz
 from recon.formats.ply import write_ply
-from usd_schemas.components import class_rows
+from usd_schemas.components import ClassRow, class_rows
 
 
 @pytest.fixture
@@ -267,10 +267,31 @@ def test_a_cloud_without_a_column_is_not_written(cloud: Cloud, tmp_path: Path, p
     assert not list(tmp_path.iterdir())
 
 
-def test_an_odd_cloud_is_not_written(cloud: Cloud, tmp_path: Path) -> None:
-    """A column of a wrong length never reaches the disk."""
-    odd = dataclasses.replace(cloud, columns={**cloud.columns, "segment": cloud.columns["segment"][:-1]})
-    with pytest.raises(InputError, match="segment"):
-        write_cloud(tmp_path, odd)
+@pytest.mark.parametrize(
+    ("part", "name", "value", "named"),
+    [
+        ("columns", "segment", np.zeros(499, np.uint8), r"segment\.npy: segment: .*found 'uint8 \(499,\)'"),
+        ("columns", "segment", [0] * 500, r"segment\.npy: segment: a column is not an array \(found 'list'\)"),
+        ("columns", "coord", 7.0, r"coord\.npy: coord: a column is not an array \(found 'float'\)"),
+        ("columns", "intensity", [0.0] * 500, r"intensity\.npy: intensity: a column is not an array"),
+        ("observations", "image", np.float32(7.0), r"image\.npy: image: a column is not an array"),
+        ("statistics", "noise", {"median": float("nan")}, r"cloud\.json: statistics\.noise: has no form in JSON: "),
+        ("alignment", "scale", np.ones(3), r"cloud\.json: alignment\.scale: has no form in JSON"),
+        ("cameras", 0, {"name": "a", "center_error": float("inf")}, r"cloud\.json: cameras\.0: has no form in JSON"),
+        ("cameras", 0, {"name": 7}, r"cloud\.json: cameras: of a wrong kind"),
+        ("classes", 1, ClassRow(300, "deck", (0, 0, 0)), r"cloud\.json: classes: of a wrong kind, or out of range"),
+        ("components", 1, 7, r"cloud\.json: components: of a wrong kind"),
+    ],
+)
+def test_an_odd_cloud_is_not_written(
+    cloud: Cloud, tmp_path: Path, part: str, name: str | int, value: object, named: str
+) -> None:
+    """Neither columns nor figures that no reader would accept reach the disk: one line names the column or key."""
+    known = getattr(cloud, part)
+    odd: dict[str, Any] = {
+        part: (*known[:name], value, *known[name + 1 :]) if isinstance(name, int) else {**known, name: value}
+    }
+    with pytest.raises(InputError, match=rf"^{tmp_path}/.*{named}"):
+        write_cloud(tmp_path, dataclasses.replace(cloud, **odd))
     assert not list(tmp_path.iterdir())
     shutil.rmtree(tmp_path)

@@ -15,6 +15,7 @@ import pycolmap
 import pytest
 from numpy.typing import NDArray
 
+from benchmarks.recon.completeness import count_cameras, measure_completeness, visible_surface
 from groundwork.canonical import folder_digest
 from groundwork.errors import OutOfSpaceError, RejectedSceneError
 from groundwork.progress import SILENT, Silent
@@ -29,7 +30,6 @@ from recon.reconstruct import reconstruct
 from recon.settings import DenseSettings, ReconSettings
 from recon.sfm.colmap_model import read_model
 from recon.sfm.sparse import Sparse
-from recon.truth.completeness import count_cameras, measure_completeness, visible_surface
 from recon.truth.pixel_classes import describe_pixels
 from render.capture import Truth, read_capture, read_truth
 from tests.conftest import Count

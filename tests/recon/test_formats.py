@@ -284,7 +284,7 @@ def test_a_dense_cloud_goes_with_its_cameras(reconstructed: Path) -> None:
     """Beside the model of a dense cloud lies `fused.ply`, the name by which COLMAP's own tools know it."""
     assert not (export(reconstructed, "colmap") / "fused.ply").exists()
     (reconstructed.parent / "out-colmap").rename(reconstructed.parent / "former")
-    cloud = sampled_cloud((0.0, 0.0, 0.0))
+    cloud = sampled_cloud()
     once = {name: np.zeros((COUNT, *values.shape[1:]), values.dtype) for name, values in cloud.observations.items()}
     once["start"] = np.arange(COUNT + 1)
     dense = dataclasses.replace(cloud, observations=once, cameras=({"name": "a"},), source="sfm-dense")
@@ -292,8 +292,11 @@ def test_a_dense_cloud_goes_with_its_cameras(reconstructed: Path) -> None:
     write_cloud(reconstructed, dense)
     points = trimesh.load(export(reconstructed, "colmap") / "fused.ply", process=False)
     assert isinstance(points, trimesh.PointCloud)
-    np.testing.assert_allclose(points.vertices, cloud.columns["coord"], atol=1e-5)
+    np.testing.assert_array_equal(points.vertices, cloud.columns["coord"])
     np.testing.assert_array_equal(np.asarray(points.colors)[:, :3], cloud.columns["color"])
+    path = reconstructed.parent / "out-colmap" / "fused.ply"
+    for coord in (load_open3d().t.io.read_point_cloud(str(path)).point["positions"].numpy(), read_scan(path).coord):
+        np.testing.assert_array_equal(coord, cloud.columns["coord"])  # to the last bit, at map coordinates
 
 
 def test_nerfstudio(reconstructed: Path) -> None:
@@ -322,7 +325,7 @@ def test_nerfstudio(reconstructed: Path) -> None:
     assert (stored["w"], stored["h"]) == (camera.width, camera.height)
     seeds = trimesh.load(out / stored["ply_file_path"], process=False)
     assert isinstance(seeds, trimesh.PointCloud)
-    np.testing.assert_allclose(seeds.vertices, read_cloud(reconstructed).columns["coord"], atol=1e-5)
+    np.testing.assert_array_equal(seeds.vertices, read_cloud(reconstructed).columns["coord"])
 
 
 def test_sampled_clouds_have_no_cameras(source: Path) -> None:

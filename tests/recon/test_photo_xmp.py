@@ -59,6 +59,10 @@ def test_packets_as_drones_write_them() -> None:
         b'drone-dji:GimbalPitchDegree="up"',
         b'drone-dji:RtkStdLon="0.0" drone-dji:RtkStdLat="0.0" drone-dji:RtkStdHgt="0.0"',
         b"<Camera:GPSXYAccuracy>1/0</Camera:GPSXYAccuracy>",
+        b'drone-dji:GimbalPitchDegree="inf" drone-dji:GimbalRollDegree="NaN"',
+        b'drone-dji:GimbalPitchDegree="' + b"9" * 400 + b'"',  # infinite as a float
+        b"<Camera:GPSXYAccuracy>" + b"9" * 400 + b"/" + b"9" * 400 + b"</Camera:GPSXYAccuracy>",
+        b"<Camera:GPSXYAccuracy>" + b"9" * 200 + b"</Camera:GPSXYAccuracy>",
     ):
         assert read_xmp(packet).sigmas is None
         assert read_xmp(packet).up is None

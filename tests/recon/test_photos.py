@@ -118,6 +118,16 @@ def test_a_cut_header_is_an_error_or_a_header(tmp_path: Path) -> None:
         assert size == (64, 48)
 
 
+@pytest.mark.parametrize(("name", "at"), [("a.png", 16), ("a.png", 20), ("a.jpg", 163), ("a.jpg", 165)])
+def test_a_photograph_without_pixels_is_named(name: str, at: int, tmp_path: Path) -> None:
+    """A header that states no width or no height would otherwise give a camera without a center."""
+    data = cv2.imencode(".png", np.zeros((48, 64, 3), np.uint8))[1].tobytes() if name == "a.png" else jpeg()
+    width = 4 if name == "a.png" else 2
+    (tmp_path / name).write_bytes(data[:at] + bytes(width) + data[at + width :])
+    with pytest.raises(InputError, match=rf"{name}: states a width or height of 0 pixels \(found '(0 x|64 x 0)"):
+        read_header(tmp_path / name)
+
+
 def test_png_with_exif(tmp_path: Path) -> None:
     """PNG keeps its EXIF in a chunk of its own."""
     data = cv2.imencode(".png", np.zeros((48, 64, 3), np.uint8))[1].tobytes()

@@ -229,5 +229,3 @@ def test_too_much_is_refused(tmp_path: Path) -> None:
         scanned(ground(), tmp_path / "a", positions=[[0.0, 0.0, 2.0]] * 100, angular_step=0.005)
     with pytest.raises(InputError, match="the scanner gets no point"):
         scanned(ground(), tmp_path / "b", positions=[[0.0, 0.0, 2.0]], lowest=10.0)
-    with pytest.raises(InputError, match="below the lowest"):
-        scanned(ground(), tmp_path / "c", positions=[[0.0, 0.0, 2.0]], lowest=10.0, highest=5.0)

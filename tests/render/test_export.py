@@ -3,17 +3,19 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pycolmap
 import pytest
+from numpy.typing import NDArray
 
 from groundwork.errors import InputError
 from groundwork.progress import SILENT
 from render.capture import Truth, read_capture, read_truth
 from render.writing.capture_writer import write_truth
-from render.writing.export import export_capture
+from render.writing.export import _surface_points, export_capture
 from tests.render.scenes import CAMERA
 from tests.render.test_capture import write_example
 from usd_schemas.distortion import NO_DISTORTION, Distortion
@@ -72,7 +74,11 @@ def test_nerfstudio_axes_and_intrinsics(tmp_path: Path, truth: Truth) -> None:
     told = json.loads((out / "transforms.json").read_text())
     assert told["camera_model"] == "OPENCV"
     assert (told["w"], told["h"]) == (CAMERA.width, CAMERA.height)
-    assert (out / told["ply_file_path"]).stat().st_size > 500
+    head, _, body = (out / told["ply_file_path"]).read_bytes().partition(b"end_header\n")
+    assert [f"property double {axis}".encode() in head for axis in "xyz"] == [True] * 3  # map coordinates survive
+    coord = np.frombuffer(body, [("xyz", "<3f8"), ("rgb", "3u1")])["xyz"]
+    np.testing.assert_array_equal(coord, _surface_points(read_capture(tmp_path / "capture"), truth, SILENT)[0])
+    assert len(coord) > 30
     matrix = np.array([[told["fl_x"], 0, told["cx"] - 0.5], [0, told["fl_y"], told["cy"] - 0.5], [0, 0, 1]])
     bend = np.array([told[name] for name in ("k1", "k2", "p1", "p2")])
     for row, frame in enumerate(told["frames"]):
@@ -101,6 +107,37 @@ def test_the_film_shows_every_image(tmp_path: Path, truth: Truth) -> None:
     assert first is not None
     assert abs(frames[0][:, : CAMERA.width].mean() - first.mean()) < 4
     assert truth.names[0] == "000000"
+
+
+@pytest.mark.parametrize("kept", [0, 1, 2])
+def test_a_film_that_was_not_written_is_noticed(
+    kept: int, tmp_path: Path, truth: Truth, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """OpenCV's writer says nothing where a frame or the whole file does not reach the disk."""
+    real = cv2.VideoWriter
+
+    class Losing:
+        fourcc = staticmethod(real.fourcc)
+
+        def __init__(self, *given: Any) -> None:
+            self.film, self.left = real(*given) if kept else None, kept
+
+        def isOpened(self) -> bool:
+            return True
+
+        def write(self, frame: NDArray[np.uint8]) -> None:
+            if self.film is not None and self.left:
+                self.film.write(frame)
+                self.left -= 1
+
+        def release(self) -> None:
+            if self.film is not None:
+                self.film.release()
+
+    monkeypatch.setattr(cv2, "VideoWriter", Losing)
+    assert len(truth.names) == 3
+    with pytest.raises(InputError, match=rf"flight\.mp4: the film is not complete \(found '{kept} of 3 images'\)"):
+        written(tmp_path, "video")
 
 
 def test_photographs_alone_make_a_film_and_nothing_else(tmp_path: Path, truth: Truth) -> None:

@@ -8,11 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from groundwork.errors import InputError
+from groundwork.settings import parse_settings
 from render.images.exif import Shot, geodetic, insert_exif
 from render.images.image_files import encode_jpeg
 from render.light.illumination import BRIGHTEST
 from render.sensor.sensor import Metering, Sensor, balance, gray_balance, meter
-from render.settings import SensorSettings
+from render.settings import RenderSettings, SensorSettings
 from tests.conftest import RecordProof
 
 SHAPE = (240, 320)
@@ -235,6 +237,15 @@ def test_exif_is_read_back() -> None:
         assert degrees == pytest.approx(value, abs=1e-9)
     assert gps[6] == [pytest.approx(height)]
     assert (latitude - 46.0) * 111_140 == pytest.approx(-250.0, rel=2e-3)
+    assert geodetic((300.0, 0.0, 0.0), (0.0, 179.999, 0.0))[1] == pytest.approx(-179.998305, abs=1e-6)  # date line
+
+
+@pytest.mark.parametrize("origin", [(90.0, 0.0, 0.0), (46.0, 181.0, 0.0), (4_600_000.0, 700_000.0, 30.0)])
+def test_an_origin_that_is_not_on_earth_is_refused(origin: tuple[float, float, float]) -> None:
+    """A pole, and map coordinates in meters in the place of degrees."""
+    with pytest.raises(InputError, match=r"x\.toml: geodetic_origin: should be latitude, .*allowed: -89 to 89 deg"):
+        parse_settings(RenderSettings, {"geodetic_origin": origin}, "x.toml")
+    assert parse_settings(RenderSettings, {"geodetic_origin": [-89, 180, 0]}, "").geodetic_origin[0] == -89.0
 
 
 @settings(deadline=None, max_examples=200)

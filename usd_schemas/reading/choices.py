@@ -11,6 +11,16 @@ DRAWN_PURPOSES = ("default", "render")
 PURPOSES = ("default", "render", "proxy", "guide")
 MOST_FRAMES = 100_000
 LARGEST_SIDE = 32_768  # [px]
+MOST_REFINEMENTS = 4  # of subdivision surfaces: each makes four times the faces
+_IMPOSSIBLE = {
+    "camera": "not a camera",
+    "purposes": "not a USD purpose",
+    "frames": "not time codes",
+    "variants": "not a variant",
+    "width": "image size out of range",
+    "height": "image size out of range",
+    "subdivision": "number of refinements out of range",
+}
 _ROUNDED = 1e-9  # [frames] rounding error allowed, so that a step such as 0.1 reaches its last frame
 
 
@@ -109,18 +119,43 @@ def variants_of(words: Sequence[str]) -> tuple[tuple[str, str, str], ...]:
     return tuple(found)
 
 
-def check_choices(choices: StageChoices) -> None:
+def check_choices(choices: StageChoices, *, are_options: bool = True) -> None:
     """Refuse choices that are impossible for any stage.
 
     Args:
-        choices: The user's choices.
+        choices: The user's choices; those of a script may be of any type.
+        are_options: Name them in an error as options of the command line, not as fields.
 
     Raises:
-        InputError: An unknown purpose, or an invalid size.
+        InputError: A value of a wrong type, an unknown purpose, an invalid size, time code or number of refinements.
     """
-    for purpose in choices.purposes:
-        if purpose not in PURPOSES:
-            raise InputError("not a USD purpose", field="--purpose", value=purpose, allowed=", ".join(PURPOSES))
-    for name, side in (("--width", choices.width), ("--height", choices.height)):
-        if not 0 <= side <= LARGEST_SIDE:
-            raise InputError("image size out of range", field=name, value=side, allowed=f"1 to {LARGEST_SIDE} px")
+
+    def want(right: bool, field: str, value: object, allowed: str) -> None:
+        if not right:
+            option = {"purposes": "--purpose", "frames": "--frame", "variants": "--variant"}.get(field, f"--{field}")
+            raise InputError(_IMPOSSIBLE[field], field=option if are_options else field, value=value, allowed=allowed)
+
+    want(isinstance(choices.camera, str), "camera", choices.camera, "a name or a prim path")
+    for purpose in _listed(choices.purposes):
+        want(purpose in PURPOSES, "purposes", purpose, ", ".join(PURPOSES))
+    frames = _listed(choices.frames)
+    for code in frames:
+        want(_is_number(code) and math.isfinite(code), "frames", code, "a list of time codes")
+    want(len(frames) <= MOST_FRAMES, "frames", len(frames), f"up to {MOST_FRAMES} time codes")
+    for variant in _listed(choices.variants):
+        words = _listed(variant)
+        is_one = len(words) == 3 and all(isinstance(word, str) for word in words) and words[0].startswith("/")
+        want(is_one, "variants", variant, "a list of prim path, set and name")
+    for name, side in (("width", choices.width), ("height", choices.height)):
+        want(type(side) is int and 0 <= side <= LARGEST_SIDE, name, side, f"1 to {LARGEST_SIDE} px")
+    level = choices.subdivision
+    want(type(level) is int and 0 <= level <= MOST_REFINEMENTS, "subdivision", level, f"0 to {MOST_REFINEMENTS}")
+
+
+def _listed(value: Any) -> Sequence[Any]:
+    """Return a list or tuple; anything else as one item, so that it is judged as such."""
+    return value if isinstance(value, list | tuple) else (value,)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
