@@ -223,6 +223,7 @@ OPENED_RAW: dict[str, set[str]] = {
         "canonical.source_digest",
         "events.parse_event",
         "events.read_events",
+        "export._check_film",
         "export.write_parquet",
         "failures.write_failure",
         "flatten._is_ours",
