@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -18,6 +18,7 @@ from authoring.parts.frame_shapes import (
     lateral_bar,
     pierced_plate,
 )
+from authoring.parts.idle_settings import Use
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.plate_girders import PlateGirders
 from authoring.parts.spans import Levels, Spans
@@ -36,6 +37,10 @@ _BOX_PANELS = 2  # boxes are connected at every second frame
 class CrossFrameSettings(Settings):
     """What joins the girders; omitted values are drawn at random."""
 
+    uses: ClassVar = (
+        Use("kind", ("plate",), ("plate",)),
+        Use("stiffeners", (True,), ("stiffener_pitch",)),
+    )
     kind: Literal["x", "k", "solid", "plate"] | None = chosen(
         {"x": 42, "k": 36, "solid": 22},
         "Cross-frames between plate girders. x: crossed angles; k: angles in a K; solid: rolled beams; plate: plates "
