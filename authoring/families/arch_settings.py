@@ -68,7 +68,7 @@ class ArchSettings(Settings):
         Use("arrangement", ("deck", *ABOVE), ("fittings", *_NOT_ON_MASONRY, *(f"parapet.{key}" for key in _RAILED))),
         Use("arrangement", ("deck",), _NOT_ABOVE),
         Use("arrangement", ("deck", "masonry"), ("fittings.lamps", *_LAMPS)),
-        Use("approach", POSITIVE, (*_FOOTING, "abutment.battered", "abutment.batter"), drawn=False),
+        Use("approach", POSITIVE, (*_FOOTING, "abutment.battered", "abutment.batter")),
     )
     arrangement: Literal["deck", "through", "half_through", "tied", "masonry"] | None = chosen(
         ARRANGEMENTS, "Position of the deck", paper={"deck": 1}

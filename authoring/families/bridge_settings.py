@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from copy import deepcopy
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import ValidationInfo, field_validator
@@ -17,7 +17,7 @@ from authoring.families.shared import SharedSettings
 from authoring.families.slab import SlabSettings
 from authoring.families.suspension import SuspensionSettings
 from authoring.parts.drawing import Draws, UnsuitedDeck
-from authoring.parts.idle_settings import refuse_idle
+from authoring.parts.idle_settings import Use, refuse_idle
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
@@ -28,6 +28,7 @@ FamilyName = Literal["arch", "beam", "cable_stayed", "girder", "slab", "suspensi
 class BridgeSettings(SharedSettings):
     """The section `[bridge]` of a scenario."""
 
+    uses: ClassVar = (*SharedSettings.uses, Use("profile", ("default",), ("cable_stayed.size",)))
     family: FamilyName | dict[FamilyName, float] = "beam"
     """Family of bridges; or a table of weights by which it is drawn, e.g. `{beam = 2.0, arch = 1.0}`."""
     profile: Literal["default", "paper"] = "default"

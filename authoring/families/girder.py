@@ -47,6 +47,7 @@ from authoring.parts.stiffeners import Stiffening, stiffener_parts
 _SPANS = SpanRule("girder", "steel girders", 10.0, 90.0, (22.0, 60.0), 18.0, one_row=True)
 _COUNTS = {1: 14.0, 2: 20.0, 3: 26.0, 4: 16.0, 5: 10.0, 6: 6.0, 7: 4.0, 8: 4.0}
 _PAPER_COUNTS = (8, 20)
+_STIFFENERS = ("frames.stiffeners", "frames.stiffener_pitch", "frames.stiffener")
 
 
 class SteelGirderSettings(SpanSettings):
@@ -57,6 +58,7 @@ class SteelGirderSettings(SpanSettings):
         Use("continuous", (True,), ("steel.splices", "steel.splice_share"), drawn=False),
         Use("steel.arrangement", ("multi", "box"), ("frames.pitch",)),
         Use("steel.arrangement", ("ladder",), ("frames.floor_beam_pitch",)),
+        Use("steel.arrangement", ("multi", "ladder"), _STIFFENERS),
         Use("steel.arrangement", ("multi",), ("frames.kind", "frames.plate", "frames.laterals")),
     )
     shared_uses: ClassVar = PIERS_BETWEEN_SPANS

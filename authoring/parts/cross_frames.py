@@ -5,7 +5,6 @@ from itertools import pairwise
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from authoring.axis.alignment import Alignment
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
@@ -57,9 +56,7 @@ class CrossFrameSettings(Settings):
     laterals: bool | None = chosen(
         {True: 25, False: 75}, "Lateral (plan) bracing in the outer bays of multi-girder decks", paper={False: 1}
     )
-    stiffeners: bool | None = Field(
-        default=None, description="Stiffeners on the webs; drawn always, in profile paper never"
-    )
+    stiffeners: bool | None = chosen({True: 1}, "Stiffeners on the webs", paper={False: 1})
     stiffener_pitch: float | None = drawn(
         1.0, 1.5, "Largest distance between stiffeners over the girder depth [1]", ge=0.4, le=3.0
     )

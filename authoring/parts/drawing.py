@@ -37,6 +37,9 @@ class Draws:
         return weighted_choice(weights, self.random())
 
 
+IN_PAPER = "in profile paper"  # begins the conditions of a table that are those of this profile
+
+
 class UnsuitedDeck(InputError):
     """The deck is too wide or too narrow for what the user set; one that was drawn may be drawn again."""
 
@@ -151,7 +154,9 @@ def chosen_by(
     """
     told = "" if paper is None else f"; in profile paper {told_shares(paper)}"
     cases = "; ".join(f"{where}: {told_shares(weights)}" for where, weights in tables.items())
-    extra: dict[str, Any] | None = None if paper is None else {"paper": [*map(list, paper.items())]}
+    extra: dict[str, Any] = {} if paper is None else {"paper": [*map(list, paper.items())]}
+    if own := [weights for where, weights in tables.items() if where.startswith(IN_PAPER)]:
+        extra["cases"] = [[option, weight] for weights in own for option, weight in weights.items()]
     return Field(None, description=f"{description}; drawn {cases}{told}", json_schema_extra=extra)
 
 

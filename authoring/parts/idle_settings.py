@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from authoring.parts.drawing import drawn_range
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
@@ -103,9 +104,10 @@ def _likely(settings: Settings, key: str, profile: str) -> list[Any]:
     *names, last = key.split(".")
     owner = _value(settings, ".".join(names)) if names else settings
     extra: Any = type(owner).model_fields[last].json_schema_extra or {}
-    weights = extra.get("paper" if profile == "paper" else "chosen", [])
-    if not weights or not isinstance(weights[0], list):  # a range
-        return []
+    weights = extra.get("paper", extra.get("cases", [])) if profile == "paper" else extra.get("chosen", [])
+    if "drawn" in extra:  # a range
+        low, high = drawn_range(type(owner), last, profile)
+        return [low] if low == high else []
     return [option for option, weight in weights if weight > 0.0]
 
 

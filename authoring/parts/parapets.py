@@ -32,7 +32,7 @@ class ParapetSettings(RailingSettings):
         Use("shape", ("railing",), ("plinth",)),
         Use("shape", ("wall_rail",), ("low_wall",)),
         Use("shape", ("railing", "wall_rail"), ("railing_height", *RailingSettings.model_fields)),
-        Use("coping_height", POSITIVE, ("batter", "coping_overhang"), drawn=False),
+        Use("coping_height", POSITIVE, ("batter", "coping_overhang")),
         *RailingSettings.uses,
     )
     shape: Shape | None = chosen_by(

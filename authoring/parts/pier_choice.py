@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from authoring.parts.drawing import Draws, UnsuitedDeck
+from authoring.parts.drawing import IN_PAPER, Draws, UnsuitedDeck
 from authoring.parts.idle_settings import LEFT_OUT, Use
 from authoring.streams import weighted_choice
 from groundwork.errors import InputError
@@ -41,8 +41,8 @@ PAPER_KINDS_UNDER_CONCRETE: tuple[PierKind, ...] = ("single", "multi")
 KINDS = {  # by the bridges for which they are drawn
     f"for caps up to {WIDEST_STEM:g} m long": _NARROW,
     f"for longer caps (no pi_frame over {WIDEST_FRAME:g} m)": _WIDE,
-    "in profile paper": dict.fromkeys(PAPER_KINDS, 1.0),
-    "in profile paper under concrete girders": dict.fromkeys(PAPER_KINDS_UNDER_CONCRETE, 1.0),
+    IN_PAPER: dict.fromkeys(PAPER_KINDS, 1.0),
+    f"{IN_PAPER} under concrete girders": dict.fromkeys(PAPER_KINDS_UNDER_CONCRETE, 1.0),
 }
 CAPS = {  # by the bridges for which they are drawn
     "on wall": _CAPS["wall"],
@@ -50,7 +50,7 @@ CAPS = {  # by the bridges for which they are drawn
     "on hammerhead": _CAPS["hammerhead"],
     "on pi_frame": _CAPS["pi_frame"],
     "on y and v": _CAPS["y"],
-    "in profile paper on single and multi": _PAPER_CAPS,
+    f"{IN_PAPER} on single and multi": _PAPER_CAPS,
 }
 USES = (  # the keys of `[bridge.pier]` that only some piers have
     Use("kind", ("wall", "single", "multi", "hammerhead"), ("column_shape",)),

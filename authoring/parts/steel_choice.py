@@ -26,7 +26,7 @@ class PlateGirderSettings(Settings):
 
     uses: ClassVar = (
         Use("arrangement", ("multi",), ("count", "spacing")),
-        Use("arrangement", ("multi", "ladder"), ("top_share",)),
+        Use("arrangement", ("multi", "ladder"), ("top_share", "web")),
         Use("count", LEFT_OUT, ("spacing",)),
         Use("haunch", ("parabolic", "straight"), ("haunch_ratio", "haunch_reach")),
         Use("splices", (True,), ("splice_share",)),
@@ -75,9 +75,7 @@ class PlateGirderSettings(Settings):
     fillet: float | None = drawn(
         0.040, 0.090, "Depth of the concrete haunch between top flange and slab [m]", ge=0.0, le=0.20, paper=(0.0, 0.0)
     )
-    splices: bool | None = Field(
-        default=None, description="Bolted field splices in continuous girders; drawn always, in profile paper never"
-    )
+    splices: bool | None = chosen({True: 1}, "Bolted field splices in continuous girders", paper={False: 1})
     splice_share: float | None = drawn(
         0.20, 0.25, "Distance from a pier to a field splice, over the span [1]", ge=0.1, le=0.4
     )

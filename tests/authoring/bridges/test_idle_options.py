@@ -111,7 +111,21 @@ IDLE: list[
     ("beam", {"track.upstand_top": 0.1, "profile": "paper"}, PAPER),
     ("beam", {"parapet.plinth": 0.1, "profile": "paper"}, PAPER),
     ("beam", {"pier.batter": 0.02, "profile": "paper"}, PAPER),
+    ("beam", {"parapet.coping_overhang": 0.05, "profile": "paper"}, PAPER),
+    ("beam", {"pier.wall_share": 0.8, "profile": "paper"}, PAPER),
+    ("girder", {"girder.steel.splice_share": 0.2, "profile": "paper"}, PAPER),
+    ("girder", {"girder.frames.stiffener_pitch": 1.2, "profile": "paper"}, PAPER),
+    (
+        "girder",
+        {"girder.steel.web": 0.015, "girder.steel.arrangement": "box"},
+        'bridge.girder.steel.arrangement = "box"',
+    ),
+    ("girder", {"girder.frames.stiffener": 0.015, "girder.steel.arrangement": "box"}, 'steel.arrangement = "box"'),
     ("arch", {"arch.above.span": 80.0, "profile": "paper"}, PAPER),
+    ("arch", {"abutment.footing": True, "profile": "paper"}, PAPER),
+    ("cable_stayed", {"cable_stayed.size": "realistic", "profile": "paper"}, PAPER),
+    ("cable_stayed", {"pier.kind": "wall", "cable_stayed.anchor_piers": False}, "cable_stayed.anchor_piers = false"),
+    ("suspension", {"pier.kind": "wall", "profile": "paper"}, PAPER),
 ]
 
 
