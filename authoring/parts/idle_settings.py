@@ -42,7 +42,8 @@ def refuse_idle(bridge: Settings, family: str | Mapping[Any, float], profile: st
         bridge: The section `[bridge]`. The rules of a section are in its class attribute `uses`; those of a family for
             the other sections, in the `shared_uses` of the family's section: their choices are keys of the family's
             section, an empty one is the family itself, and their keys are those of `[bridge]`.
-        family: Name of the family, or weights by which it is drawn; then its rules for other sections do not apply.
+        family: Name of the family, or weights by which it is drawn [1]; then its rules for other sections do not
+            apply.
         profile: `default` or `paper`.
 
     Raises:
@@ -134,8 +135,10 @@ def _given(settings: Settings, keys: tuple[str, ...]) -> Iterator[tuple[str, Any
 def _allowed(choice: str, options: tuple[object, ...]) -> str:
     if options is LEFT_OUT:
         return f"without {choice}"
-    if options is POSITIVE or options is SEVERAL:
-        return f"with {choice} {'of ' if options is SEVERAL else ''}{options[0]}"
+    if options is SEVERAL:
+        return "with several spans"
+    if options is POSITIVE:
+        return f"with {choice} above 0"
     *most, last = map(_toml, options)
     return f"with {choice} = {', '.join(most) + ' or ' if most else ''}{last}"
 
