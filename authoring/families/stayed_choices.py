@@ -328,9 +328,7 @@ def _main(size: str, pylons: int, ratio: float, randoms: RandomDraws) -> float:
 
 
 def _refuse(settings: CableStayedSettings, shape: str, arrangement: str, planes: int, divided: bool) -> None:
-    asked = next(
-        key for key in ("planes", "deck", "shape", "arrangement", "size") if getattr(settings, key) or key == "size"
-    )
+    asked = "planes" if settings.planes else "deck"  # what needs the single plane, unless a mast does
     if planes == 1 and shape not in _ONE_PLANE_SHAPES:
         allowed = "2" if asked == "planes" else ", ".join(_DECKS[2])
         hint = f"Choose a mast or a diamond, or leave {asked} out"
