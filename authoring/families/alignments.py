@@ -1,13 +1,14 @@
 """Draw the axis of a bridge: straight, arc, clothoids, S or wave in plan; grade, crest or sag; crossfall and skew."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from authoring.axis.alignment import Alignment, VerticalCurve
 from authoring.axis.plan_curve import Element, PlanCurve, sine_elements
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
+from authoring.parts.idle_settings import Use
 from authoring.parts.spans import ABUTMENT_BACK
 from authoring.streams import told_shares
 from groundwork.errors import InputError
@@ -37,6 +38,11 @@ class AlignmentSettings(Settings):
     Bridge Generator.
     """
 
+    uses: ClassVar = (
+        Use("kind", ("arc", "clothoid", "s", "sine"), ("turn",)),
+        Use("kind", ("clothoid", "s"), ("spiral",)),
+        Use("kind", ("arc", "clothoid", "s"), ("superelevation", "cant"), drawn=False),
+    )
     kind: Literal["straight", "arc", "clothoid", "s", "sine"] | None = chosen(
         {"straight": 40, "arc": 30, "clothoid": 20, "s": 10},
         "Axis in plan. clothoid: an arc between two clothoids; s: two opposite arcs with a clothoid between them",

@@ -6,12 +6,12 @@ import numpy as np
 
 from authoring.axis.alignment import Alignment, Layout
 from authoring.families.arch_settings import ArchChoice
-from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
+from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of, draw_top
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.arch_axis import ArchAxis, Rib
 from authoring.parts.arches import RibSection, rib_parts, skewback_face, skewback_part, skewback_stations, strut_parts
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
-from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
+from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts
 from authoring.parts.drawing import Draws
 from authoring.parts.fittings import fitting_parts
 from authoring.parts.footings import Founding
@@ -87,7 +87,7 @@ def draw_deck_arch(choice: ArchChoice, shared: SharedSettings, draws: Draws) -> 
         shared: Settings of the parts that every family has.
         draws: Random stream and profile of the bridge.
     """
-    top = draw_deck_top(shared, draws)
+    top = draw_top(shared, draws)
     bearings = draw_bearings(shared.bearing, draws)
     abutments = draw_abutments(shared.abutment, bearings, draws)
     if choice.approach_bays == 0:  # walls stand behind the springings' blocks

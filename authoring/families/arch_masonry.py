@@ -7,11 +7,11 @@ import numpy as np
 from authoring.axis.alignment import Layout
 from authoring.families.arch_deck import FOUNDING, raised
 from authoring.families.arch_settings import ArchSettings
-from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
+from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of, draw_top
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.arch_axis import Rib
 from authoring.parts.bearings import draw_bearings
-from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
+from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts
 from authoring.parts.drawing import Draws, draw, draw_whole
 from authoring.parts.footings import Founding
 from authoring.parts.masonry import ROLE, Viaduct, covered_by_piers, masonry_support_parts, ring_of, viaduct_parts
@@ -55,7 +55,7 @@ def draw_masonry(
     """
     own = settings.masonry
     solid = shared.parapet.model_copy(update={"shape": "wall"})
-    top = draw_deck_top(shared.model_copy(update={"parapet": solid}), draws)
+    top = draw_top(shared.model_copy(update={"parapet": solid}), draws)
     abutments = draw_abutments(shared.abutment, draw_bearings(shared.bearing, draws), draws)
     count, span = draw_whole(own, "span_count", draws), draw(own, "span", draws)
     rise, thickness = span * draw(own, "rise_ratio", draws), span / draw(own, "span_to_ring", draws)

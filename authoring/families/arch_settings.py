@@ -1,22 +1,30 @@
 """Settings of an arch bridge in a scenario, and the random draw of the values that all arrangements share."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from authoring.parts.drawing import Draws, chosen, chosen_by, draw, draw_option, draw_whole, drawn
-from groundwork.errors import InputError
+from authoring.parts.idle_settings import POSITIVE, SEVERAL, Use
+from authoring.parts.railings import RailingSettings
 from groundwork.settings import Settings
 
 ARRANGEMENTS = {"deck": 0.60, "through": 0.08, "half_through": 0.07, "tied": 0.10, "masonry": 0.15}
+ABOVE = ("through", "half_through", "tied")
 _DECK_FORMS = {"ring": 0.30, "concrete": 0.45, "steel": 0.25}
+_RAILED = ("railing_height", "plinth", "low_wall", *RailingSettings.model_fields)
+_LAMPS = ("fittings.lamp_pitch", "fittings.lamp_height", "fittings.lamp_arm")
+_FOOTING = ("abutment.footing", "abutment.footing_toe", "abutment.footing_top")
+_NOT_ON_MASONRY = ("abutment.seat_margin", *_FOOTING, "abutment.battered", "abutment.batter", "bearing")
+_NOT_ABOVE = (*_FOOTING, "fittings.pipe_diameter", "fittings.conduits", "fittings.conduit_diameter")
 _THROUGH_FORMS = {"concrete": 0.35, "steel": 0.65}
 
 
 class MasonrySettings(Settings):
     """A masonry arch bridge with filled spandrels; omitted values are drawn at random."""
 
+    uses: ClassVar = (Use("span_count", SEVERAL, ("pier_ratio", "cutwater")),)
     span_count: int | None = drawn(1, 5, "Number of arches [1]")
     span: float | None = drawn(6.0, 25.0, "Clear span of every arch [m]", ge=4.0, le=35.0)
     rise_ratio: float | None = drawn(0.22, 0.48, "Rise of the intrados over the span [1]", ge=0.15, le=0.5)
@@ -46,6 +54,22 @@ class ArchSettings(Settings):
     `springing` by the springings; the higher of both decides the level of the deck.
     """
 
+    uses: ClassVar = (
+        Use("arrangement", ("deck",), ("span", "span_to_rise", "deck", "bays", "approach")),
+        Use("arrangement", ABOVE, ("above.span", "above.span_to_rise", "hanger_pitch", "bracing")),
+        Use("arrangement", ("half_through",), ("above.below_deck",)),
+        Use("arrangement", ("masonry",), ("masonry",)),
+        Use("arrangement", ("deck", *ABOVE), ("form", "span_to_depth", "thickening")),
+        Use("arrangement", ("deck", "through", "half_through", "masonry"), ("springing",)),
+    )
+    shared_uses: ClassVar = (
+        Use("", ("beam", "girder", "slab", "cable_stayed", "suspension"), ("pier",)),
+        Use("arrangement", ("deck", *ABOVE), ("parapet.shape",), plain="wall"),
+        Use("arrangement", ("deck", *ABOVE), ("fittings", *_NOT_ON_MASONRY, *(f"parapet.{key}" for key in _RAILED))),
+        Use("arrangement", ("deck",), _NOT_ABOVE),
+        Use("arrangement", ("deck", "masonry"), ("fittings.lamps", *_LAMPS)),
+        Use("approach", POSITIVE, (*_FOOTING, "abutment.battered", "abutment.batter")),
+    )
     arrangement: Literal["deck", "through", "half_through", "tied", "masonry"] | None = chosen(
         ARRANGEMENTS, "Position of the deck", paper={"deck": 1}
     )
@@ -85,14 +109,6 @@ class ArchSettings(Settings):
     )
     above: AboveSettings = AboveSettings()
     masonry: MasonrySettings = MasonrySettings()
-
-
-_ABOVE = ("through", "half_through", "tied")
-_DIMENSIONS = {  # dimensions that only some arrangements have
-    "deck": ("span", "span_to_rise"),
-    "above": tuple(f"above.{key}" for key in AboveSettings.model_fields),
-    "masonry": tuple(f"masonry.{key}" for key in MasonrySettings.model_fields),
-}
 
 
 @dataclass(frozen=True)
@@ -139,9 +155,12 @@ def draw_choice(settings: ArchSettings, draws: Draws) -> ArchChoice:
         settings: Values set by the user.
         draws: Random stream and profile.
     """
-    _refuse_idle(settings)
-    arrangement, shape = (draw_option(settings, key, draws) for key in ("arrangement", "shape"))
-    above = arrangement in _ABOVE
+    suited = ("deck",) if settings.form == "ring" else None  # no other arrangement has a ring
+    arrangement, shape = (
+        draw_option(settings, "arrangement", draws, suited=suited),
+        draw_option(settings, "shape", draws),
+    )
+    above = arrangement in ABOVE
     form = draw_option(settings, "form", draws, _THROUGH_FORMS if above else _DECK_FORMS)
     deck, bracing = (draw_option(settings, key, draws) for key in ("deck", "bracing"))
     below_span, below_flatness = draw(settings, "span", draws), draw(settings, "span_to_rise", draws)
@@ -167,21 +186,3 @@ def draw_choice(settings: ArchSettings, draws: Draws) -> ArchChoice:
         hanger_pitch=draw(settings, "hanger_pitch", draws),
         below_deck=draw(settings.above, "below_deck", draws),
     )
-
-
-def _refuse_idle(settings: ArchSettings) -> None:
-    """Refuse dimensions of another arrangement than the chosen one: they would have no effect."""
-    own = "above" if settings.arrangement in _ABOVE else settings.arrangement
-    if own is None:
-        return
-    for key in (key for kind, keys in _DIMENSIONS.items() if kind != own for key in keys):
-        section, _, name = key.rpartition(".")
-        value = getattr(getattr(settings, section) if section else settings, name)
-        if value is not None:
-            raise InputError(
-                f"has no effect with arrangement = {settings.arrangement!r}",
-                field=f"bridge.arch.{key}",
-                value=value,
-                allowed=", ".join(f"bridge.arch.{right}" for right in _DIMENSIONS[own]),
-                hint="Give the dimensions of this arrangement, or leave them out",
-            )

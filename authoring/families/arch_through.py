@@ -7,7 +7,7 @@ import numpy as np
 from authoring.axis.alignment import Alignment, Layout
 from authoring.families.arch_deck import FOUNDING, raised, with_springing_ground
 from authoring.families.arch_settings import ArchChoice, ArchSettings
-from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
+from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of, draw_top
 from authoring.families.stayed_elevation import GAUGE
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.arch_axis import ArchAxis, Rib
@@ -15,7 +15,7 @@ from authoring.parts.arch_braces import diagonal_parts
 from authoring.parts.arch_floors import Floor, brace_places, floor_beam_part, tie_parts, tie_seat_parts
 from authoring.parts.arches import EMBEDDED, RibSection, rib_parts, skewback_part, skewback_stations, strut_parts
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
-from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
+from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts
 from authoring.parts.decks import deck_parts
 from authoring.parts.drawing import Draws
 from authoring.parts.fittings import fitting_parts
@@ -95,7 +95,7 @@ def draw_through_arch(
         draws: Random stream and profile of the bridge.
     """
     _refuse_ring(choice)
-    top = draw_deck_top(shared, draws)
+    top = draw_top(shared, draws)
     top = replace(top, fittings=replace(top.fittings, lamps=False))  # braces would collide with lamp posts
     bearings = draw_bearings(shared.bearing, draws)
     abutments = draw_abutments(shared.abutment, bearings, draws)

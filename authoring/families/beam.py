@@ -5,16 +5,25 @@ Khan, Bridge and Highway Structure Rehabilitation and Repair, table 1.2.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from authoring.axis.alignment import Layout
-from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
-from authoring.families.span_choice import SEVERAL, OwnDraws, SpanRule, SpanSettings, draw_spans
+from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of, draw_top
+from authoring.families.span_choice import (
+    PIERS_BETWEEN_SPANS,
+    SEVERAL,
+    OwnDraws,
+    SpanRule,
+    SpanSettings,
+    draw_spans,
+    of_spans,
+)
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
-from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
+from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts
 from authoring.parts.decks import DeckEdge, DeckEdgeSettings, Haunches, deck_parts, draw_deck_edge
 from authoring.parts.drawing import Draws, chosen, draw, draw_whole, drawn
 from authoring.parts.fittings import fitting_parts
@@ -38,6 +47,8 @@ _SPANS = SpanRule("beam", "concrete girders", 6.0, 60.0, (14.0, 36.0), 0.0, one_
 class BeamSettings(SpanSettings):
     """A concrete beam bridge; omitted values are drawn at random."""
 
+    uses: ClassVar = of_spans("continuous", "end_share")
+    shared_uses: ClassVar = PIERS_BETWEEN_SPANS
     spans: tuple[float, ...] = Field(
         default=(),
         max_length=20,
@@ -103,10 +114,10 @@ def draw_beam(settings: BeamSettings, shared: SharedSettings, draws: Draws) -> t
     Returns:
         Layout for the site, and the record that `build_beam` builds from.
     """
-    top = draw_deck_top(shared, draws)
+    top = draw_top(shared, draws)
     bearings = draw_bearings(shared.bearing, draws)
     abutments = draw_abutments(shared.abutment, bearings, draws)
-    spans = _draw_spans(settings, bearings, draws)
+    spans = _draw_spans(settings, shared.pier.cap == "inverted_t", bearings, draws)
     slab = draw(settings, "slab", draws)
     width = top.width
     longest = float(np.max(np.diff(spans.supports)))
@@ -129,14 +140,15 @@ def draw_beam(settings: BeamSettings, shared: SharedSettings, draws: Draws) -> t
     return draw_layout_of(shared, top, needs, draws), beam
 
 
-def _draw_spans(settings: BeamSettings, bearings: Bearings, draws: Draws) -> Spans:
+def _draw_spans(settings: BeamSettings, apart: bool, bearings: Bearings, draws: Draws) -> Spans:
     def fit(inner: float) -> float:
         if not settings.girder.depth:
             return inner
         shortest, longest = (settings.girder.depth * ratio for ratio in SPAN_TO_DEPTH)
         return round(max(_SPANS.shortest, min(max(inner, shortest), longest)), 3)
 
-    return draw_spans(_SPANS, settings, OwnDraws(draw_whole(settings, "span_count", draws), fit), bearings, draws)
+    own = OwnDraws(draw_whole(settings, "span_count", draws), fit, apart=apart)
+    return draw_spans(_SPANS, settings, own, bearings, draws)
 
 
 def build_beam(layout: Layout, beam: DrawnBeam, ground: Ground) -> list[Part]:

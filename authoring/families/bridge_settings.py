@@ -1,7 +1,8 @@
 """Settings of the bridge in a scenario, and the random draw of everything that they leave open."""
 
 from collections.abc import Mapping
-from typing import Literal
+from copy import deepcopy
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import ValidationInfo, field_validator
@@ -15,15 +16,19 @@ from authoring.families.registry import FAMILIES, DrawnBridge
 from authoring.families.shared import SharedSettings
 from authoring.families.slab import SlabSettings
 from authoring.families.suspension import SuspensionSettings
-from authoring.parts.drawing import Draws
+from authoring.parts.drawing import Draws, UnsuitedDeck
+from authoring.parts.idle_settings import Use, refuse_idle
+from groundwork.errors import InputError
 from groundwork.settings import Settings
 
+_OTHER_LANES = (4, 3, 2, 1)  # widest first
 FamilyName = Literal["arch", "beam", "cable_stayed", "girder", "slab", "suspension"]
 
 
 class BridgeSettings(SharedSettings):
     """The section `[bridge]` of a scenario."""
 
+    uses: ClassVar = (*SharedSettings.uses, Use("profile", ("default",), ("cable_stayed.size",)))
     family: FamilyName | dict[FamilyName, float] = "beam"
     """Family of bridges; or a table of weights by which it is drawn, e.g. `{beam = 2.0, arch = 1.0}`."""
     profile: Literal["default", "paper"] = "default"
@@ -77,10 +82,30 @@ def draw_layout(settings: BridgeSettings, rng: np.random.Generator) -> tuple[Lay
     Returns:
         Data for the site, and the record that `build_bridge` builds from.
     """
+    refuse_idle(settings, settings.family, settings.profile)
     # The family has a separate stream, so that weights only change which family is drawn.
     family = _draw_family(settings.family, rng.spawn(1)[0])
-    layout, record = FAMILIES[family].draw(getattr(settings, family), settings, Draws(rng, settings.profile))
+    own, state = getattr(settings, family), deepcopy(rng)
+    try:
+        layout, record = FAMILIES[family].draw(own, settings, Draws(rng, settings.profile))
+    except UnsuitedDeck:
+        layout, record = _on_another_deck(settings, family, state)
     return layout, DrawnBridge(family, record)
+
+
+def _on_another_deck(settings: BridgeSettings, family: str, rng: np.random.Generator) -> tuple[Layout, Any]:
+    """Draw a bridge on the first deck that suits what the user set: its lanes or tracks had been drawn."""
+    own, way = getattr(settings, family), settings.roadway
+    lanes = () if way.lanes is not None else _OTHER_LANES
+    tops: list[dict[str, Any]] = [{"roadway": way.model_copy(update={"lanes": count})} for count in lanes]
+    tops += [] if settings.service is not None else [{"service": service} for service in ("rail_double", "rail_single")]
+    for top in tops:
+        try:
+            draws = Draws(deepcopy(rng), settings.profile)
+            return FAMILIES[family].draw(own, settings.model_copy(update=top), draws)
+        except InputError:
+            continue
+    return FAMILIES[family].draw(own, settings, Draws(rng, settings.profile))
 
 
 def _draw_family(family: FamilyName | Mapping[FamilyName, float], rng: np.random.Generator) -> str:

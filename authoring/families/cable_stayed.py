@@ -10,13 +10,16 @@ import numpy as np
 
 from authoring.axis.alignment import Layout
 from authoring.families.cable_decks import CableSupportedDeck, Supports, cable_deck_levels, draw_supports, support_parts
-from authoring.families.shared import SharedSettings
+from authoring.families.shared import SharedSettings, draw_top
 from authoring.families.stayed_choices import (
+    LEAST_PITCH,
     CableStayedSettings,
     Choice,
+    beside_median,
     choose,
     draw_random,
     drawn_main,
+    suited_top,
     with_longer_spans,
     with_median,
 )
@@ -24,7 +27,7 @@ from authoring.families.stayed_elevation import FLATTEST, GAUGE, Frame, NoRoomFo
 from authoring.parts.abutments import Abutments, draw_abutments
 from authoring.parts.bearings import Bearings, draw_bearings
 from authoring.parts.box_decks import CableDeck, bracket_parts, bracket_top, cable_deck_parts, floor_stations
-from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top, fitted_to_span
+from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, fitted_to_span
 from authoring.parts.drawing import Draws, draw, draw_option
 from authoring.parts.gangways import draw_gangways
 from authoring.parts.medians import median_parts
@@ -111,7 +114,8 @@ def draw_cable_stayed(
     Returns:
         Layout for the site, and the record that `build_cable_stayed` builds from.
     """
-    top = draw_deck_top(shared, draws)
+    top = draw_top(shared, draws, suited_top(settings))
+    settings = beside_median(settings, shared.roadway)
     bearings = draw_bearings(shared.bearing, draws)
     abutments = draw_abutments(shared.abutment, bearings, draws)
     randoms = draw_random(settings, draws)
@@ -185,12 +189,13 @@ def _try(make: _Make, choice: Choice, top: DeckTop) -> Fitted | None:
 
 def _fitted(make: _Make, choice: Choice, top: DeckTop) -> Fitted:
     """Fit pylon, stays and deck; a drawn span that is too short for them is lengthened."""
+    settings, choice = make.settings, _closer(make, choice, top) if make.settings.main is not None else choice
     longer = choice
     for _ in range(_GROWTHS):
         try:
             found = _try(make, longer, top)
         except NoRoomForStays:
-            if make.settings.main is not None:
+            if settings.main is not None and longer is choice:
                 raise
             found = None
         if found is not None and (make.settings.main is None or longer is choice):
@@ -204,6 +209,28 @@ def _fitted(make: _Make, choice: Choice, top: DeckTop) -> Fitted:
         value=choice.main,
         allowed=f"at least {longer.main:g} m here",
         hint='Choose a longer main span, or bridge.cable_stayed.shape = "portal"',
+    )
+
+
+def _closer(make: _Make, choice: Choice, top: DeckTop) -> Choice:
+    """Reduce a drawn pitch until a given main span has room for three stays on each side."""
+    if make.settings.pitch is not None:
+        return choice
+    for _ in range(_GROWTHS):
+        try:
+            _try(make, choice, top)
+        except NoRoomForStays:
+            if choice.pitch <= LEAST_PITCH:
+                break
+            choice = replace(choice, pitch=max(round(choice.pitch / _GROWTH, 2), LEAST_PITCH))
+        else:
+            return choice
+    raise InputError(
+        "leaves no room for three stays on each side of a pylon",
+        field="bridge.cable_stayed.main",
+        value=choice.main,
+        allowed=f"room for stays at least {LEAST_PITCH:g} m apart",
+        hint="Choose a longer main span",
     )
 
 

@@ -6,12 +6,21 @@ table 1.2 (plate girders 18 to 91 m); profile `paper`: Random Bridge Generator, 
 """
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 from pydantic import Field
 
 from authoring.axis.alignment import Layout
-from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
-from authoring.families.span_choice import SEVERAL, OwnDraws, SpanRule, SpanSettings, draw_spans
+from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of, draw_top
+from authoring.families.span_choice import (
+    PIERS_BETWEEN_SPANS,
+    SEVERAL,
+    OwnDraws,
+    SpanRule,
+    SpanSettings,
+    draw_spans,
+    of_spans,
+)
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
 from authoring.parts.cross_frames import (
@@ -22,10 +31,11 @@ from authoring.parts.cross_frames import (
     floor_fillet_parts,
     frame_stations,
 )
-from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
+from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts
 from authoring.parts.decks import DeckEdge, DeckEdgeSettings, Haunches, deck_parts, draw_deck_edge
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.fittings import fitting_parts
+from authoring.parts.idle_settings import Use
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, PierNeeds, Piers, draw_piers, pier_parts
 from authoring.parts.plate_girders import PlateGirders, girder_parts, splices
@@ -37,11 +47,21 @@ from authoring.parts.stiffeners import Stiffening, stiffener_parts
 _SPANS = SpanRule("girder", "steel girders", 10.0, 90.0, (22.0, 60.0), 18.0, one_row=True)
 _COUNTS = {1: 14.0, 2: 20.0, 3: 26.0, 4: 16.0, 5: 10.0, 6: 6.0, 7: 4.0, 8: 4.0}
 _PAPER_COUNTS = (8, 20)
+_STIFFENERS = ("frames.stiffeners", "frames.stiffener_pitch", "frames.stiffener")
 
 
 class SteelGirderSettings(SpanSettings):
     """A steel girder bridge; omitted values are drawn at random."""
 
+    uses: ClassVar = (
+        *of_spans("continuous", "end_share", "steel.splices", "steel.splice_share"),
+        Use("continuous", (True,), ("steel.splices", "steel.splice_share"), drawn=False),
+        Use("steel.arrangement", ("multi", "box"), ("frames.pitch",)),
+        Use("steel.arrangement", ("ladder",), ("frames.floor_beam_pitch",)),
+        Use("steel.arrangement", ("multi", "ladder"), _STIFFENERS),
+        Use("steel.arrangement", ("multi",), ("frames.kind", "frames.plate", "frames.laterals")),
+    )
+    shared_uses: ClassVar = PIERS_BETWEEN_SPANS
     spans: tuple[float, ...] = Field(
         default=(),
         max_length=20,
@@ -121,10 +141,10 @@ def draw_girder(settings: SteelGirderSettings, shared: SharedSettings, draws: Dr
     Returns:
         Layout for the site, and the record that `build_girder` builds from.
     """
-    top = draw_deck_top(shared, draws)
+    top = draw_top(shared, draws)
     bearings = draw_bearings(shared.bearing, draws)
     abutments = draw_abutments(shared.abutment, bearings, draws)
-    spans = _draw_spans(settings, bearings, draws)
+    spans = _draw_spans(settings, shared.pier.cap == "inverted_t", bearings, draws)
     slab, edge = draw(settings, "slab", draws), draw_deck_edge(settings.edge, draws)
     steel = draw_plate_girders(settings.steel, top.width, spans, draws)
     frames = draw_cross_frames(settings.frames, steel, draws)
@@ -135,10 +155,17 @@ def draw_girder(settings: SteelGirderSettings, shared: SharedSettings, draws: Dr
     return draw_layout_of(shared, top, needs, draws), girder
 
 
-def _draw_spans(settings: SteelGirderSettings, bearings: Bearings, draws: Draws) -> Spans:
-    count, many = draw_option(settings, "span_count", draws), int(draws.rng.integers(*_PAPER_COUNTS, endpoint=True))
+def _draw_spans(settings: SteelGirderSettings, apart: bool, bearings: Bearings, draws: Draws) -> Spans:
+    """Draw the spans: several continuous ones for haunches, and simple ones for caps that need two rows of bearings."""
+    haunched = settings.steel.haunch not in (None, "none")
+    several = tuple(count for count in _COUNTS if count > 1) if haunched else None
+    through = (True,) if haunched else (False,) if apart else None
+    count, many = (
+        draw_option(settings, "span_count", draws, suited=several),
+        int(draws.rng.integers(*_PAPER_COUNTS, endpoint=True)),
+    )
     count = many if draws.profile == "paper" and settings.span_count is None else count
-    return draw_spans(_SPANS, settings, OwnDraws(count), bearings, draws)
+    return draw_spans(_SPANS, settings, OwnDraws(count, suited=through, apart=apart), bearings, draws)
 
 
 def build_girder(layout: Layout, girder: DrawnGirder, ground: Ground) -> list[Part]:

@@ -1,17 +1,19 @@
 """Common settings of all families of bridges: the road, its edges and its supports."""
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from authoring.axis.alignment import Alignment, Layout
 from authoring.axis.clearance import refuse_hill
-from authoring.families.alignments import AlignmentSettings, Carried, draw_alignment
+from authoring.families.alignments import LEAST_RADIUS, STEEPEST, AlignmentSettings, Carried, draw_alignment
 from authoring.parts.abutments import AbutmentSettings
 from authoring.parts.bearings import BearingSettings
-from authoring.parts.deck_top import DeckTop, DeckTopSettings, road_section
+from authoring.parts.deck_top import DeckTop, DeckTopSettings, SuitedTop, draw_deck_top, road_section
 from authoring.parts.drawing import Draws, draw, drawn
+from authoring.parts.idle_settings import Use
 from authoring.parts.piers import Ground, PierSettings
 
 _BY_ABUTMENTS = 3.0  # [m] length at the abutments where embankments may be as high as the road
@@ -20,6 +22,11 @@ _BY_ABUTMENTS = 3.0  # [m] length at the abutments where embankments may be as h
 class SharedSettings(DeckTopSettings):
     """Parts of a bridge that do not depend on its family; omitted values are drawn at random."""
 
+    uses: ClassVar = (
+        Use("service", ("road",), ("roadway", "fittings", "alignment.superelevation")),
+        Use("service", ("rail_single", "rail_double"), ("track", "alignment.cant")),
+        Use("service", ("road", "rail_double"), ("track.spacing",)),
+    )
     clearance: float | None = drawn(5.0, 7.0, "Lowest height of the deck's soffit above z = 0 [m]", ge=3.0, le=30.0)
     grade: float | None = drawn(
         -0.025,
@@ -62,6 +69,22 @@ class AxisNeeds:
     straight: bool = False
     least_clearance: float = 0.0
     river_piers: bool = False
+
+
+ON_ROADS = SuitedTop(services=("road",))
+
+
+def draw_top(shared: SharedSettings, draws: Draws, suited: SuitedTop | None = None) -> DeckTop:
+    """Draw the cross-section on a deck; a grade or a radius that no railway has is that of a road.
+
+    Args:
+        shared: Values set by the user.
+        draws: Random stream and profile of the bridge.
+        suited: What suits the values that the user set for the family.
+    """
+    steep = abs(shared.grade or 0.0) > STEEPEST["rail"]
+    tight = (shared.alignment.radius or LEAST_RADIUS["rail"]) < LEAST_RADIUS["rail"]
+    return draw_deck_top(shared, draws, suited or (ON_ROADS if steep or tight else SuitedTop()))
 
 
 def draw_layout_of(shared: SharedSettings, top: DeckTop, needs: AxisNeeds, draws: Draws) -> Layout:

@@ -5,17 +5,25 @@ Source: depths L/22 for simple and L/25 for continuous road slabs (WSDOT Bridge 
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from authoring.axis.alignment import Layout
-from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
-from authoring.families.span_choice import SEVERAL, OwnDraws, SpanLengths, SpanRule, draw_spans
+from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of, draw_top
+from authoring.families.span_choice import (
+    PIERS_BETWEEN_SPANS,
+    SEVERAL,
+    OwnDraws,
+    SpanLengths,
+    SpanRule,
+    draw_spans,
+    of_spans,
+)
 from authoring.parts.abutments import Abutments, abutment_parts, draw_abutments
 from authoring.parts.bearings import Bearings, bearing_parts, draw_bearings
-from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top
+from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts
 from authoring.parts.drawing import Draws, check_depth, chosen, draw_option, draw_whole, drawn
 from authoring.parts.fittings import fitting_parts
 from authoring.parts.part import Part
@@ -43,6 +51,8 @@ _MOST_SPANS = 8
 class SlabSettings(SlabSectionSettings, SpanLengths):
     """A slab bridge; omitted values are drawn at random."""
 
+    uses: ClassVar = (*SlabSectionSettings.uses, *of_spans("system"))
+    shared_uses: ClassVar = PIERS_BETWEEN_SPANS
     spans: tuple[float, ...] = Field(
         default=(),
         max_length=_MOST_SPANS,
@@ -102,13 +112,14 @@ def draw_slab(settings: SlabSettings, shared: SharedSettings, draws: Draws) -> t
     Returns:
         Layout for the site, and the record that `build_slab` builds from.
     """
-    top = draw_deck_top(shared, draws)
+    top = draw_top(shared, draws)
     bearings = draw_bearings(shared.bearing, draws)
     abutments = draw_abutments(shared.abutment, bearings, draws)
     section = draw_section(settings, draws)
     if settings.section is None and section == "solid" and max(settings.spans, default=0.0) > _LONGEST_SOLID:
         section = "voided"
-    spans = _draw_spans(settings, section, top.service, bearings, draws)
+    apart = shared.pier.cap == "inverted_t"  # its stem needs two rows of bearings
+    spans = _draw_spans(settings, section, top.service, apart, bearings, draws)
     longest = float(np.max(np.diff(spans.supports)))
     ratio = usual_slenderness(top.service, continuous=spans.continuous)
     slab = draw_slab_section(settings, section, SlabNeeds(top.width, longest, ratio), bearings, draws)
@@ -123,9 +134,11 @@ def draw_slab(settings: SlabSettings, shared: SharedSettings, draws: Draws) -> t
     return draw_layout_of(shared, top, needs, draws), drawn_slab
 
 
-def _draw_spans(settings: SlabSettings, section: str, service: str, bearings: Bearings, draws: Draws) -> Spans:
+def _draw_spans(
+    settings: SlabSettings, section: str, service: str, apart: bool, bearings: Bearings, draws: Draws
+) -> Spans:
     count = draw_whole(settings, "span_count", draws)
-    through = draw_option(settings, "system", draws) == "continuous"
+    through = draw_option(settings, "system", draws, suited=("simple",) if apart else None) == "continuous"
     rule, longest = (_SOLID, _LONGEST_SOLID) if section == "solid" else (_VOIDED, _VOIDED.longest)
 
     def fit(inner: float) -> float:
@@ -136,7 +149,7 @@ def _draw_spans(settings: SlabSettings, section: str, service: str, bearings: Be
         inner = round(float(np.clip(inner, SLENDERNESS[0] * usual, SLENDERNESS[1] * usual)), 3)
         return min(max(inner, rule.shortest), longest)
 
-    return draw_spans(rule, settings, OwnDraws(count, fit, through), bearings, draws)
+    return draw_spans(rule, settings, OwnDraws(count, fit, through, apart=apart), bearings, draws)
 
 
 def _check(settings: SlabSettings, slab: Slab, longest: float, bearings: Bearings) -> None:

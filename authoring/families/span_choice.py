@@ -8,6 +8,9 @@ from pydantic import Field
 
 from authoring.parts.bearings import Bearings
 from authoring.parts.drawing import Draws, draw, draw_option
+from authoring.parts.idle_settings import LEFT_OUT, Use
+from authoring.parts.idle_settings import SEVERAL as SEVERAL_SPANS
+from authoring.parts.pier_choice import ROWS_APART
 from authoring.parts.spans import Spans
 from groundwork.errors import InputError
 from groundwork.settings import Settings
@@ -43,6 +46,27 @@ class SpanRule:
     end_shares: tuple[float, ...] = ()
 
 
+def of_spans(*several: str) -> tuple[Use, ...]:
+    """State what spans that are set make meaningless, in a family with `spans` and `span_count`.
+
+    Args:
+        several: Keys that have an effect only with several spans; `end_share` only with three, if `spans` is empty.
+    """
+    drawn = ("span_count", "end_share") if "end_share" in several else ("span_count",)
+    most = tuple(range(3, 21))
+    ends = (Use("span_count", most, ("end_share",)),) if "end_share" in several else ()
+    more = tuple(key for key in several if key != "end_share")
+    return (
+        Use("spans", LEFT_OUT, drawn),
+        *ends,
+        Use("spans", SEVERAL_SPANS, more),
+        Use("span_count", SEVERAL_SPANS, more),
+    )
+
+
+PIERS_BETWEEN_SPANS = (Use("spans", SEVERAL_SPANS, ("pier",)), Use("span_count", SEVERAL_SPANS, ("pier",)))
+
+
 class SpanLengths(Settings):
     """Settings that slabs, beams and girders have in common; each family documents their meaning."""
 
@@ -65,11 +89,15 @@ class OwnDraws:
         count: Number of spans if they are drawn.
         fit: Adapts a drawn inner span [m] to the rest of the bridge.
         continuous: Members are continuous over the piers; None: set by `continuous`, or drawn.
+        suited: Options of `continuous` that suit what the user set; None for both.
+        apart: The user set caps with a stem between two rows of plinths.
     """
 
     count: int
     fit: Callable[[float], float] = lambda span: span
     continuous: bool | None = None
+    suited: tuple[bool, ...] | None = None
+    apart: bool = False
 
 
 def draw_spans(rule: SpanRule, settings: SpanLengths, own: OwnDraws, bearings: Bearings, draws: Draws) -> Spans:
@@ -86,6 +114,8 @@ def draw_spans(rule: SpanRule, settings: SpanLengths, own: OwnDraws, bearings: B
         InputError: A given span is out of range.
     """
     overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
+    if own.apart and getattr(settings, "overhang", None) is None:
+        overhang = max(overhang, round(0.5 * (bearings.plinth_length - gap + ROWS_APART) + 1e-3, 3))
     (low, high), at = rule.drawn, draws.random()
     inner = own.fit(round(float(low + (high - low) * at if rule.end_shares else low * (high / low) ** at), 1))
     if rule.end_shares:
@@ -93,9 +123,19 @@ def draw_spans(rule: SpanRule, settings: SpanLengths, own: OwnDraws, bearings: B
         share = low + (high - low) * draws.random()
     else:
         share = draw(settings, "end_share", draws)
-    through = draw_option(settings, "continuous", draws) if own.continuous is None else own.continuous
+    through = own.continuous
+    if through is None:
+        through = draw_option(settings, "continuous", draws, suited=own.suited)
     if draws.profile == "paper":
-        inner, share = PAPER_SPAN, None
+        inner, share = PAPER_SPAN, getattr(settings, "end_share", None)
+        if share is not None and not settings.spans and share * inner < rule.shortest:
+            raise InputError(
+                f"end spans too short for {rule.members}: in profile paper the others have {inner:g} m",
+                field=f"bridge.{rule.family}.end_share",
+                value=share,
+                allowed=f"at least {rule.shortest / inner:g}",
+                hint=f"Choose a larger one, or set bridge.{rule.family}.spans",
+            )
     elif rule.end_shares and not through:
         share = None
     lengths = settings.spans or _regular(rule, own.count, inner, share)

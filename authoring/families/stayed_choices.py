@@ -2,15 +2,18 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal, NoReturn
+from typing import ClassVar, Literal, NoReturn
 
 from pydantic import Field
 
 from authoring.parts.box_decks import DeckKind
-from authoring.parts.deck_top import DeckTop
+from authoring.parts.deck_top import DeckTop, SuitedTop
 from authoring.parts.drawing import Draws, chosen, chosen_by, draw, drawn, option_at
-from authoring.parts.gangways import gangways_chosen
+from authoring.parts.gangways import BOXES, gangways_chosen
+from authoring.parts.idle_settings import Use
+from authoring.parts.piers import BETWEEN_TOWERS
 from authoring.parts.pylons import PylonShape
+from authoring.parts.roadway import RoadwaySettings
 from authoring.parts.stays import Arrangement
 from authoring.streams import weighted_choice
 from groundwork.errors import InputError
@@ -30,6 +33,9 @@ _DECKS = {
     1: {"concrete_box": 0.60, "steel_box": 0.40},
     2: {"edge_beam": 0.45, "plate_girder": 0.30, "steel_box": 0.25},
 }
+_UNDER_ONE = frozenset(_DECKS[1]) - frozenset(_DECKS[2])  # decks that two planes do not carry
+_ONE_PLANE_SHAPES = {shape: _SHAPES[shape] for shape in ("diamond", "mast")}
+_HARP_SHAPES = {"mast": 1.0}  # of these, with upright stays
 _PITCHES = {
     ("compact", True): (3.5, 5.5),
     ("compact", False): (5.0, 8.0),
@@ -42,12 +48,33 @@ _DIAMETERS = {"compact": (0.06, 0.12), "realistic": (0.10, 0.25)}
 # [m] whole bridge; shorter bridges are built as girders: pylons and stays are not economical there
 _TOTAL = {"compact": {1: (100.0, 230.0), 2: (130.0, 250.0)}, "realistic": {1: (144.0, 480.0), 2: (144.0, 480.0)}}
 _LEAST_MAIN = {1: 55.0, 2: 70.0}  # [m] drawn
+LEAST_PITCH = 2.5  # [m]
 _PAPER_HEIGHT = 36.0  # [m] of the paper's pylons
 
 
 class CableStayedSettings(Settings):
     """A cable-stayed bridge; omitted values are drawn at random."""
 
+    uses: ClassVar = (
+        Use("pylons", (2,), ("side_ratio", "height_ratio")),
+        Use("pylons", (1,), ("back_ratio", "single_height_ratio")),
+        Use("shape", ("a", "h", "diamond", "mast"), ("strip",)),
+        Use("arrangement", ("semi_fan",), ("zone",)),
+        Use("deck", BOXES, ("gangways",)),
+    )
+    shared_uses: ClassVar = (
+        Use("", ("beam", "girder", "slab", "arch"), ("fittings.pipe_diameter", "fittings.conduits")),
+        Use("", ("beam", "girder", "slab", "arch"), ("fittings.conduit_diameter",)),
+        *(
+            Use(choice, options, ("roadway.divided", "roadway.median"))
+            for choice, options in (
+                ("planes", (2,)),
+                ("shape", ("a", "h", "portal", "diamond")),
+                ("deck", ("edge_beam", "plate_girder", "steel_box")),
+            )
+        ),
+        Use("anchor_piers", (True,), BETWEEN_TOWERS),
+    )
     size: Literal["compact", "realistic"] | None = chosen(
         {"compact": 0.7, "realistic": 0.3},
         "Size of the bridge: compact 100 to 250 m long, realistic 144 to 480 m long; `main` may be up to 400 m",
@@ -100,7 +127,7 @@ class CableStayedSettings(Settings):
     )
     pitch: float | None = Field(
         default=None,
-        ge=2.5,
+        ge=LEAST_PITCH,
         le=20.0,
         description="Distance between the lower anchors of the stays [m]; drawn compact 3.5 to 5.5 (concrete) or 5 to "
         "8 (steel), realistic 5 to 10 or 10 to 16; in profile paper 7 stays on each side",
@@ -203,6 +230,27 @@ def draw_random(settings: CableStayedSettings, draws: Draws) -> RandomDraws:
     return RandomDraws(size, pylons, shape, arrangement, planes, deck, ratios, main, pitch, diameter, draws.profile)
 
 
+def suited_top(settings: CableStayedSettings) -> SuitedTop | None:
+    """State which decks suit a single plane of stays, if the user set one; None if any does.
+
+    Args:
+        settings: Values set by the user.
+    """
+    one_plane = settings.planes == 1 or settings.deck in _UNDER_ONE or settings.shape == "mast"
+    return SuitedTop(("road",), (2, 4, 6)) if one_plane else None
+
+
+def beside_median(settings: CableStayedSettings, roadway: RoadwaySettings) -> CableStayedSettings:
+    """Ask for two planes of stays, if a raised median is set, which one plane would replace, and they are open.
+
+    Args:
+        settings: Values set by the user.
+        roadway: Values set by the user for the road.
+    """
+    free = settings.planes is None and suited_top(settings) is None
+    return settings.model_copy(update={"planes": 2}) if roadway.divided and free else settings
+
+
 def choose(settings: CableStayedSettings, top: DeckTop, randoms: RandomDraws, fits: Callable[[Choice], bool]) -> Choice:
     """Choose the kind of the bridge and its spans.
 
@@ -216,13 +264,16 @@ def choose(settings: CableStayedSettings, top: DeckTop, randoms: RandomDraws, fi
         fits: Checks whether legs and stays of such a bridge are outside the traffic's clearance.
     """
     divided = top.roadway is not None and top.roadway.lanes % 2 == 0
+    one_plane = settings.planes == 1 or settings.deck in _UNDER_ONE
     if settings.shape is not None:
         return _choice(settings, settings.shape, randoms, divided)
     shape = weighted_choice(_SHAPES, randoms.shape)
-    two_planes = settings.planes == 2 or settings.deck in (set(_DECKS[2]) - set(_DECKS[1]))
+    if one_plane and (shape not in _PLANES or shape == "h" or (shape == "diamond" and settings.arrangement == "harp")):
+        shape = weighted_choice(_HARP_SHAPES if settings.arrangement == "harp" else _ONE_PLANE_SHAPES, randoms.shape)
+    two_planes = settings.planes == 2 or settings.deck in set(_DECKS[2]) - set(_DECKS[1])
     if (two_planes or not divided) if shape == "mast" else (shape in _LEANING and settings.arrangement == "harp"):
         shape = "h"  # values set by the user have priority
-    if shape == "h" or settings.planes == 1:
+    if shape == "h" or one_plane:
         return _choice(settings, shape, randoms, divided)
     open_settings = settings.model_copy(update={"arrangement": None, "planes": None, "deck": None})
     as_drawn = _choice(open_settings, shape, randoms, divided)
@@ -239,7 +290,8 @@ def _choice(settings: CableStayedSettings, shape: str, randoms: RandomDraws, div
     pylons = option_at(settings, "pylons", randoms.pylons, randoms.profile)
     arrangement = settings.arrangement or weighted_choice(_ARRANGEMENTS[shape], randoms.arrangement)
     single = shape == "mast" or (divided and settings.deck in (None, *_DECKS[1]))
-    planes = settings.planes or weighted_choice(_PLANES.get(shape if single else "h", _PLANES["h"]), randoms.planes)
+    planes = weighted_choice(_PLANES.get(shape if single else "h", _PLANES["h"]), randoms.planes)
+    planes = settings.planes or (1 if settings.deck in _UNDER_ONE else planes)
     _refuse(settings, shape, arrangement, planes, divided)
     deck = settings.deck or weighted_choice(_DECKS[planes], randoms.deck)
     if deck not in _DECKS[planes]:
@@ -276,15 +328,18 @@ def _main(size: str, pylons: int, ratio: float, randoms: RandomDraws) -> float:
 
 
 def _refuse(settings: CableStayedSettings, shape: str, arrangement: str, planes: int, divided: bool) -> None:
-    if planes == 1 and shape not in ("mast", "diamond"):
-        _wrong("planes", planes, "2 with this shape", "Choose a mast or a diamond, or leave `planes` out")
+    asked = "planes" if settings.planes else "deck"  # what needs the single plane, unless a mast does
+    if planes == 1 and shape not in _ONE_PLANE_SHAPES:
+        allowed = "2" if asked == "planes" else ", ".join(_DECKS[2])
+        hint = f"Choose a mast or a diamond, or leave {asked} out"
+        _wrong(asked, getattr(settings, asked), f"{allowed} with the shape {shape}", hint)
     if planes == 2 and shape == "mast":
         _wrong("planes", planes, "1 with a mast", "Leave it out")
     if planes == 1 and not divided:
-        where = "shape" if settings.shape else "planes"
+        where = "shape" if settings.shape == "mast" else asked
         _wrong(
             where,
-            settings.shape or planes,
+            getattr(settings, where),
             "a road of 2, 4 or 6 lanes with room for a median",
             'Set bridge.service = "road" and bridge.roadway.lanes = 2',
         )

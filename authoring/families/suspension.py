@@ -11,7 +11,7 @@ import numpy as np
 
 from authoring.axis.alignment import Layout
 from authoring.families.cable_decks import CableSupportedDeck, Supports, cable_deck_levels, draw_supports, support_parts
-from authoring.families.shared import SharedSettings
+from authoring.families.shared import SharedSettings, draw_top
 from authoring.families.stayed_elevation import GAUGE
 from authoring.families.suspension_choices import (
     SuspensionChoice,
@@ -23,7 +23,7 @@ from authoring.families.suspension_choices import (
 from authoring.parts.abutments import Abutments, draw_abutments
 from authoring.parts.bearings import Bearings, draw_bearings
 from authoring.parts.box_decks import CableDeck, bracket_parts, bracket_top, cable_deck_parts, floor_stations
-from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, draw_deck_top, fitted_to_span
+from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, fitted_to_span
 from authoring.parts.drawing import Draws, draw
 from authoring.parts.gangways import draw_gangways
 from authoring.parts.part import Part
@@ -92,7 +92,7 @@ def draw_suspension(
     Returns:
         Layout for the site, and the record that `build_suspension` builds from.
     """
-    top = draw_deck_top(shared, draws)
+    top = draw_top(shared, draws)
     bearings = draw_bearings(shared.bearing, draws)
     abutments = draw_abutments(shared.abutment, bearings, draws)
     choice = choose_suspension(settings, draws)
@@ -103,7 +103,7 @@ def draw_suspension(
     levels = cable_deck_levels(top, deck, bearings)
     check_sag(settings, choice)
     tower = _tower(choice, deck.width, levels.seat, leg, GAUGE[top.service])
-    cables = _cables(choice, tower, bracket_top(levels))
+    cables = _cables(choice, tower, bracket_top(levels), settings.pitch is None)
     if draws.profile == "default":
         cables = replace(cables, pull=_pull(cables, deck, top.surfacing))
     piers_at = _pier_stations(choice)
@@ -169,16 +169,16 @@ def _pull(cables: SuspensionCables, deck: CableDeck, surfacing: float) -> float:
     return round(0.5 * (dead + _TRAFFIC * deck.width) * span**2 / (8.0 * cables.sag), 1)
 
 
-def _cables(choice: SuspensionChoice, tower: Pylon, foot: float) -> SuspensionCables:
+def _cables(choice: SuspensionChoice, tower: Pylon, foot: float, drawn_pitch: bool) -> SuspensionCables:
     _, first, last, total = choice.supports
     back = ABUTMENT_BACK + _BEHIND
     clear = 0.5 * tower.length + max(0.8, 0.35 * choice.pitch)
-    main = hanger_stations(first + clear, last - clear, choice.pitch)
+    main = hanger_stations(first + clear, last - clear, choice.pitch, drawn_pitch=drawn_pitch)
     side: tuple[float, ...] = ()
     sag = 0.0
     if choice.suspended:
         sag = round((choice.crown - choice.low) * (choice.side / choice.main) ** 2, 3)
-        side = hanger_stations(clear, first - clear, choice.pitch)
+        side = hanger_stations(clear, first - clear, choice.pitch, drawn_pitch=drawn_pitch)
     cables = SuspensionCables(
         tower.merge_line,
         (first, last),

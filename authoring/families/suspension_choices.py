@@ -1,13 +1,15 @@
 """Settings of a suspension bridge, and the random draw of its kind, spans and cables."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
-from authoring.parts.gangways import gangways_chosen
+from authoring.parts.gangways import BOXES, gangways_chosen
+from authoring.parts.idle_settings import LEFT_OUT, Use
+from authoring.parts.piers import BETWEEN_TOWERS
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
@@ -18,11 +20,23 @@ _OVER_DECK = (1.6, 8.0)  # [m] height of the cables' lowest point that a user ma
 _SAG_RATIOS = (0.05, 0.25)  # of the sag over the main span, that a user may set [1]
 _PAPER_TOWER = (30.0, 40.0)  # [m] towers of the paper's generator
 _PAPER_PITCH = 2.0  # [m]
+_CLOSEST = 1.5  # [m] least distance between hangers
 
 
 class SuspensionSettings(Settings):
     """A suspension bridge; omitted values are drawn at random."""
 
+    uses: ClassVar = (
+        Use("side_spans", ("straight",), ("side_ratio",)),
+        Use("side_spans", ("suspended",), ("suspended_ratio",)),
+        Use("tower_height", LEFT_OUT, ("over_deck",)),
+        Use("deck", BOXES, ("gangways",)),
+    )
+    shared_uses: ClassVar = (
+        Use("", ("beam", "girder", "slab", "arch"), ("fittings.pipe_diameter", "fittings.conduits")),
+        Use("", ("beam", "girder", "slab", "arch"), ("fittings.conduit_diameter",)),
+        Use("side_spans", ("straight",), BETWEEN_TOWERS),
+    )
     size: Literal["compact", "realistic"] | None = chosen(
         {"compact": 70, "realistic": 30},
         "Size of the bridge: compact 140 to 260 m long, realistic 420 to 640 m long with a main span of at least 300 "
@@ -66,7 +80,7 @@ class SuspensionSettings(Settings):
     )
     pitch: float | None = Field(
         default=None,
-        ge=1.5,
+        ge=_CLOSEST,
         le=25.0,
         description="Distance between hangers [m]; drawn compact 3 to 6, realistic 8 to 18; in profile paper 2",
     )
@@ -148,6 +162,7 @@ def choose_suspension(settings: SuspensionSettings, draws: Draws) -> SuspensionC
     sag, over = draw(settings, "sag_ratio", draws) * main, draw(settings, "over_deck", draws)
     if paper and settings.sag_ratio is None and settings.tower_height is None:
         sag = 0.65 * tower - over  # sag from 90 % of the tower's height to the deck at 25 % of it
+        sag = float(np.clip(sag, _SAG_RATIOS[0] * main, _SAG_RATIOS[1] * main))  # where the main span is set
     if settings.tower_height and settings.sag_ratio is None:
         sag = float(np.clip(sag, settings.tower_height - _OVER_DECK[1], settings.tower_height - _OVER_DECK[0]))
     low, high = _PITCHES[size]
@@ -155,7 +170,8 @@ def choose_suspension(settings: SuspensionSettings, draws: Draws) -> SuspensionC
     crown = settings.tower_height or round(sag + over, 2)
     low = round(crown - sag, 3)
     thinnest = 0.14 if size == "compact" else 0.25
-    cable = 0.20 if paper else round(max(main / draw(settings, "cable_ratio", draws), thinnest), 3)
+    ratio = settings.cable_ratio if paper else draw(settings, "cable_ratio", draws)
+    cable = 0.20 if ratio is None else round(max(main / ratio, thinnest), 3)
     hanger = draw(settings, "hanger_diameter", draws)
     return SuspensionChoice(
         size,
@@ -208,13 +224,14 @@ def check_sag(settings: SuspensionSettings, choice: SuspensionChoice) -> None:
     )
 
 
-def hanger_stations(low: float, high: float, pitch: float) -> tuple[float, ...]:
+def hanger_stations(low: float, high: float, pitch: float, *, drawn_pitch: bool = False) -> tuple[float, ...]:
     """Place hangers evenly.
 
     Args:
         low: Station of the first [m].
         high: Station of the last [m].
         pitch: Wanted distance [m].
+        drawn_pitch: Whether the distance was drawn; then it is reduced if there is no room for three.
 
     Returns:
         Stations, rising, the first and the last as given [m].
@@ -223,7 +240,16 @@ def hanger_stations(low: float, high: float, pitch: float) -> tuple[float, ...]:
         InputError: There is no room for three.
     """
     bays = round((high - low) / pitch)
+    if bays < 2 and drawn_pitch and high - low >= 2.0 * _CLOSEST:
+        bays = 2
     if bays < 2:
+        if drawn_pitch:
+            raise InputError(
+                f"leaves a length of {high - low:.1f} m for three hangers",
+                field="bridge.suspension.main",
+                allowed=f"hangers at least {_CLOSEST:g} m apart",
+                hint="Choose a longer main span, or longer side spans",
+            )
         raise InputError(
             f"leaves no room for three hangers on a length of {high - low:.1f} m",
             field="bridge.suspension.pitch",

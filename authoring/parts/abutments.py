@@ -1,6 +1,7 @@
 """Seat abutments: a wall with a bearing seat, the backwall behind the girders, and wing walls along the approach."""
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from authoring.axis.alignment import Alignment
 from authoring.parts.bearings import Bearings
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.footings import footing_top
+from authoring.parts.idle_settings import Use
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.piers import Ground
 from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans, level_at
@@ -26,6 +28,10 @@ _LEAST_WALL = 1.0  # [m] least height between seat and footing
 class AbutmentSettings(Settings):
     """Walls of both abutments; omitted values are drawn at random."""
 
+    uses: ClassVar = (
+        Use("footing", (True,), ("footing_toe", "footing_top")),
+        Use("battered", (True,), ("batter",)),
+    )
     seat_margin: float | None = drawn(
         0.15, 0.30, "Width of the bearing seat in front of the plinths [m]", ge=0.05, le=1.0
     )

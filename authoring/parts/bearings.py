@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from authoring.axis.alignment import Alignment
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
+from authoring.parts.idle_settings import Use
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans, level_at
 from authoring.parts.wedges import Slope, road_slope, seat_slope, wedge
@@ -33,6 +34,10 @@ _POT_EMBEDDED = 0.002  # [m] embedment of the pot's pieces in each other
 class BearingSettings(Settings):
     """Bearings and plinths; omitted values are drawn at random."""
 
+    uses: ClassVar = (
+        Use("kind", ("pad",), ("pad_width", "pad_length", "pad_height")),
+        Use("kind", ("pot",), ("pot_width", "pot_height")),
+    )
     kind: Literal["pad", "pot"] | None = chosen(
         {"pad": 0.7, "pot": 0.3}, "Kind of bearing: laminated elastomeric pad, or steel pot bearing", paper={"pot": 1}
     )

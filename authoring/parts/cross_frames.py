@@ -2,10 +2,9 @@
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from authoring.axis.alignment import Alignment
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
@@ -18,6 +17,7 @@ from authoring.parts.frame_shapes import (
     lateral_bar,
     pierced_plate,
 )
+from authoring.parts.idle_settings import Use
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.plate_girders import PlateGirders
 from authoring.parts.spans import Levels, Spans
@@ -36,6 +36,10 @@ _BOX_PANELS = 2  # boxes are connected at every second frame
 class CrossFrameSettings(Settings):
     """What joins the girders; omitted values are drawn at random."""
 
+    uses: ClassVar = (
+        Use("kind", ("plate",), ("plate",)),
+        Use("stiffeners", (True,), ("stiffener_pitch",)),
+    )
     kind: Literal["x", "k", "solid", "plate"] | None = chosen(
         {"x": 42, "k": 36, "solid": 22},
         "Cross-frames between plate girders. x: crossed angles; k: angles in a K; solid: rolled beams; plate: plates "
@@ -52,9 +56,7 @@ class CrossFrameSettings(Settings):
     laterals: bool | None = chosen(
         {True: 25, False: 75}, "Lateral (plan) bracing in the outer bays of multi-girder decks", paper={False: 1}
     )
-    stiffeners: bool | None = Field(
-        default=None, description="Stiffeners on the webs; drawn always, in profile paper never"
-    )
+    stiffeners: bool | None = chosen({True: 1}, "Stiffeners on the webs", paper={False: 1})
     stiffener_pitch: float | None = drawn(
         1.0, 1.5, "Largest distance between stiffeners over the girder depth [1]", ge=0.4, le=3.0
     )

@@ -149,16 +149,31 @@ def road_section(top: DeckTop, walls: float) -> RoadSection | None:
     )
 
 
-def draw_deck_top(settings: DeckTopSettings, draws: Draws) -> DeckTop:
+@dataclass(frozen=True)
+class SuitedTop:
+    """What suits the values that the user set elsewhere; the services and lanes that are left out are drawn among it.
+
+    Attributes:
+        services: Options of `service`; None for all.
+        lanes: Numbers of lanes; None for all.
+    """
+
+    services: tuple[str, ...] | None = None
+    lanes: tuple[int, ...] | None = None
+
+
+def draw_deck_top(settings: DeckTopSettings, draws: Draws, suited: SuitedTop = SuitedTop()) -> DeckTop:
     """Draw the cross-section on a deck.
 
     Args:
         settings: Values set by the user.
         draws: Random stream and profile of the bridge.
+        suited: What suits the values that the user set elsewhere.
     """
-    service = draw_option(settings, "service", draws)
+    service = draw_option(settings, "service", draws, suited=suited.services)
     kind = "road" if service == "road" else "rail"
-    roadway, parapets = draw_roadway(settings.roadway, draws), draw_parapets(settings.parapet, kind, draws)
+    roadway = draw_roadway(settings.roadway, draws, suited.lanes)
+    parapets = draw_parapets(settings.parapet, kind, draws)
     tracks = draw_tracks(settings.track, 2 if service == "rail_double" else 1, parapets.thickness + LEDGE, draws)
     fittings = draw_fittings(settings.fittings, draws)
     if kind == "road":

@@ -1,6 +1,6 @@
 """Declaration of parameters that a user may set and that are otherwise drawn at random."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,6 +35,13 @@ class Draws:
             weights: How often each option is drawn, any scale [1]; their order counts.
         """
         return weighted_choice(weights, self.random())
+
+
+IN_PAPER = "in profile paper"  # begins the conditions of a table that are those of this profile
+
+
+class UnsuitedDeck(InputError):
+    """The deck is too wide or too narrow for what the user set; one that was drawn may be drawn again."""
 
 
 def drawn(
@@ -147,12 +154,20 @@ def chosen_by(
     """
     told = "" if paper is None else f"; in profile paper {told_shares(paper)}"
     cases = "; ".join(f"{where}: {told_shares(weights)}" for where, weights in tables.items())
-    extra: dict[str, Any] | None = None if paper is None else {"paper": [*map(list, paper.items())]}
+    extra: dict[str, Any] = {} if paper is None else {"paper": [*map(list, paper.items())]}
+    if own := [weights for where, weights in tables.items() if where.startswith(IN_PAPER)]:
+        extra["cases"] = [[option, weight] for weights in own for option, weight in weights.items()]
     return Field(None, description=f"{description}; drawn {cases}{told}", json_schema_extra=extra)
 
 
 def option_at(
-    settings: Settings, key: str, share: float, profile: str, weights: Mapping[Any, float] | None = None
+    settings: Settings,
+    key: str,
+    share: float,
+    profile: str,
+    weights: Mapping[Any, float] | None = None,
+    *,
+    suited: Collection[Any] | None = None,
 ) -> Any:
     """Take the option that the user set, or the one at a cumulative share of all weights.
 
@@ -163,11 +178,18 @@ def option_at(
         profile: `default` or `paper`.
         weights: Weights of the options that this bridge may have [1]; default: those of the field. The profile `paper`
             draws among these options by its own shares, if the field has shares for it and one of them is above 0.
+        suited: Options that suit what else the user set; default: all. Another option is drawn again among these, with
+            the same share.
     """
     fixed = getattr(settings, key)
     if fixed is not None:
         return fixed
     extra: Any = type(settings).model_fields[key].json_schema_extra or {}
+    if suited is not None:
+        usual = option_at(settings, key, share, profile, weights)
+        every = dict(extra["chosen"]) if weights is None else weights
+        fitting = {option: weight for option, weight in every.items() if option in suited}
+        return usual if usual in suited or not fitting else option_at(settings, key, share, profile, fitting)
     if profile == "paper" and "paper" in extra:
         shares = {option: part for option, part in extra["paper"] if weights is None or weights.get(option, 0.0) > 0.0}
         if any(shares.values()):
@@ -175,7 +197,14 @@ def option_at(
     return weighted_choice(dict(extra["chosen"]) if weights is None else weights, share)
 
 
-def draw_option(settings: Settings, key: str, draws: Draws, weights: Mapping[Any, float] | None = None) -> Any:
+def draw_option(
+    settings: Settings,
+    key: str,
+    draws: Draws,
+    weights: Mapping[Any, float] | None = None,
+    *,
+    suited: Collection[Any] | None = None,
+) -> Any:
     """Take the option that the user set, or draw one; the generator advances by the same amount in both cases.
 
     Args:
@@ -184,8 +213,9 @@ def draw_option(settings: Settings, key: str, draws: Draws, weights: Mapping[Any
         draws: Random stream and profile.
         weights: Weights of the options that this bridge may have [1]; default: those of the field. The profile `paper`
             draws among these options by its own shares, if the field has shares for it and one of them is above 0.
+        suited: Options that suit what else the user set; default: all.
     """
-    return option_at(settings, key, draws.random(), draws.profile, weights)
+    return option_at(settings, key, draws.random(), draws.profile, weights, suited=suited)
 
 
 def drawn_range(model: type[Settings], key: str, profile: str = "default") -> tuple[float, float]:

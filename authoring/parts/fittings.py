@@ -1,11 +1,13 @@
 """Fittings of a road bridge: lamp posts, scuppers with drain pipes, conduits."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from authoring.axis.alignment import Alignment
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
+from authoring.parts.idle_settings import Use
 from authoring.parts.part import FURNITURE, Part
 from authoring.parts.roadway import Roadway
 from authoring.parts.spans import Spans
@@ -32,6 +34,11 @@ _PIPE_BELOW = 0.15  # [m] depth of a drain pipe's end below the girders
 class FittingSettings(Settings):
     """Lamp posts, drainage and conduits of a road bridge; what is left out is drawn, profile paper has none."""
 
+    uses: ClassVar = (
+        Use("lamps", (True,), ("lamp_pitch", "lamp_height", "lamp_arm")),
+        Use("drainage", (True,), ("scupper_pitch", "pipe_diameter")),
+        Use("conduits", (True,), ("conduit_diameter",)),
+    )
     lamps: bool | None = chosen({True: 60, False: 40}, "Lamp posts", paper={False: 1})
     lamp_pitch: float | None = drawn(25.0, 35.0, "Distance between lamp posts [m]", ge=10.0, le=60.0)
     lamp_height: float | None = drawn(8.0, 10.0, "Height of the lamps above the road [m]", ge=4.0, le=14.0)

@@ -25,7 +25,7 @@ WIDTH, HEADROOM = 0.75, 2.05  # [m] of the floor; from the floor up to the soffi
 GAP, OVER_GROUND = 0.60, 4.5  # [m] along the bridge to piers, towers and abutments; least height over ground and water
 DEEPEST = -0.226  # [m] lower ends of the hangers, above the floor
 _LONG = 80.0  # [m] least main span of the bridges that have gangways
-_BOXES = ("concrete_box", "steel_box")
+BOXES = ("concrete_box", "steel_box")
 _SHARES, _NONE = {True: 60.0, False: 40.0}, {False: 1.0}
 _WATER = -1.0  # [m] world height: the water of a site is at most so high
 _FROM_END = 4.2  # [m] from the deck's ends: a gangway begins beside the hatch in the soffit
@@ -55,7 +55,7 @@ def gangways_chosen() -> bool | None:
     return chosen(
         _SHARES,
         f"Inspection gangways below the soffit of a box, where there are {_SHORTEST:g} m without a support and "
-        f"{OVER_GROUND:g} m of air above ground and water; no effect on other decks",
+        f"{OVER_GROUND:g} m of air above ground and water; other decks have none",
         among=f" of those with a box and a main span of at least {_LONG:g} m",
         paper=_NONE,
     )
@@ -70,8 +70,8 @@ def draw_gangways(settings: Settings, deck: CableDeck, main: float, draws: Draws
         main: Main span [m].
         draws: Random stream and profile of the bridge.
     """
-    likely = deck.kind in _BOXES and main >= _LONG
-    return draw_option(settings, "gangways", draws, None if likely else _NONE) and deck.kind in _BOXES
+    likely = deck.kind in BOXES and main >= _LONG
+    return draw_option(settings, "gangways", draws, None if likely else _NONE) and deck.kind in BOXES
 
 
 def gangway_parts(

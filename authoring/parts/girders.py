@@ -2,16 +2,17 @@
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from authoring.axis.alignment import Alignment
-from authoring.parts.drawing import Draws, check_depth, chosen, draw, draw_option, drawn
+from authoring.parts.drawing import Draws, UnsuitedDeck, check_depth, chosen, draw, draw_option, drawn
 from authoring.parts.girder_sections import EMBEDDED as EMBEDDED
 from authoring.parts.girder_sections import Girders as Girders
 from authoring.parts.girder_sections import diaphragm_heights, diaphragm_outline, girder_outline, u_top_width
+from authoring.parts.idle_settings import LEFT_OUT, Use
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans
 from authoring.solids.extrusion import Prism
@@ -38,6 +39,18 @@ _PAPER_LINES = 5
 class GirderSettings(Settings):
     """Concrete girders; omitted values are drawn at random."""
 
+    uses: ClassVar = (
+        Use("shape", ("i",), ("top_width",)),
+        Use("shape", ("bulb_t",), ("bulb_width",)),
+        Use("shape", ("i", "bulb_t"), ("bottom_width", "end_blocks")),
+        Use("shape", ("i", "bulb_t", "u"), ("web",)),
+        Use("shape", ("t", "rectangle"), ("stem",)),
+        Use("shape", _WIDE_SHAPES, ("wide_bottom", "wide_spacing")),
+        Use("shape", ("i", "bulb_t", "t", "rectangle"), ("spacing",)),
+        Use("count", LEFT_OUT, ("spacing", "wide_spacing")),
+        Use("depth", LEFT_OUT, ("slenderness",)),
+        Use("omitted", (False,), ("chamfer", "depth", "diaphragm", "end_blocks", "haunch", "web")),
+    )
     shape: Shape | None = chosen(
         _SHAPES,
         "Cross section; the void of a box is not modeled",
@@ -112,7 +125,7 @@ def draw_girders(settings: GirderSettings, width: float, longest_span: float, dr
     paper = draws.profile == "paper"
     shape = draw_option(settings, "shape", draws, shape_weights(longest_span, width))
     depth = round(longest_span / draw(settings, "slenderness", draws), 2)
-    depth = settings.depth or (0.6 if paper else depth)
+    depth = settings.depth or (0.6 if paper and settings.slenderness is None else depth)
     if settings.depth and not paper:
         check_depth("bridge.beam.girder.depth", depth, longest_span, SPAN_TO_DEPTH)
     wide = shape in _WIDE_SHAPES
@@ -169,7 +182,8 @@ def shape_weights(longest_span: float, width: float) -> dict[str, float]:
 def _draw_lines(settings: GirderSettings, girders: Girders, width: float, draws: Draws) -> tuple[float, ...]:
     close, far = draw(settings, "spacing", draws), draw(settings, "wide_spacing", draws)
     share, wide = draws.random(), girders.shape in _WIDE_SHAPES
-    if draws.profile == "paper" and settings.count is None:
+    asked = settings.wide_spacing if wide else settings.spacing
+    if draws.profile == "paper" and settings.count is None and asked is None:
         pitch = width / _PAPER_LINES
         return tuple(round(pitch * (k - 0.5 * (_PAPER_LINES - 1)), 3) for k in range(_PAPER_LINES))
     low, high, shortest, longest = _WIDE if wide else _CLOSE
@@ -189,7 +203,7 @@ def _draw_lines(settings: GirderSettings, girders: Girders, width: float, draws:
             if most_lines >= fewest
             else "no number of lines fits, choose another shape"
         )
-        raise InputError(
+        raise (UnsuitedDeck if settings.count is None else InputError)(
             f"{count} lines of {girders.shape} girders cannot carry a deck {width:.2f} m wide",
             field=f"bridge.beam.girder.{key}",
             value=getattr(settings, key),

@@ -1,12 +1,13 @@
 """Parapets at a deck's edges: concrete parapets, New Jersey barriers, steel railings, low walls with a rail on top."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from authoring.axis.alignment import Alignment
 from authoring.parts.drawing import Draws, chosen_by, draw, draw_option, drawn
+from authoring.parts.idle_settings import POSITIVE, Use
 from authoring.parts.part import FURNITURE, Part
 from authoring.parts.railings import RailingRun, Railings, RailingSettings, draw_railings, railing_parts
 from authoring.shapes.component import F64
@@ -26,6 +27,14 @@ Shape = Literal["wall", "barrier", "railing", "wall_rail"]
 class ParapetSettings(RailingSettings):
     """Parapets and railings along both edges; omitted values are drawn at random."""
 
+    uses: ClassVar = (
+        Use("shape", ("wall",), ("height", "batter", "coping_height", "coping_overhang")),
+        Use("shape", ("railing",), ("plinth",)),
+        Use("shape", ("wall_rail",), ("low_wall",)),
+        Use("shape", ("railing", "wall_rail"), ("railing_height", *RailingSettings.model_fields)),
+        Use("coping_height", POSITIVE, ("batter", "coping_overhang")),
+        *RailingSettings.uses,
+    )
     shape: Shape | None = chosen_by(
         {"on roads": _ROAD_WEIGHTS, "on railways": _RAIL_WEIGHTS},
         "wall: solid wall with a coping; barrier: New Jersey barrier; railing: steel railing on a plinth; wall_rail: "

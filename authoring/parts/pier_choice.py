@@ -2,7 +2,8 @@
 
 from typing import Literal
 
-from authoring.parts.drawing import Draws
+from authoring.parts.drawing import IN_PAPER, Draws, UnsuitedDeck
+from authoring.parts.idle_settings import LEFT_OUT, Use
 from authoring.streams import weighted_choice
 from groundwork.errors import InputError
 
@@ -11,7 +12,8 @@ CapKind = Literal["drop", "tapered", "inverted_t", "cantilevered", "integral"]
 
 WIDEST_STEM = 13.0  # [m] largest cap length on one stem
 WIDEST_FRAME = 17.0  # [m] largest cap length on two legs
-LEAST_UPSTAND = 0.15  # [m]
+LEAST_UPSTAND, BESIDE_UPSTAND = 0.15, 0.06  # [m] of an inverted T's stem; both gaps between it and the plinths
+ROWS_APART = LEAST_UPSTAND + BESIDE_UPSTAND  # [m] least distance between two rows of plinths with a stem between them
 
 _NARROW: dict[str, float] = {
     "wall": 14.0,
@@ -39,8 +41,8 @@ PAPER_KINDS_UNDER_CONCRETE: tuple[PierKind, ...] = ("single", "multi")
 KINDS = {  # by the bridges for which they are drawn
     f"for caps up to {WIDEST_STEM:g} m long": _NARROW,
     f"for longer caps (no pi_frame over {WIDEST_FRAME:g} m)": _WIDE,
-    "in profile paper": dict.fromkeys(PAPER_KINDS, 1.0),
-    "in profile paper under concrete girders": dict.fromkeys(PAPER_KINDS_UNDER_CONCRETE, 1.0),
+    IN_PAPER: dict.fromkeys(PAPER_KINDS, 1.0),
+    f"{IN_PAPER} under concrete girders": dict.fromkeys(PAPER_KINDS_UNDER_CONCRETE, 1.0),
 }
 CAPS = {  # by the bridges for which they are drawn
     "on wall": _CAPS["wall"],
@@ -48,8 +50,20 @@ CAPS = {  # by the bridges for which they are drawn
     "on hammerhead": _CAPS["hammerhead"],
     "on pi_frame": _CAPS["pi_frame"],
     "on y and v": _CAPS["y"],
-    "in profile paper on single and multi": _PAPER_CAPS,
+    f"{IN_PAPER} on single and multi": _PAPER_CAPS,
 }
+USES = (  # the keys of `[bridge.pier]` that only some piers have
+    Use("kind", ("wall", "single", "multi", "hammerhead"), ("column_shape",)),
+    Use("kind", ("multi", "pi_frame"), ("diameter",)),
+    Use("kind", ("single", "hammerhead", "y", "v"), ("hammerhead_diameter",)),
+    Use("kind", ("wall",), ("wall_thickness", "wall_share")),
+    Use("kind", ("single", "multi", "hammerhead"), ("taper",)),
+    Use("cap", ("tapered", "cantilevered"), ("taper",)),
+    Use("columns", (2, 3, 4, 5), ("diameter",)),
+    Use("columns", (1,), ("hammerhead_diameter",)),
+    Use("columns", LEFT_OUT, ("wall_thickness", "wall_share")),
+    Use("battered", (True,), ("batter",)),
+)
 
 
 def choose_kind(
@@ -77,15 +91,18 @@ def choose_kind(
         weights = {name: weight for name, weight in weights.items() if name != "pi_frame"}
     possible = weights if kind is None else {str(kind): 1.0}
     suited = {k: w for k, w in possible.items() if _suits(k, cap, columns)}
-    if not suited and kind is None:  # the user's settings need a kind that would not be drawn here
-        suited = {k: 1.0 for k in _NARROW if _suits(k, cap, columns)}
+    if (
+        not any(cap_length <= _widest(k) for k in suited) and kind is None
+    ):  # the user's settings need a kind that would not be drawn here
+        suited = {k: 1.0 for k in _NARROW if _suits(k, cap, columns)} or suited
     if not suited:
         raise _contradiction(kind, cap, columns)
+    suited = {k: w for k, w in suited.items() if cap_length <= _widest(k)} or suited
     share = draws.random()
     chosen = weighted_choice(possible, share)
     if chosen not in suited:  # only kinds that do not fit the user's values are drawn again
         chosen = weighted_choice(suited, share)
-    _check_width(chosen, kind, cap_length)
+    _check_width(chosen, fixed, cap_length)
     caps = _PAPER_CAPS if paper_kinds and chosen in ("single", "multi") else _CAPS[chosen]
     caps = {name: w for name, w in caps.items() if name != "inverted_t" or upstand >= LEAST_UPSTAND}
     drawn_cap = draws.choose(caps)
@@ -138,13 +155,22 @@ def _contradiction(kind: str | None, cap: str | None, columns: int | None) -> In
     )
 
 
-def _check_width(chosen: str, fixed: str | None, cap_length: float) -> None:
-    widest = {"wall": 1e9, "multi": 1e9, "pi_frame": WIDEST_FRAME + 4.0}.get(chosen, WIDEST_STEM + 3.0)
+def _widest(kind: str) -> float:
+    """Look up the longest cap that a kind of pier carries [m]."""
+    return {"wall": 1e9, "multi": 1e9, "pi_frame": WIDEST_FRAME + 4.0}.get(kind, WIDEST_STEM + 3.0)
+
+
+def _check_width(chosen: str, fixed: tuple[PierKind | None, CapKind | None, int | None], cap_length: float) -> None:
+    """Refuse a deck that is too wide for the kind; `fixed`: kind, cap and number of columns that the user set."""
+    widest = _widest(chosen)
     if cap_length > widest:
-        raise InputError(
+        key, value = next(
+            (pair for pair in zip(("kind", "cap", "columns"), fixed, strict=True) if pair[1]), ("kind", None)
+        )
+        raise UnsuitedDeck(
             f"a pier of kind {chosen} cannot carry a cap {cap_length:.1f} m long",
-            field="bridge.pier.kind" if fixed else "bridge.pier.columns",
-            value=fixed or 1,
+            field=f"bridge.pier.{key}",
+            value=value,
             allowed=f"caps up to {widest:g} m; here multi or wall, 2 columns or more",
             hint="Choose one of these, or a narrower deck",
         )

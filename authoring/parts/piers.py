@@ -1,7 +1,7 @@
 """Piers at the inner supports, from the settings to cap, shafts and footing."""
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -13,7 +13,7 @@ from authoring.parts.footings import Ground as Ground
 from authoring.parts.footings import footing_heights, footing_surface
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.pier_caps import CapShape, cap_surface
-from authoring.parts.pier_choice import CAPS, KINDS, PAPER_KINDS, CapKind, PierKind, choose_kind
+from authoring.parts.pier_choice import BESIDE_UPSTAND, CAPS, KINDS, PAPER_KINDS, USES, CapKind, PierKind, choose_kind
 from authoring.parts.shafts import EMBEDDED, Shafts, limit_slenderness, shaft_base, shaft_surfaces
 from authoring.parts.spans import Levels, Spans, level_at
 from authoring.shapes.component import F64
@@ -31,6 +31,7 @@ _LEAST_ASKEW = 0.10  # [m] least width of an inverted T's stem on a skewed bridg
 class PierSettings(Settings):
     """Caps, columns and footings; omitted values are drawn at random."""
 
+    uses: ClassVar = USES
     kind: PierKind | None = chosen_by(KINDS, "Kind of pier")
     cap: CapKind | None = chosen_by(
         CAPS, "Kind of cap; no inverted_t where two rows of bearings leave no room for its stem"
@@ -94,6 +95,9 @@ class PierSettings(Settings):
         ge=6.0,
         le=30.0,
     )
+
+
+BETWEEN_TOWERS = tuple(f"pier.{key}" for key in PierSettings.model_fields if key != "footing_top")  # towers have this
 
 
 @dataclass(frozen=True)
@@ -195,7 +199,7 @@ def draw_piers(
     thickness, wall_share = draw(settings, "wall_thickness", draws), draw(settings, "wall_share", draws)
     battered, batter = draw_option(settings, "battered", draws), draw(settings, "batter", draws)
     rows = spans.pier_setback - 0.5 * bearings.plinth_length  # half the room between the rows of plinths
-    upstand = round(max(2.0 * rows - 0.06, 0.0), 3)
+    upstand = round(max(2.0 * rows - BESIDE_UPSTAND, 0.0), 3)
     kind, cap = choose_kind(
         (settings.kind, settings.cap, settings.columns), cap_length, upstand, draws, paper_kinds if paper else ()
     )

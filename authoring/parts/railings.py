@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from authoring.axis.alignment import Alignment
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, draw_whole, drawn
+from authoring.parts.idle_settings import Use
 from authoring.parts.part import FURNITURE, Part
 from authoring.shapes.component import F64
 from authoring.shapes.sections import circle, rectangle
@@ -28,6 +29,7 @@ _BAR, _BAR_PITCH = 0.020, 0.12  # [m] bars and the distance between them: too na
 class RailingSettings(Settings):
     """Steel railings; omitted values are drawn at random."""
 
+    uses: ClassVar[tuple[Use, ...]] = (Use("infill", ("rails",), ("rails",)),)
     infill: Literal["rails", "bars"] | None = chosen(
         {"rails": 50, "bars": 50}, "Infill below the top rail: horizontal rails, or vertical bars every 0.12 m"
     )

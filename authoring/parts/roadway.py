@@ -1,11 +1,13 @@
 """The road's cross-section on the bridge: lanes, shoulders, kerbs, footways, asphalt, markings, expansion joints."""
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from authoring.axis.alignment import Alignment
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
+from authoring.parts.idle_settings import Use
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import ABUTMENT_BACK, Spans
 from authoring.shapes.component import F64
@@ -20,6 +22,7 @@ MARKING_HEIGHT = 0.006  # [m] above the asphalt
 _MARKING_EDGE = 1.75  # horizontal meters for each meter of height of a line's long edges: paint thins out there [1]
 _DEEPER = 0.0015  # [m] additional embedment of curbs relative to asphalt
 DIVIDED_LANES = 4  # least number of lanes of roads with a raised strip
+DIVIDED_IN = (4, 6)  # lanes of roads with such a strip
 _SHORTEST_DASH = 0.4  # [m]
 _SHORTER = 0.003  # [m] footway and joints are shorter than curb and asphalt, so that no two faces are coplanar
 _CROWN = 0.001  # [m]
@@ -29,6 +32,13 @@ _MARKING_CLEAR = 0.03  # [m] distance from the asphalt's ends
 class RoadwaySettings(Settings):
     """Cross-section of a road deck, the same on both sides; omitted values are drawn at random."""
 
+    uses: ClassVar = (
+        Use("footway", (True,), ("footway_width", "kerb_width")),
+        Use("footway", (False,), ("verge_width",)),
+        Use("lanes", DIVIDED_IN, ("median",)),
+        Use("divided", (True,), ("median",)),
+        Use("lanes", (2, 3, 4, 5, 6), ("dash", "dash_gap")),
+    )
     lanes: int | None = chosen(
         {1: 0.05, 2: 0.50, 3: 0.10, 4: 0.25, 5: 0.05, 6: 0.05},
         "Number of traffic lanes [1]",
@@ -109,14 +119,16 @@ class Roadway:
         return self.kerb_face + self.kerb_width + self.footway_width
 
 
-def draw_roadway(settings: RoadwaySettings, draws: Draws) -> Roadway:
+def draw_roadway(settings: RoadwaySettings, draws: Draws, lanes_suited: tuple[int, ...] | None = None) -> Roadway:
     """Draw the cross-section.
 
     Args:
         settings: Values set by the user.
         draws: Random stream and profile of the bridge.
+        lanes_suited: Numbers of lanes that suit what the user set; default: all.
     """
-    lanes, footway = (draw_option(settings, key, draws) for key in ("lanes", "footway"))
+    suited = DIVIDED_IN if settings.divided else lanes_suited
+    lanes, footway = draw_option(settings, "lanes", draws, suited=suited), draw_option(settings, "footway", draws)
     footway_width, kerb, verge = (draw(settings, key, draws) for key in ("footway_width", "kerb_width", "verge_width"))
     divided = _divided(settings, lanes, draw_option(settings, "divided", draws))
     median = draw(settings, "median", draws)

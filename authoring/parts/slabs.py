@@ -1,7 +1,7 @@
 """Slabs without girders: solid, voided and PK sections, and their bearing lines."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -9,6 +9,7 @@ from pydantic import Field
 from authoring.axis.alignment import Alignment
 from authoring.parts.bearings import Bearings
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
+from authoring.parts.idle_settings import LEFT_OUT, Use
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import Levels, Spans
 from authoring.shapes.component import F64
@@ -32,6 +33,10 @@ Section = Literal["solid", "voided", "pk", "hexagon"]
 class SlabSectionSettings(Settings):
     """Section of a slab; omitted values are drawn at random."""
 
+    uses: ClassVar[tuple[Use, ...]] = (
+        Use("section", ("voided", "pk", "hexagon"), ("cantilever",)),
+        Use("depth", LEFT_OUT, ("slenderness",)),
+    )
     section: Section | None = chosen(
         {"solid": 40, "voided": 25, "pk": 35},
         "solid: solid slab with vertical sides; voided: outline of a box with short cantilevers; pk: trapezoid with "
@@ -134,7 +139,11 @@ def draw_slab_section(
     paper = draws.profile == "paper"
     share, cantilever = draw(settings, "slenderness", draws), draw(settings, "cantilever", draws)
     count_share = draws.random()
-    depth = _PAPER_DEPTH if paper else max(round(needs.longest / (needs.ratio * share), 2), LEAST_DEPTH)
+    depth = (
+        _PAPER_DEPTH
+        if paper and settings.slenderness is None
+        else max(round(needs.longest / (needs.ratio * share), 2), LEAST_DEPTH)
+    )
     depth = settings.depth or depth
     inset = {"solid": 0.0, "hexagon": 0.5 * cantilever, "voided": 0.8 * cantilever}.get(section, cantilever) * width
     soffit = round(width - 2.0 * inset, 3)

@@ -1,11 +1,12 @@
 """The choice of a steel superstructure: arrangement, sections and lines of its girders, and their settings."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
+from authoring.parts.drawing import Draws, UnsuitedDeck, chosen, draw, draw_option, drawn
+from authoring.parts.idle_settings import LEFT_OUT, Use
 from authoring.parts.plate_girders import PlateGirders
 from authoring.parts.spans import Spans
 from groundwork.errors import InputError
@@ -23,6 +24,13 @@ _LEAST_DEPTH = 0.70  # [m]
 class PlateGirderSettings(Settings):
     """Steel girders; omitted values are drawn at random."""
 
+    uses: ClassVar = (
+        Use("arrangement", ("multi",), ("count", "spacing")),
+        Use("arrangement", ("multi", "ladder"), ("top_share", "web")),
+        Use("count", LEFT_OUT, ("spacing",)),
+        Use("haunch", ("parabolic", "straight"), ("haunch_ratio", "haunch_reach")),
+        Use("splices", (True,), ("splice_share",)),
+    )
     arrangement: Literal["multi", "ladder", "box"] | None = chosen(
         _ARRANGEMENTS,
         "multi: several plate girders; ladder: two plate girders with floor beams between them; box: one or two boxes",
@@ -67,9 +75,7 @@ class PlateGirderSettings(Settings):
     fillet: float | None = drawn(
         0.040, 0.090, "Depth of the concrete haunch between top flange and slab [m]", ge=0.0, le=0.20, paper=(0.0, 0.0)
     )
-    splices: bool | None = Field(
-        default=None, description="Bolted field splices in continuous girders; drawn always, in profile paper never"
-    )
+    splices: bool | None = chosen({True: 1}, "Bolted field splices in continuous girders", paper={False: 1})
     splice_share: float | None = drawn(
         0.20, 0.25, "Distance from a pier to a field splice, over the span [1]", ge=0.1, le=0.4
     )
@@ -124,7 +130,7 @@ def _arrangement(settings: PlateGirderSettings, width: float, longest: float, dr
     low, high = _WIDTHS[choice]
     if not low <= width <= high:
         nearest = low if width < low else high
-        raise InputError(
+        raise UnsuitedDeck(
             f"this arrangement does not suit a deck {width:.2f} m wide",
             field="bridge.girder.steel.arrangement",
             value=choice,
@@ -157,7 +163,7 @@ def _lines(
         return (-half, half)
     if arrangement == "box":
         return (0.0,) if width <= _ONE_BOX else (round(-0.25 * width, 3), round(0.25 * width, 3))
-    if paper and settings.count is None:
+    if paper and settings.count is None and settings.spacing is None:
         return tuple(round(width * eighths / 8.0, 3) for eighths in (-3, -1, 1, 3))
     count = settings.count or max(2, round((width - 2.0) / target) + 1)
     least, most = max(0.6, 0.5 * (width - MOST_SPACING * (count - 1))), 0.5 * (width - LEAST_SPACING * (count - 1))

@@ -6,13 +6,14 @@ profile `paper` takes the values of the Random Bridge Generator of Shi, Kim and 
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from authoring.axis.alignment import Alignment
 from authoring.axis.track_section import APPROACH_TRACK, CLEARANCE, GAUGE, TrackSection
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
+from authoring.parts.idle_settings import Use
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.spans import ABUTMENT_BACK, Spans
 from authoring.shapes.component import F64
@@ -36,6 +37,12 @@ _PAPER_WIDTH = 10.0  # [m] of every deck of the paper's generator
 class TrackSettings(Settings):
     """Tracks and the strips beside them; omitted values are drawn at random."""
 
+    uses: ClassVar = (
+        Use("bed", ("ballast",), ("ballast", "shoulder")),
+        Use("bed", ("ballast",), ("sleeper",), plain="concrete"),
+        Use("bed", ("slab",), ("slab", "slab_shoulder", "embedded")),
+        Use("sleeper", ("concrete",), ("sleeper_height",)),
+    )
     bed: Literal["ballast", "slab"] | None = chosen(
         {"ballast": 65, "slab": 35}, "Track bed: ballast, or a ballastless track slab", paper={"slab": 1}
     )
@@ -156,10 +163,20 @@ def draw_tracks(settings: TrackSettings, tracks: int, edge: float, draws: Draws)
             allowed=f"at least {wide + 0.02:.2f} m",
             hint="Choose a larger spacing, shorter sleepers or a smaller slab_shoulder",
         )
-    free = Tracks(section, 0.0 if paper else value["upstand"], -value["upstand_top"], value["walkway"])
+    upstand = 0.0 if paper and settings.upstand is None else value["upstand"]
+    if settings.upstand_top is not None and not upstand:
+        raise InputError(
+            'has no effect with bridge.profile = "paper"',
+            field="bridge.track.upstand_top",
+            value=settings.upstand_top,
+            allowed="with bridge.track.upstand",
+            hint="Set bridge.track.upstand, or leave upstand_top out",
+        )
+    free = Tracks(section, upstand, -value["upstand_top"], value["walkway"])
     if not paper or settings.walkway is not None:
         return free
-    return Tracks(section, 0.0, free.upstand_top, max(round(0.5 * _PAPER_WIDTH - edge - free.kerb_face, 3), 0.0))
+    walkway = max(round(0.5 * _PAPER_WIDTH - edge - free.kerb_face - upstand, 3), 0.0)
+    return Tracks(section, upstand, free.upstand_top, walkway)
 
 
 def track_parts(tracks: Tracks, spans: Spans, place: Alignment) -> list[Part]:

@@ -226,7 +226,8 @@ def test_traffic_passes_under_the_braces(arrangement: str, service: str, bracing
 @pytest.mark.parametrize("arrangement", ["deck", "through", "half_through", "tied", "masonry"])
 def test_arch_is_symmetric_about_mid_span(arrangement: str) -> None:
     """On a level road the arch and what stands on it or hangs from it mirror about mid-span."""
-    bridge = make_bridge("arch", 3, grade=0.0, arch={"arrangement": arrangement, "bracing": "struts"})
+    bracing = {} if arrangement in ("deck", "masonry") else {"bracing": "struts"}
+    bridge = make_bridge("arch", 3, grade=0.0, arch={"arrangement": arrangement, **bracing})
     supports = bridge.layout.supports
     middle = 0.5 * (supports[0] + supports[-1])
     kinds = ("arch_rib", "arch_ring", "arch_brace", "hanger", "spandrel_column", "floor_beam", "spandrel_wall")
@@ -362,7 +363,7 @@ def test_the_nearest_value_of_the_message_is_valid() -> None:
 @pytest.mark.parametrize("service", ["road", "rail_double"])
 def test_every_draw_leaves_room_for_traffic(arrangement: str, service: str) -> None:
     """The corner of all ranges that leaves least room can be built."""
-    above = {"span": 60.0, "span_to_rise": 5.5, "below_deck": 0.25}
+    above = {"span": 60.0, "span_to_rise": 5.5, **({"below_deck": 0.25} if arrangement == "half_through" else {})}
     own = {"arrangement": arrangement, "span_to_depth": 45.0, "above": above}
     for seed in range(3):
         assert of_kind(make_bridge("arch", seed, service=service, arch=own), "arch_brace")

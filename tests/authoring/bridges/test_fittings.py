@@ -75,7 +75,7 @@ def test_the_arm_of_a_lamp_runs_from_its_column_into_its_head() -> None:
 
 def test_railways_and_the_paper_have_none() -> None:
     """Nothing on a railway, nothing in profile paper unless it is asked for."""
-    assert not any(count(fitted(service="rail_single")).values())
+    assert not any(count(make_bridge("beam", 4, service="rail_single")).values())
     assert not any(count(make_bridge("beam", 4, service="road", profile="paper")).values())
     asked = make_bridge("beam", 4, service="road", profile="paper", fittings={"drainage": True})
     assert count(asked)["scupper"] > 0

@@ -130,7 +130,7 @@ def test_some_bridges_have_them_and_a_draw_changes_nothing_else() -> None:
 
 def test_low_bridges_and_plate_girders_have_none() -> None:
     """Where the soffit is too close to the ground there is no room; a plate girder has no soffit to hang them from."""
-    assert not gangways(make_bridge("suspension", 3, suspension={"deck": "plate_girder", "gangways": True}))
+    assert not gangways(make_bridge("suspension", 3, suspension={"deck": "plate_girder"}))
     own = {"deck": "steel_box", "main": 120.0, "gangways": True, "air": 0.0}
     for clearance, there in ((5.0, False), (9.0, True)):
         bridge = make_bridge("cable_stayed", 3, clearance=clearance, grade=0.0, cable_stayed=own)

@@ -264,7 +264,7 @@ def draw_one(settings: dict[str, Any]) -> Layout:
 def test_contradictions_name_key_and_way_out(settings: dict[str, Any], field: str, allowed: str) -> None:
     """One line with the key, the rule and the nearest valid choice."""
     with pytest.raises(InputError, match=re.escape(field)) as caught:
-        draw_one({**settings, "beam": {"spans": [18.0, 18.0], "girder": {"shape": "i"}, "gap": 0.02}})
+        draw_one({**settings, "beam": {"spans": [18.0, 18.0], "girder": {"shape": "i"}, "gap": 0.02, "overhang": 0.3}})
     assert allowed in str(caught.value)
     assert "\n" not in str(caught.value)
 
