@@ -203,7 +203,7 @@ STAGES: dict[str, Stage] = {
     "stage": Stage(23, author),
     "capture": Stage(19, capture, resumes=True),
     "model": Stage(4, model, resumes=True),
-    "cloud": Stage(15, cloud, resumes=True),
+    "cloud": Stage(16, cloud, resumes=True),
     "sample": Stage(1, sample),
     "report": Stage(14, report),
 }
