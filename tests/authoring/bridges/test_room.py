@@ -1,14 +1,17 @@
 """Members that have no room beside each other at sizes that each setting alone allows: refused by name, in one line."""
 
 import re
+from itertools import pairwise
 from typing import Any
 
+import numpy as np
 import pytest
 
 from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.streams import stream
 from groundwork.errors import InputError
 from groundwork.settings import parse_settings
+from tests.authoring.bridges.built import make_bridge
 from tests.authoring.bridges.draws_seen import merged
 
 SLAB_TRACK = {"bed": "slab", "spacing": 3.5, "sleeper_length": 2.8, "slab_shoulder": 0.5}
@@ -21,6 +24,8 @@ PLINTHS = {
 }
 COLUMNS = {"family": "slab", "service": "rail_single", "pier": {"columns": 5}, "slab": {"spans": [9.0, 9.0]}}
 THICK = {**COLUMNS, "service": "rail_double", "pier": {"columns": 4, "diameter": 2.4}}
+CLOSE: dict[str, Any] = {"arrangement": "deck", "span": 30.0, "bays": 20, "span_to_rise": 3.0, "approach": 4.0}
+BANKS = {"family": "arch", "arch": CLOSE, "abutment": {"footing": True, "footing_toe": 2.0}}
 RAIL = {"family": "beam", "parapet": {"shape": "wall_rail", "low_wall": 0.8, "railing_height": 0.8}}
 
 
@@ -36,6 +41,7 @@ RAIL = {"family": "beam", "parapet": {"shape": "wall_rail", "low_wall": 0.8, "ra
         (ON_SLABS, "track.spacing", {"track": {"spacing": 3.9}}),
         (COLUMNS, "pier.columns", {"pier": {"columns": 3}}),
         (THICK, "pier.columns", {"pier": {"diameter": 0.6}}),
+        (BANKS, "arch.bays", {"arch": {"bays": 6}}),
         (RAIL, "parapet.low_wall", {"parapet": {"low_wall": 0.5}}),
     ],
 )
@@ -49,3 +55,24 @@ def test_no_room(bridge: dict[str, Any], field: str, mend: dict[str, Any]) -> No
         assert "\n" not in str(caught.value)
         if mend:
             draw_layout(parse_settings(BridgeSettings, merged(bridge, mend), "test"), stream(seed, "bridge"))
+
+
+@pytest.mark.parametrize(
+    ("span", "bays", "rise"), [(30.0, 20, 3.0), (30.0, 20, 8.0), (30.0, 14, 3.0), (150.0, 20, 3.0)]
+)
+def test_piers_on_banks_have_room(span: float, bays: int, rise: float) -> None:
+    """Footings on the banks, the springings' blocks and the abutments lie apart along the bridge."""
+    own = {**CLOSE, "span": span, "bays": bays, "span_to_rise": rise}
+    for seed in range(3):
+        bridge = make_bridge("arch", seed, arch=own, abutment={"battered": False, "footing": False})
+        among = re.compile(r"Bank_Pier_\d+_Footing|Springing_\d|Abutment_\d+_Wall")
+        pairs = zip(bridge.members, bridge.bridge_coordinates, strict=True)
+        found = sorted(
+            (p[:, 0].min(), p[:, 0].max(), member.name) for member, p in pairs if among.fullmatch(member.name)
+        )
+        assert len(found) > 10
+        gaps = [after[0] - before[1] for before, after in pairwise(found)]
+        assert min(gaps) > 0.04
+        widths = [high - low for low, high, name in found if name.startswith("Bank")]
+        assert min(widths) > bridge.drawn.record.arch.bents.length + 0.19
+        assert np.ptp(widths) < 1e-6
