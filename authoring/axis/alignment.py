@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.axis.plan_curve import Element, PlanCurve
-from authoring.axis.road_section import RoadSection
+from authoring.axis.road_section import UNDERLAY, RoadSection
 from authoring.axis.track_section import TrackSection
 
 F64 = NDArray[np.float64]
@@ -389,7 +389,7 @@ class Layout:
     service: str = "road"
     carriageway: float = 0.0
     edge_line: float = 0.0
-    underlay: float = 0.07
+    underlay: float = UNDERLAY
     track: TrackSection | None = None
     road: RoadSection | None = None
     feet: tuple[tuple[float, float], ...] = ()

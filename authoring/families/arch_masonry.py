@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from authoring.axis.alignment import Layout
+from authoring.axis.road_section import ABUTMENT_BACK
 from authoring.families.arch_deck import FOUNDING, raised
 from authoring.families.arch_settings import ArchSettings
 from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of
@@ -25,7 +26,7 @@ from authoring.parts.masonry import (
 )
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground
-from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans, level_at
+from authoring.parts.spans import Levels, Spans, level_at
 from groundwork.errors import InputError
 
 _FRONT = 0.6  # [m] from the support's station to the springing in front of it

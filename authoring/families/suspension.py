@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from authoring.axis.alignment import Layout
+from authoring.axis.road_section import ABUTMENT_BACK
 from authoring.families.cable_decks import CableSupportedDeck, Supports, cable_deck_levels, draw_supports, support_parts
 from authoring.families.shared import SharedSettings
 from authoring.families.stayed_elevation import GAUGE
@@ -30,7 +31,7 @@ from authoring.parts.gangways import draw_gangways
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers
 from authoring.parts.pylons import Pylon, covered_by_pylon
-from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans
+from authoring.parts.spans import Levels, Spans
 from authoring.parts.suspension_cables import (
     SuspensionCables,
     cable_parts,

@@ -10,7 +10,7 @@ from authoring.parts.arches import RibSection, facetted, rib_surface
 from authoring.parts.footings import Founding
 from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
 from authoring.shapes.component import F64
-from authoring.shapes.sections import rectangle
+from authoring.shapes.sections import plane_cross, rectangle
 from authoring.shapes.topology import corner_normals
 from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, sweep
@@ -175,8 +175,7 @@ def _cornered(outline: F64) -> F64:
         Those with a turn [m], shape (Q, 2), float64.
     """
     before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
-    turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    return outline[np.abs(turn) > 1e-9]
+    return outline[np.abs(plane_cross(before, after)) > 1e-9]
 
 
 def bank_surface(stations: F64, bottom: F64, top: F64, left: tuple[float, float], place: Alignment) -> Surface:
