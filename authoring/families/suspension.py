@@ -49,6 +49,7 @@ _BEHIND = 1.6  # [m] distance of anchor blocks behind the abutments' backs
 _LEAST_DEPTH = {"steel_box": 1.0, "plate_girder": 0.9}  # [m]
 _STRUTS = 11.0  # [m] least distance between a tower's struts
 _EACH_LANE = 40.0  # [m] of main span: two lanes below 160 m, four below 240 m
+_BESIDE_SADDLE = 0.1  # [m] least length of a tower's top beyond its saddle, on both sides together
 _MOST_PITCH = 1.25  # largest distance between hangers over the wanted one: 2.5 of these are two bays [1]
 _FREE = 26.0  # [m] longest span between tower, piers and abutment without hangers
 
@@ -141,7 +142,7 @@ def _deck(choice: SuspensionChoice, width: float, slab: float, share: float, cha
 def _tower(choice: SuspensionChoice, width: float, seat: float, leg: float, gauge: float) -> Pylon:
     """Choose the towers' dimensions: vertical legs in the cables' planes, inclined outwards below the deck."""
     top = choice.crown - saddle_depth(choice.cable)
-    length = round(max(leg * (0.70 + 0.032 * (top + 8.0)), saddle_length(choice.cable) + 0.005), 2)
+    length = round(max(leg * (0.70 + 0.032 * (top + 8.0)), saddle_length(choice.cable) + _BESIDE_SADDLE), 2)
     across = round(max(0.75 * length, 0.8), 2)
     plane = 0.5 * width + _LEG_GAP + 0.5 * across
     beam = round(0.7 + 0.055 * 2.0 * plane, 2)

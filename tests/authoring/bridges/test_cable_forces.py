@@ -88,7 +88,7 @@ def test_saddles_clamps_and_blocks_have_room(own: dict[str, Any]) -> None:
     record: DrawnSuspension = bridge.drawn.record
     cables = record.cables
     length, width, _ = cables.saddle_size
-    assert length <= record.tower.length + 1e-9
+    assert length <= record.tower.length - 0.09
     assert width <= record.tower.width
     clamp = 0.16 + 1.2 * cables.diameter
     beside = np.abs(np.subtract.outer((*cables.main_hangers, *cables.side_hangers), cables.towers)).min()
