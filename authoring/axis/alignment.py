@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.axis.plan_curve import Element, PlanCurve
-from authoring.axis.road_section import RoadSection
+from authoring.axis.road_section import UNDERLAY, RoadSection
 from authoring.axis.track_section import TrackSection
 
 F64 = NDArray[np.float64]
@@ -373,13 +373,13 @@ class Layout:
         edge_line: From the axis to the middle of the road's edge lines [m]; 0 when not known.
         underlay: From the finished surface, or from the rails' top, down to the ground under the approaches [m].
         track: Cross-section of a railway, None for a road.
-        road: Part of a road's cross-section that the approaches continue; None for a railway, or where they have their
-            own.
+        road: Part of a road's cross-section that the approaches continue; None for a railway, or with their own one.
         feet: Springings of arches on a valley's sides: station and height of the land there [m].
         river_piers: Whether some of its piers may stand in a river.
         anchorages: From the abutments' back faces to the rears of anchor blocks beside the approaches [m]; 0 without.
         wings: Length of the wing walls behind the abutments' back faces [m]; 0 when not known.
         blocks: Rectangles of the ground beside the deck that parts cover: lowest and highest station and left [m].
+        soffit: From the finished surface down to the lowest underside, of arches at mid-span [m]; 0: that of `depth`.
     """
 
     alignment: Alignment
@@ -389,7 +389,7 @@ class Layout:
     service: str = "road"
     carriageway: float = 0.0
     edge_line: float = 0.0
-    underlay: float = 0.07
+    underlay: float = UNDERLAY
     track: TrackSection | None = None
     road: RoadSection | None = None
     feet: tuple[tuple[float, float], ...] = ()
@@ -397,3 +397,4 @@ class Layout:
     anchorages: float = 0.0
     wings: float = 0.0
     blocks: tuple[tuple[float, float, float, float], ...] = ()
+    soffit: float = 0.0

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+ABUTMENT_BACK = 1.2  # [m] from the bearing line to the abutment's back face: where the approach begins
+UNDERLAY = 0.07  # [m] from the finished surface of a road down to the ground under it
+
 
 @dataclass(frozen=True)
 class RoadSection:

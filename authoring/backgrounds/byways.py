@@ -222,7 +222,7 @@ def located(terrain: Terrain, places: F64) -> tuple[F64, F64]:
     Returns:
         Stations and lefts [m], each of shape (N,), float64.
     """
-    return terrain.land.layout.alignment.locate(np.column_stack([places, np.zeros(len(places))]))
+    return terrain.land.layout.alignment.locate(places)
 
 
 def resampled(path: F64, step: float = STEP) -> F64:

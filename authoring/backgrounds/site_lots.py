@@ -175,7 +175,8 @@ def _largest(site: Site, plots: Plots, *, behind: bool, side: float) -> Lot | No
     reach = abs(end - middle) + 40.0
     probe = Lot((float(corner[0]), float(corner[1])), heading, (0.0, 0.0))
     x, y = np.arange(-reach, reach, STEP), np.arange(0.0, float(np.abs(site.field.lefts).max()), STEP)
-    at = _located(site, probe.world(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)))
+    places = probe.world(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2))
+    at = site.land.layout.alignment.locate(places)
     free = land.plot_room(*at, no_hills) > EDGE
     free &= (land.steepness(*at, no_hills) < FLAT) & ((at[0] > land.crossing.center(at[1])) == behind)
     free &= (side * at[1] > 0.0) & _paved(plots, behind, *at)
@@ -202,11 +203,6 @@ def _paved(plots: Plots, behind: bool, station: F64, left: F64) -> NDArray[np.bo
     number = plots.number(np.full(len(left), behind), station, left)
     other = paved[number ^ 1]  # the near and the far plot of a quarter have successive numbers
     return paved[number] & (other | (plots.split_room(station, left) > EDGE))
-
-
-def _located(site: Site, places: F64) -> tuple[F64, F64]:
-    """Convert world positions in plan to stations and lefts [m], each of shape (N,), float64."""
-    return site.land.layout.alignment.locate(np.column_stack([places, np.zeros(len(places))]))
 
 
 def _place(total: NDArray[np.int64], cells: tuple[int, int]) -> tuple[int, int] | None:

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from authoring.backgrounds.quads import boxes, prism, quad_mesh
 from authoring.backgrounds.vehicles import BLACK, BLUE, GREEN, RED, WHITE, YELLOW, shade
 from authoring.shapes.component import Mesh
+from authoring.shapes.topology import y_up_to_z_up
 from authoring.site.ways import merged
 
 F64 = NDArray[np.float64]
@@ -109,8 +110,8 @@ def roof_plant() -> tuple[Model, ...]:
     door = boxes([2.2, -0.5, 0.1], [2.23, 0.5, 2.1])
     turn = 2.0 * np.pi * np.arange(8) / 8
     round_ = np.column_stack([1.7 * np.cos(turn), 1.7 * np.sin(turn)])
-    tank = _upright(prism(round_, 2.4, 5.6))
-    cone = _upright(prism(round_, 5.6, 7.0))
+    tank = y_up_to_z_up(prism(round_, 2.4, 5.6))
+    cone = y_up_to_z_up(prism(round_, 5.6, 7.0))
     cone[..., :2] *= np.where(cone[..., 2:] > 6.0, 0.12, 1.06)
     legs = boxes(
         [[x - 0.1, y - 0.1, 0.0] for x in (-1, 1) for y in (-1, 1)],
@@ -153,11 +154,6 @@ def _window(frame: float, bars: tuple[tuple[float, float], ...], role: str, blin
 def _column(radius: float, height: float, taper: float) -> F64:
     """Make an upright six-sided column, narrower at its top."""
     turn = 2.0 * np.pi * np.arange(6) / 6
-    faces = _upright(prism(np.column_stack([radius * np.cos(turn), radius * np.sin(turn)]), -0.3, height))
+    faces = y_up_to_z_up(prism(np.column_stack([radius * np.cos(turn), radius * np.sin(turn)]), -0.3, height))
     faces[..., :2] *= np.where(faces[..., 2:] > 0.5 * height, taper, 1.0)
     return faces
-
-
-def _upright(faces: F64) -> F64:
-    """Rotate a prism upright: its y becomes z, and its z becomes -y."""
-    return np.stack([faces[..., 0], -faces[..., 2], faces[..., 1]], axis=-1)

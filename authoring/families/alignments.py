@@ -7,9 +7,9 @@ import numpy as np
 
 from authoring.axis.alignment import Alignment, VerticalCurve
 from authoring.axis.plan_curve import Element, PlanCurve, sine_elements
+from authoring.axis.road_section import ABUTMENT_BACK
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.idle_settings import Use
-from authoring.parts.spans import ABUTMENT_BACK
 from authoring.streams import told_shares
 from groundwork.errors import InputError
 from groundwork.settings import Settings

@@ -21,6 +21,7 @@ from authoring.parts.spandrel_decks import SpandrelDeck, deck_beam_parts, draw_s
 from authoring.parts.spandrels import Bents, CapPlace, bent_footing, foot_on, pier_bent_parts, spandrel_parts
 from authoring.parts.spans import Levels, Spans, level_at
 from authoring.shapes.component import F64
+from groundwork.errors import InputError
 
 FOUNDING = 1.2  # [m] depth of blocks and footings below the lowest ground at them
 _SHOWS = 0.4  # [m] visible height of a springing's block
@@ -30,6 +31,7 @@ _BELOW = 5.0  # [m] approximate height of the tallest columns above the rise
 _RIB_SLENDERNESS = 20.0  # [1] of the tallest columns across the bridge, where ribs carry them
 _INTO_DECK = 0.008  # [m] depth of a cross-head in the deck
 _ROOM = 0.25  # [m] space on a block before and behind the pier on it
+_APART, _LEAST_MARGIN = 0.05, 0.10  # [m] between footings, blocks and abutments; of a footing beyond its columns
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,11 @@ class DrawnDeckArch:
         return self.slab.levels(self.top, self.bearings)
 
     @property
+    def footing_room(self) -> float:
+        """From the middle of a pier on the banks to the footing, block or abutment beside it, at least [m]."""
+        return _footing_room(self.pitch, self.bents, self.abutments)
+
+    @property
     def reach(self) -> float:
         """Half the length of the springings' blocks across the bridge [m]."""
         ribs, columns = (max(lines.lines) + 0.5 * lines.width for lines in (self.section, self.bents))
@@ -100,6 +107,8 @@ def draw_deck_arch(choice: ArchChoice, shared: SharedSettings, draws: Draws) -> 
     under = slab.levels(top, bearings).girder_soffit - bents.cap_depth - stub - 0.5 * choice.depth
     rib = Rib(arch, 0.0, under - choice.rise, 0.0, choice.depth, choice.springing_depth)
     rib, supports, pitch = _rib_and_supports(rib, choice, bents, abutments)
+    if choice.approach_bays > 1:
+        _check_banks(choice, pitch, bents, abutments)
     overhang = max(0.32, round(0.5 * bearings.plinth_length + 0.02, 3))
     spans = Spans(supports, overhang, 0.04)
     first, last = (supports[0], supports[-1]) if len(supports) == 2 else (supports[1], supports[2])
@@ -229,6 +238,28 @@ def _rib_and_supports(
     return replace(rib, start=start), (0.0, first, last, round(last + first, 3)), pitch
 
 
+def _footing_room(pitch: float, bents: Bents, abutments: Abutments) -> float:
+    """Find the room along the bridge for half a footing of a pier on the banks [m]."""
+    block = 0.5 * bents.length + _ROOM
+    return min(0.5 * (pitch - _APART), pitch - max(block, abutments.front + abutments.footing_toe) - _APART)
+
+
+def _check_banks(choice: ArchChoice, pitch: float, bents: Bents, abutments: Abutments) -> None:
+    """Refuse piers on the banks that have no room between the springings' blocks and the abutments."""
+    missing = 0.5 * bents.length + _LEAST_MARGIN - _footing_room(pitch, bents, abutments)
+    if missing <= 0.0:
+        return
+    # With the same columns a larger pitch gives as much room, or half of it between two footings.
+    fitting = next(n for n in range(choice.bays, 0, -1) if pitch * choice.bays / n - pitch >= 2.0 * missing)
+    raise InputError(
+        f"puts the piers on the banks {pitch:.2f} m apart, which leaves no room for their footings",
+        field="bridge.arch.bays",
+        value=choice.bays,
+        allowed=f"at most {fitting} here",
+        hint="Choose fewer bays, a longer span or approach = 0",
+    )
+
+
 def _lowered(arch: DrawnDeckArch, place: Alignment) -> Rib:
     """Lower an arch until the shortest column has its least height."""
     middle = level_at(place, arch.rib.middle).level
@@ -270,7 +301,7 @@ def _pier_parts(arch: DrawnDeckArch, place: Alignment, middle: Alignment, ground
         founding = Founding(level_at(place, station), ground, FOUNDING)
         name, top = f"Bank_Pier_{number:03d}", arch.levels.girder_soffit + _INTO_DECK
         ceiling = top - arch.bents.cap_depth - 0.3
-        footing, foot = bent_footing(arch.bents, f"{name}_Footing", station, ceiling, founding)
+        footing, foot = bent_footing(arch.bents, f"{name}_Footing", station, ceiling, founding, arch.footing_room)
         parts += pier_bent_parts(arch.bents, name, CapPlace(station, top, arch.bents.cap_width), foot, place)
         parts.append(footing)
     return parts

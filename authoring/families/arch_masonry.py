@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from authoring.axis.alignment import Layout
+from authoring.axis.road_section import ABUTMENT_BACK
 from authoring.families.arch_deck import FOUNDING, raised
 from authoring.families.arch_settings import ArchSettings
 from authoring.families.shared import AxisNeeds, SharedSettings, draw_layout_of, draw_top
@@ -14,12 +15,22 @@ from authoring.parts.bearings import draw_bearings
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts
 from authoring.parts.drawing import Draws, draw, draw_whole
 from authoring.parts.footings import Founding
-from authoring.parts.masonry import ROLE, Viaduct, covered_by_piers, masonry_support_parts, ring_of, viaduct_parts
+from authoring.parts.masonry import (
+    ROLE,
+    Viaduct,
+    covered_by_piers,
+    masonry_support_parts,
+    ring_of,
+    springing_reach,
+    viaduct_parts,
+)
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground
-from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans, level_at
+from authoring.parts.spans import Levels, Spans, level_at
+from groundwork.errors import InputError
 
 _FRONT = 0.6  # [m] from the support's station to the springing in front of it
+_LEAST_BACK = 0.10  # [m] from the end of a ring to the back of the abutment's block, at least
 _LEAST_PIER_TOP = 0.10  # [m] between the two rings on a pier
 
 
@@ -60,8 +71,9 @@ def draw_masonry(
     count, span = draw_whole(own, "span_count", draws), draw(own, "span", draws)
     rise, thickness = span * draw(own, "rise_ratio", draws), span / draw(own, "span_to_ring", draws)
     pier, fill = span * draw(own, "pier_ratio", draws), draw(own, "crown_fill", draws)
-    thickness = round(max(thickness, 0.35), 3)
-    axis = ring_of(settings.shape or "circle", span, rise, thickness)
+    shape = settings.shape or "circle"
+    thickness = _fitting(round(max(thickness, 0.35), 3), shape, (span, rise), own.span_to_ring)
+    axis = ring_of(shape, span, rise, thickness)
     pier = round(max(pier, 2.0 * (axis.span - span) + _LEAST_PIER_TOP), 3)
     base = -(top.surfacing + fill + 0.5 * thickness + axis.rise)
     half_more = 0.5 * (axis.span - span)
@@ -85,6 +97,27 @@ def draw_masonry(
     layout = replace(layout, blocks=tuple(covered_by_piers(viaduct)))
     # The level of the middle of the bridge gives the lowest springing the required height.
     return raised(layout, replace(viaduct.ring, start=0.5 * (total - axis.span)), springing), drawn
+
+
+def _fitting(thickness: float, shape: str, size: tuple[float, float], fixed: float | None) -> float:
+    """Limit a ring's thickness to what ends within the abutments' blocks [m]; refuse a given one that does not fit.
+
+    Args:
+        thickness: Of the ring [m].
+        shape: Of the axis.
+        size: Clear span and rise of the intrados [m].
+        fixed: Span over thickness that the user set [1].
+    """
+    most = (_FRONT + ABUTMENT_BACK - _LEAST_BACK) / springing_reach(shape, *size)
+    if thickness > most and fixed is not None:
+        raise InputError(
+            f"makes the ring {thickness:.2f} m thick, which ends behind the abutments",
+            field="bridge.arch.masonry.span_to_ring",
+            value=fixed,
+            allowed=f"at least {np.ceil(100.0 * size[0] / most) / 100.0:g} here",
+            hint="Choose a thinner ring or a shorter span",
+        )
+    return min(thickness, float(np.floor(1000.0 * most)) / 1000.0)
 
 
 def build_masonry(layout: Layout, arch: DrawnMasonry, ground: Ground) -> list[Part]:

@@ -27,6 +27,7 @@ from authoring.families.stayed_elevation import FLATTEST, GAUGE, Frame, NoRoomFo
 from authoring.parts.abutments import Abutments, draw_abutments
 from authoring.parts.bearings import Bearings, draw_bearings
 from authoring.parts.box_decks import CableDeck, bracket_parts, bracket_top, cable_deck_parts, floor_stations
+from authoring.parts.cable_forces import deck_load
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, fitted_to_span
 from authoring.parts.drawing import Draws, draw, draw_option
 from authoring.parts.gangways import draw_gangways
@@ -35,7 +36,7 @@ from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers
 from authoring.parts.pylons import Pylon, covered_by_pylon
 from authoring.parts.spans import Levels, Spans
-from authoring.parts.stays import Stays, stay_parts
+from authoring.parts.stays import Stays, stay_parts, thickest_stay
 from groundwork.errors import InputError
 
 _PORTAL_STRIP = 0.12  # [m] width beside parapets if the stays are anchored on brackets
@@ -179,9 +180,18 @@ def _try(make: _Make, choice: Choice, top: DeckTop) -> Fitted | None:
     # The strips are widened later: the deck's transverse span is the road.
     depth = max(choice.main / values["slenderness"], _LEAST_DEPTH[choice.deck], way.width / 15.0)
     deck = _deck(choice, way.width, depth, values, chamfered)
-    found = _elevation(make.settings, choice, way, values, cable_deck_levels(way, deck, make.bearings))
+    levels = cable_deck_levels(way, deck, make.bearings)
+    found = _elevation(make.settings, choice, way, values, levels)
     if found is None:
         return None
+    if make.profile != "paper" and make.settings.stay_diameter is None:
+        load = deck_load(way.width + 2.0 * found[2], deck.slab, way.surfacing) / choice.planes
+        needed = thickest_stay(load, found[1], found[0])
+        if needed > choice.diameter:
+            choice = replace(choice, diameter=needed)
+            found = _elevation(make.settings, choice, way, values, levels)
+            if found is None:
+                return None
     pylon, stays, strip = found
     deck = _deck(choice, way.width + 2.0 * strip, depth, values, chamfered, stays.plane)
     return choice, way, deck, pylon, stays, strip

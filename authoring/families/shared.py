@@ -118,6 +118,7 @@ def draw_layout_of(shared: SharedSettings, top: DeckTop, needs: AxisNeeds, draws
         road=road_section(top, needs.walls) if draws.profile == "default" else None,
         river_piers=needs.river_piers and draws.profile == "default",
         wings=needs.walls,
+        soffit=-float(needs.lowest_soffit),
     )
 
 

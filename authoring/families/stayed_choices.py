@@ -136,8 +136,8 @@ class CableStayedSettings(Settings):
         default=None,
         ge=0.05,
         le=0.30,
-        description="Diameter of a stay with its sheath [m]; drawn compact 0.06 to 0.12, realistic 0.10 to 0.25; in "
-        "profile paper 0.10",
+        description="Diameter of a stay with its sheath [m]; drawn compact 0.06 to 0.12, realistic 0.10 to 0.25, "
+        "but more where the load needs it; in profile paper 0.10",
     )
     slenderness: float | None = drawn(100.0, 250.0, "Main span over the deck's depth; the depth has a minimum [1]")
     slab: float | None = drawn(0.22, 0.28, "Thickness of the deck slab [m]", ge=0.18, le=0.45)

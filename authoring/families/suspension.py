@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from authoring.axis.alignment import Layout
+from authoring.axis.road_section import ABUTMENT_BACK
 from authoring.families.cable_decks import CableSupportedDeck, Supports, cable_deck_levels, draw_supports, support_parts
 from authoring.families.shared import SharedSettings, draw_top
 from authoring.families.stayed_elevation import GAUGE
@@ -23,25 +24,33 @@ from authoring.families.suspension_choices import (
 from authoring.parts.abutments import Abutments, draw_abutments
 from authoring.parts.bearings import Bearings, draw_bearings
 from authoring.parts.box_decks import CableDeck, bracket_parts, bracket_top, cable_deck_parts, floor_stations
+from authoring.parts.cable_forces import deck_load, hanger_diameter, main_cable
 from authoring.parts.deck_top import DeckTop, deck_runs, deck_top_parts, fitted_to_span
 from authoring.parts.drawing import Draws, draw
 from authoring.parts.gangways import draw_gangways
 from authoring.parts.part import Part
 from authoring.parts.piers import Ground, Piers
 from authoring.parts.pylons import Pylon, covered_by_pylon
-from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans
-from authoring.parts.suspension_cables import SuspensionCables, cable_parts, saddle_depth
+from authoring.parts.spans import Levels, Spans
+from authoring.parts.suspension_cables import (
+    SuspensionCables,
+    cable_parts,
+    clear_of_saddle,
+    least_pitch,
+    saddle_depth,
+    saddle_length,
+)
 
 _STRIP = 0.12  # [m] of deck outside the parapets
 _LEG_GAP = 0.35  # [m] between deck and tower leg
-_CONCRETE = 25.0  # [kN/m3] slab and surfacing
-_STEEL, _TRAFFIC = 3.0, 3.5  # [kN/m2] girders, cables and parapets; a queue of vehicles
 _TIP = 0.30  # [m] length of a bracket outside the cable's plane
 _ENTRY = -0.6  # [m] height where the cables enter the anchor blocks
 _BEHIND = 1.6  # [m] distance of anchor blocks behind the abutments' backs
 _LEAST_DEPTH = {"steel_box": 1.0, "plate_girder": 0.9}  # [m]
 _STRUTS = 11.0  # [m] least distance between a tower's struts
 _EACH_LANE = 40.0  # [m] of main span: two lanes below 160 m, four below 240 m
+_BESIDE_SADDLE = 0.1  # [m] least length of a tower's top beyond its saddle, on both sides together
+_MOST_PITCH = 1.25  # largest distance between hangers over the wanted one: 2.5 of these are two bays [1]
 _FREE = 26.0  # [m] longest span between tower, piers and abutment without hangers
 
 
@@ -102,10 +111,12 @@ def draw_suspension(
     deck = _deck(choice, top.width + 2.0 * _STRIP, slab, draws.random(), draws.profile != "paper")
     levels = cable_deck_levels(top, deck, bearings)
     check_sag(settings, choice)
-    tower = _tower(choice, deck.width, levels.seat, leg, GAUGE[top.service])
-    cables = _cables(choice, tower, bracket_top(levels), settings.pitch is None)
+    pull = 0.0
     if draws.profile == "default":
-        cables = replace(cables, pull=_pull(cables, deck, top.surfacing))
+        load = 0.5 * deck_load(deck.width, deck.slab, top.surfacing)
+        pull, choice = _sized(choice, load, settings.hanger_diameter)
+    tower = _tower(choice, deck.width, levels.seat, leg, GAUGE[top.service])
+    cables = replace(_cables(choice, tower, bracket_top(levels), settings.pitch is None), pull=pull)
     piers_at = _pier_stations(choice)
     spans = Spans(tuple(sorted((*choice.supports, *piers_at))), overhang, gap, continuous=True, one_row=True)
     hung = CableSupportedDeck(top, deck, bearings, abutments)
@@ -131,7 +142,7 @@ def _deck(choice: SuspensionChoice, width: float, slab: float, share: float, cha
 def _tower(choice: SuspensionChoice, width: float, seat: float, leg: float, gauge: float) -> Pylon:
     """Choose the towers' dimensions: vertical legs in the cables' planes, inclined outwards below the deck."""
     top = choice.crown - saddle_depth(choice.cable)
-    length = round(leg * (0.70 + 0.032 * (top + 8.0)), 2)
+    length = round(max(leg * (0.70 + 0.032 * (top + 8.0)), saddle_length(choice.cable) + _BESIDE_SADDLE), 2)
     across = round(max(0.75 * length, 0.8), 2)
     plane = 0.5 * width + _LEG_GAP + 0.5 * across
     beam = round(0.7 + 0.055 * 2.0 * plane, 2)
@@ -162,23 +173,29 @@ def _struts(top: float, beam: float, gauge: float) -> tuple[float, ...]:
     )
 
 
-def _pull(cables: SuspensionCables, deck: CableDeck, surfacing: float) -> float:
-    """Estimate the horizontal force in one cable [kN]: that of a parabola under half the deck and its traffic."""
-    dead = deck.width * (_CONCRETE * deck.slab + _CONCRETE * surfacing + _STEEL)
-    span = cables.towers[1] - cables.towers[0]
-    return round(0.5 * (dead + _TRAFFIC * deck.width) * span**2 / (8.0 * cables.sag), 1)
+def _sized(choice: SuspensionChoice, load: float, hanger: float | None) -> tuple[float, SuspensionChoice]:
+    """Thicken cables and hangers until they carry half the deck [kN/m]; also the horizontal force in a cable [kN]."""
+    sag, back = choice.crown - choice.low, choice.side + ABUTMENT_BACK + _BEHIND
+    steepest = max(4.0 * sag / choice.main, (choice.crown - _ENTRY + 4.0 * _side_sag(choice)) / back)
+    cable = main_cable(load, choice.main, sag, steepest, choice.cable)
+    hanger = hanger or max(choice.hanger, hanger_diameter(load, _MOST_PITCH * choice.pitch))
+    return cable.pull, replace(choice, cable=cable.diameter, hanger=hanger)
+
+
+def _side_sag(choice: SuspensionChoice) -> float:
+    """Find the sag of the side spans' cables [m]: that of the same force under the same load, 0 without hangers."""
+    return round((choice.crown - choice.low) * (choice.side / choice.main) ** 2, 3) if choice.suspended else 0.0
 
 
 def _cables(choice: SuspensionChoice, tower: Pylon, foot: float, drawn_pitch: bool) -> SuspensionCables:
     _, first, last, total = choice.supports
     back = ABUTMENT_BACK + _BEHIND
-    clear = 0.5 * tower.length + max(0.8, 0.35 * choice.pitch)
-    main = hanger_stations(first + clear, last - clear, choice.pitch, drawn_pitch=drawn_pitch)
+    clear = max(0.5 * tower.length + max(0.8, 0.35 * choice.pitch), clear_of_saddle(choice.cable))
+    least = least_pitch(choice.cable)
+    main = hanger_stations(first + clear, last - clear, choice.pitch, least, drawn_pitch=drawn_pitch)
     side: tuple[float, ...] = ()
-    sag = 0.0
     if choice.suspended:
-        sag = round((choice.crown - choice.low) * (choice.side / choice.main) ** 2, 3)
-        side = hanger_stations(clear, first - clear, choice.pitch, drawn_pitch=drawn_pitch)
+        side = hanger_stations(clear, first - clear, choice.pitch, least, drawn_pitch=drawn_pitch)
     cables = SuspensionCables(
         tower.merge_line,
         (first, last),
@@ -186,7 +203,7 @@ def _cables(choice: SuspensionChoice, tower: Pylon, foot: float, drawn_pitch: bo
         choice.crown,
         choice.low,
         _ENTRY,
-        sag,
+        _side_sag(choice),
         choice.cable,
         choice.hanger,
         foot,
@@ -194,8 +211,8 @@ def _cables(choice: SuspensionChoice, tower: Pylon, foot: float, drawn_pitch: bo
         (),
     )
     # A hanger needs room for its clamp and its socket.
-    least = foot + 0.9 + 2.0 * choice.cable
-    side = tuple(s for s in side if float(cables.height(np.array([s]))[0]) > least)
+    lowest = foot + 0.9 + 2.0 * choice.cable
+    side = tuple(s for s in side if float(cables.height(np.array([s]))[0]) > lowest)
     return replace(cables, side_hangers=(*side, *(round(total - s, 6) for s in reversed(side))))
 
 

@@ -87,9 +87,13 @@ class SuspensionSettings(Settings):
     cable_ratio: float | None = drawn(
         1500.0,
         2000.0,
-        "Main span over cable diameter; the diameter is at least 0.14 m (compact) or 0.25 m (realistic) [1]",
+        "Largest main span over cable diameter; the cables are as thick as a stress of 680 MPa under dead load and "
+        "traffic needs, and at least 0.14 m (compact) or 0.25 m (realistic); in profile paper 0.20 m [1]",
+        ge=800.0,
     )
-    hanger_diameter: float | None = drawn(0.04, 0.08, "Diameter of a hanger [m]", ge=0.025, le=0.15, paper=(0.10, 0.10))
+    hanger_diameter: float | None = drawn(
+        0.04, 0.08, "Diameter of a hanger, more where the load needs it [m]", ge=0.025, le=0.15, paper=(0.10, 0.10)
+    )
     slenderness: float | None = drawn(150.0, 300.0, "Main span over the deck's depth; the depth has a minimum [1]")
     air: float | None = drawn(
         0.03,
@@ -224,30 +228,33 @@ def check_sag(settings: SuspensionSettings, choice: SuspensionChoice) -> None:
     )
 
 
-def hanger_stations(low: float, high: float, pitch: float, *, drawn_pitch: bool = False) -> tuple[float, ...]:
+def hanger_stations(
+    low: float, high: float, pitch: float, least: float = 0.0, *, drawn_pitch: bool = False
+) -> tuple[float, ...]:
     """Place hangers evenly.
 
     Args:
         low: Station of the first [m].
         high: Station of the last [m].
         pitch: Wanted distance [m].
+        least: Least distance at which their clamps are clear of each other [m].
         drawn_pitch: Whether the distance was drawn; then it is reduced if there is no room for three.
 
     Returns:
         Stations, rising, the first and the last as given [m].
 
     Raises:
-        InputError: There is no room for three.
+        InputError: There is no room for three, or they are too close.
     """
     bays = round((high - low) / pitch)
-    if bays < 2 and drawn_pitch and high - low >= 2.0 * _CLOSEST:
+    if bays < 2 and drawn_pitch and high - low >= 2.0 * max(_CLOSEST, least):
         bays = 2
     if bays < 2:
         if drawn_pitch:
             raise InputError(
                 f"leaves a length of {high - low:.1f} m for three hangers",
                 field="bridge.suspension.main",
-                allowed=f"hangers at least {_CLOSEST:g} m apart",
+                allowed=f"hangers at least {max(_CLOSEST, least):.2f} m apart",
                 hint="Choose a longer main span, or longer side spans",
             )
         raise InputError(
@@ -256,5 +263,14 @@ def hanger_stations(low: float, high: float, pitch: float, *, drawn_pitch: bool 
             value=pitch,
             allowed=f"at most {max(0.5 * (high - low), 1.5):.1f} m here",
             hint="Reduce it, or choose longer spans",
+        )
+    if (high - low) / bays < least:
+        fitting = (high - low) / (int((high - low) / least) + 0.5)
+        raise InputError(
+            f"leaves no room between hangers, whose clamps need {least:.2f} m",
+            field="bridge.suspension.pitch",
+            value=pitch,
+            allowed=f"at least {np.ceil(100.0 * fitting + 1e-6) / 100.0:.2f} m here",
+            hint="Increase it",
         )
     return tuple(round(float(s), 6) for s in np.linspace(low, high, bays + 1))

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from authoring.foreign.model_files import check_file, read_beside, unpack
 from authoring.imported.gltf import GltfFile
 from authoring.imported.mesh_city import city_of
-from authoring.imported.mesh_soup import MeshSoup, centered, check_count, joined_soup, y_up_to_z_up
+from authoring.imported.mesh_soup import MeshSoup, centered, check_count, joined_soup
 from authoring.imported.model import CityModel
 from authoring.imported.skin import Skin, image_skin, palette_skin
 from authoring.looks.encode import encode_srgb
+from authoring.shapes.topology import y_up_to_z_up
 from groundwork.errors import InputError
 from groundwork.foreign_file import read_regular
 from usd_schemas.guard.layer_walk import Warn

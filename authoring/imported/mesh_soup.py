@@ -124,18 +124,6 @@ def centered(soup: MeshSoup, where: object, warn: Warn) -> MeshSoup:
     return MeshSoup(triangles + rest, soup.st, soup.skin, soup.skins, facts)
 
 
-def y_up_to_z_up(points: F64) -> F64:
-    """Rotate positions with y up, as in glTF.
-
-    Args:
-        points: Positions [m], shape (..., 3), float64.
-
-    Returns:
-        The same positions with z up [m], the same shape (..., 3), float64.
-    """
-    return np.stack([points[..., 0], -points[..., 2], points[..., 1]], axis=-1)
-
-
 def _is_geocentric(middle: F64) -> bool:
     a, b = _EARTH
     distance = float(np.linalg.norm(middle))

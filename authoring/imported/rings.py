@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from authoring.shapes.sections import plane_cross
 from usd_schemas.triangulate import clip_ears
 
 F64 = NDArray[np.float64]
@@ -43,7 +44,7 @@ def ring_triangles(rings: list[F64]) -> F64:
     found = clip_ears(plan[order])
     # Triangles without area, or facing backwards because the ring crosses itself, are left out.
     a, b, c = plan[order][found].transpose(1, 0, 2)
-    return corners[order][found[_cross(b - a, c - b) > _NARROW]]
+    return corners[order][found[plane_cross(b - a, c - b) > _NARROW]]
 
 
 def _newell(ring: F64) -> F64:
@@ -77,16 +78,12 @@ def _joined(plan: F64, order: list[int], hole: I64) -> list[int]:
 
 
 def _twice_area(ring: F64) -> float:
-    return float(np.sum(_cross(ring, np.roll(ring, -1, axis=0))))
+    return float(np.sum(plane_cross(ring, np.roll(ring, -1, axis=0))))
 
 
 def _sees(outline: F64, start: F64, end: F64) -> bool:
     """Check that a segment crosses no side of an outline."""
     a, b = outline, np.roll(outline, -1, axis=0)
-    first, second = _cross(end - start, a - start), _cross(end - start, b - start)
-    third, fourth = _cross(b - a, start - a), _cross(b - a, end - a)
+    first, second = plane_cross(end - start, a - start), plane_cross(end - start, b - start)
+    third, fourth = plane_cross(b - a, start - a), plane_cross(b - a, end - a)
     return not bool(((first * second < -_NARROW) & (third * fourth < -_NARROW)).any())
-
-
-def _cross(a: F64, b: F64) -> F64:
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

@@ -17,6 +17,7 @@ from authoring.imported.mesh_city import LOOSE
 from authoring.imported.model import CityModel, Textured
 from authoring.imported.place import CityPlace
 from authoring.imported.triangle_cuts import cut_free, split_long
+from authoring.site.land import no_hills
 from authoring.site.relief import smoothstep
 from authoring.site.shape import Land
 from authoring.site.site import Site
@@ -190,14 +191,10 @@ def _shifts(
     station, left = terrain.land.layout.alignment.locate(plan)
     spot = place.to_city(plan)
     own = ground.height(spot)
-    base = terrain.land.shape(station, left, _level).height
+    base = terrain.land.shape(station, left, no_hills).height
     rigid = clearance.rigid(station, left, ground.beyond_at(spot))
     away = distance_beyond(clearance.inner, station, left)
     lift = np.clip(LIFT + LIFT_SLOPE * away, LIFT, MOST_LIFT)
     shift = rigid * (base - datum) + (1.0 - rigid) * (terrain.height(station, left) - own) + lift
     place_of, shape = number.reshape(-1), corners.shape[:2]
     return shift[place_of].reshape(shape), corners[..., 2] - own[place_of].reshape(shape)
-
-
-def _level(station: F64, left: F64) -> F64:
-    return np.zeros(np.broadcast(station, left).shape)

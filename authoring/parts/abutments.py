@@ -6,13 +6,14 @@ from typing import ClassVar
 import numpy as np
 
 from authoring.axis.alignment import Alignment
+from authoring.axis.road_section import ABUTMENT_BACK
 from authoring.parts.bearings import Bearings
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.footings import footing_top
 from authoring.parts.idle_settings import Use
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.piers import Ground
-from authoring.parts.spans import ABUTMENT_BACK, Levels, Spans, level_at
+from authoring.parts.spans import Levels, Spans, level_at
 from authoring.parts.wedges import wedge
 from authoring.shapes.component import F64
 from authoring.shapes.sections import area, cut_corners, rectangle

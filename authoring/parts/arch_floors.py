@@ -5,10 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from authoring.axis.alignment import Alignment
+from authoring.axis.road_section import ABUTMENT_BACK
 from authoring.parts.footings import Founding
 from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
 from authoring.parts.spandrel_decks import i_outline
-from authoring.parts.spans import ABUTMENT_BACK, Levels, level_at
+from authoring.parts.spans import Levels, level_at
 from authoring.shapes.sections import cut_corners, rectangle
 from authoring.solids.extrusion import Prism
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from authoring.axis.alignment import Alignment
-from authoring.axis.road_section import RoadSection
+from authoring.axis.road_section import UNDERLAY, RoadSection
 from authoring.parts.abutments import Abutments, approach_range
 from authoring.parts.drawing import Draws, chosen, draw_option
 from authoring.parts.fittings import FittedDeck, Fittings, FittingSettings, draw_fittings
@@ -29,7 +29,6 @@ from groundwork.settings import Settings
 _KERB_SHORTER, _PARAPET_SHORTER = 0.008, 0.004  # [m] shorter than the slab, so that no two end faces are coplanar
 APPROACH = "Approach_"  # begins the names of runs on the wing walls
 _EDGE = 0.008  # [m] distance of a walkway behind the deck's edge
-_ROAD_UNDERLAY = 0.07  # [m] from the finished surface down to the ground under an approach road
 _RAIL_UNDERLAY = 0.01  # [m] ground on an approach above the underside of the ballast
 
 Runs = list[tuple[str, tuple[float, float]]]
@@ -130,7 +129,7 @@ class DeckTop:
     @property
     def underlay(self) -> float:
         """From the finished surface, or from the rails' top, down to the ground under the approaches [m]."""
-        return _ROAD_UNDERLAY if self.tracks is None else self.surfacing - _RAIL_UNDERLAY
+        return UNDERLAY if self.tracks is None else self.surfacing - _RAIL_UNDERLAY
 
 
 def road_section(top: DeckTop, walls: float) -> RoadSection | None:

@@ -26,8 +26,11 @@ _WIDE = 9.0  # [m] width of carriageway from which on it is lit from both sides
 _GRATE = (0.45, 0.15)  # [m] along and across the road
 _GRATE_LEFT = 0.10  # [m] from the kerb to the middle of a grate
 _LEAST_SHOULDER = 0.28  # [m] least width between curb and edge line for a grate
-_OUTLET, _CONDUIT = 0.07, 0.14  # [m] below the structural deck's top
-_PIPE_OUT = 0.16  # [m] from the deck's edge to the middle of a drain pipe
+_CONDUIT = 0.14  # [m] from the structural deck's top down to the middle of a conduit, or more to be below the outlets
+_COVER = 0.008  # [m] from the structural deck's top down to the outlets
+_STUB = 0.6  # diameter of an outlet over that of its drain pipe [1]
+_BESIDE = 0.006  # [m] least distance between the conduit and the drain pipes
+_PIPE_OUT = 0.16  # [m] from the deck's edge to the middle of a drain pipe, or more to be outside the conduit
 _PIPE_BELOW = 0.15  # [m] depth of a drain pipe's end below the girders
 
 
@@ -263,11 +266,11 @@ def _pipe_parts(
     fittings: Fittings, roadway: Roadway, width: float, spans: Spans, soffit: float, place: Alignment
 ) -> list[Part]:
     """Build pipes from the deck's edge beside each scupper, which bend down past the girders."""
-    outlet = -roadway.surfacing - _OUTLET
+    outlet, out = -roadway.surfacing - _outlet(fittings), _pipe_out(fittings)
     length = outlet - soffit + _PIPE_BELOW
     d = fittings.pipe_diameter
-    stub = Prism(circle(0.8 * d, 12), -2.0 * _EMBEDDED, _PIPE_OUT, "left", LOCAL).surface
-    down = Prism(circle(d, 12) + np.array([0.0, _PIPE_OUT]), -length, 0.6 * d, "above", LOCAL, 0.008).surface
+    stub = Prism(circle(_STUB * d, 12), -2.0 * _EMBEDDED, out, "left", LOCAL).surface
+    down = Prism(circle(d, 12) + np.array([0.0, out]), -length, 0.4 * d, "above", LOCAL, 0.008).surface
     template = joined([stub, down])
     size: dict[str, object] = {"diameter": d, "length": length}
     stations = fitting_stations(fittings.scupper_pitch, spans)
@@ -278,9 +281,28 @@ def _pipe_parts(
     ]
 
 
+def _outlet(fittings: Fittings) -> float:
+    """Find the depth of the outlets' axes below the structural deck's top [m]."""
+    return _COVER + 0.5 * _STUB * fittings.pipe_diameter
+
+
+def _pipe_out(fittings: Fittings) -> float:
+    """Find the distance from the deck's edge to the middle of a drain pipe [m]: the conduit runs inside it."""
+    conduit = fittings.conduit_diameter - _EMBEDDED if fittings.conduits else 0.0
+    return max(_PIPE_OUT, conduit + _BESIDE + 0.5 * fittings.pipe_diameter)
+
+
+def _conduit_depth(fittings: Fittings) -> float:
+    """Find the depth of the conduit's axis below the structural deck's top [m]: under the outlets, which cross it."""
+    if not fittings.drainage:
+        return _CONDUIT
+    outlets = _outlet(fittings) + 0.5 * _STUB * fittings.pipe_diameter
+    return max(_CONDUIT, outlets + _BESIDE + 0.5 * fittings.conduit_diameter)
+
+
 def _conduit_parts(fittings: Fittings, roadway: Roadway, width: float, spans: Spans, place: Alignment) -> list[Part]:
     d = fittings.conduit_diameter
-    middle = np.array([-0.5 * width - 0.5 * d + _EMBEDDED, -roadway.surfacing - _CONDUIT])
+    middle = np.array([-0.5 * width - 0.5 * d + _EMBEDDED, -roadway.surfacing - _conduit_depth(fittings)])
     parts = []
     for number, (low, high) in enumerate(spans.pieces):
         surface = Prism(circle(d, 12) + middle, low + 0.03, high - 0.03, "station", place)

@@ -10,7 +10,7 @@ from authoring.parts.arches import RibSection, facetted, rib_surface
 from authoring.parts.footings import Founding
 from authoring.parts.part import SUBSTRUCTURE, SUPERSTRUCTURE, Part
 from authoring.shapes.component import F64
-from authoring.shapes.sections import rectangle
+from authoring.shapes.sections import plane_cross, rectangle
 from authoring.shapes.topology import corner_normals
 from authoring.solids.extrusion import Prism
 from authoring.solids.sweep import Surface, sweep
@@ -82,6 +82,17 @@ def ring_of(shape: str, span: float, rise: float, thickness: float) -> ArchAxis:
     return ArchAxis(shape, span + thickness * float(sine), rise + 0.5 * thickness * float(1.0 - cosine))
 
 
+def springing_reach(shape: str, span: float, rise: float) -> float:
+    """Find the run of a ring's end across its thickness, over that thickness [1]: 1 at the foot of a semicircle.
+
+    Args:
+        shape: Of the axis.
+        span: Clear span of the intrados [m].
+        rise: Of the intrados [m].
+    """
+    return float(ArchAxis(shape, span, rise).tangent(np.array([0.0]))[0, 1])
+
+
 def viaduct_parts(viaduct: Viaduct, surfacing: float, place: Alignment) -> list[Part]:
     """Build rings, spandrel walls, string courses and fill.
 
@@ -138,7 +149,8 @@ def masonry_support_parts(viaduct: Viaduct, founding: Founding) -> list[Part]:
         reach = half + _OFFSET
         bottom = founding.bottom(stations, (-reach, reach), lower[1] - 0.5)
         outline = np.array([(back, bottom), (lower[0], bottom), lower, upper, (back, upper[1])])
-        surface = Prism(outline if k == 0 else outline[::-1], -reach, reach, "left", founding.place)
+        outline = _cornered(outline if k == 0 else outline[::-1])
+        surface = Prism(outline, -reach, reach, "left", founding.place)
         size: dict[str, object] = {
             "length": 2.0 * reach,
             "thickness": stations[1] - stations[0],
@@ -151,6 +163,19 @@ def masonry_support_parts(viaduct: Viaduct, founding: Founding) -> list[Part]:
     for number in range(last):
         parts += _pier_parts(v, number, founding)
     return parts
+
+
+def _cornered(outline: F64) -> F64:
+    """Leave out points of an outline at which it runs straight: semicircles spring from level beds.
+
+    Args:
+        outline: Corners [m], shape (P, 2), float64.
+
+    Returns:
+        Those with a turn [m], shape (Q, 2), float64.
+    """
+    before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
+    return outline[np.abs(plane_cross(before, after)) > 1e-9]
 
 
 def bank_surface(stations: F64, bottom: F64, top: F64, left: tuple[float, float], place: Alignment) -> Surface:
@@ -245,7 +270,7 @@ def _pier_parts(viaduct: Viaduct, number: int, founding: Founding) -> list[Part]
     under = float(min(left_low[1], right_low[1])) - _SPRINGER
     outline = np.array([(left_low[0], under), (right_low[0], under), right_low, right_up, left_up, left_low])
     reach = half + 0.5 * _OFFSET
-    springer = Prism(outline, -reach, reach, "left", place).surface
+    springer = Prism(_cornered(outline), -reach, reach, "left", place).surface
     cutwater = _cutwater(v, number)
     middle, thick, nose = cutwater.middle, cutwater.thick, cutwater.nose
     bottom = founding.bottom((middle - thick, middle + thick), (-nose, nose), under - 0.5)

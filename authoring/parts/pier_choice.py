@@ -2,8 +2,11 @@
 
 from typing import Literal
 
+import numpy as np
+
 from authoring.parts.drawing import IN_PAPER, Draws, UnsuitedDeck
 from authoring.parts.idle_settings import LEFT_OUT, Use
+from authoring.parts.shafts import APART
 from authoring.streams import weighted_choice
 from groundwork.errors import InputError
 
@@ -14,6 +17,11 @@ WIDEST_STEM = 13.0  # [m] largest cap length on one stem
 WIDEST_FRAME = 17.0  # [m] largest cap length on two legs
 LEAST_UPSTAND, BESIDE_UPSTAND = 0.15, 0.06  # [m] of an inverted T's stem; both gaps between it and the plinths
 ROWS_APART = LEAST_UPSTAND + BESIDE_UPSTAND  # [m] least distance between two rows of plinths with a stem between them
+LEAST_DIAMETER = 0.6  # [m] of one of several columns
+_COLUMNS = {"pi_frame": 2}  # number of columns of kinds with a fixed number other than one
+_COLUMN_PITCH = 7.0  # [m] largest distance of columns
+_CLEAR_PITCH = 2.2  # least distance as a multiple of their diameter
+END_SHARE = 0.2  # length of the cap beyond the columns' pitches, taken from the number of these [1]
 
 _NARROW: dict[str, float] = {
     "wall": 14.0,
@@ -115,6 +123,45 @@ def choose_kind(
             hint="Choose another cap or shorter plinths, or leave the cap out",
         )
     return chosen, cap or drawn_cap
+
+
+def column_count(kind: str, width: float, cap_length: float, diameter: float, share: float) -> int:
+    """Take as many columns as the deck's width needs, or one more, and no more than fit the cap.
+
+    Args:
+        kind: Kind of pier; only `multi` has a free number.
+        width: Deck width [m].
+        cap_length: Length of the cap [m].
+        diameter: Of a column [m].
+        share: Random number from 0 to 1: from 0.5 on one more [1].
+    """
+    if kind != "multi":
+        return _COLUMNS.get(kind, 1)
+    room = max(2, int(cap_length / (_CLEAR_PITCH * diameter)))  # a short cap under a narrow box has room for few
+    least = max(2, int(np.ceil(0.8 * width / _COLUMN_PITCH)))
+    return min(least + int(2.0 * share), 5, room)
+
+
+def check_columns(columns: int | None, diameter: float | None, pitch: float, share: float) -> None:
+    """Refuse a given number of columns that would be too thin on their cap, or thinner than their given diameter.
+
+    Args:
+        columns: Number that the user set; None: it was drawn to fit.
+        diameter: Diameter that the user set [m].
+        pitch: Distance between the columns [m].
+        share: Width of a column over that diameter [1].
+    """
+    least = share * (diameter or LEAST_DIAMETER) + 2.0 * APART
+    if columns is None or columns < 2 or pitch >= least - 1e-9:
+        return
+    most = int(pitch * (columns - END_SHARE) / least + END_SHARE)
+    raise InputError(
+        f"columns {pitch:.2f} m apart have no room beside each other, which takes {least:.2f} m",
+        field="bridge.pier.columns",
+        value=columns,
+        allowed=f"at most {max(most, 1)} here",
+        hint="Choose fewer or thinner columns, or a wider deck",
+    )
 
 
 def _suits(kind: str, cap: str | None, columns: int | None) -> bool:

@@ -13,15 +13,25 @@ from authoring.parts.footings import Ground as Ground
 from authoring.parts.footings import footing_heights, footing_surface
 from authoring.parts.part import SUBSTRUCTURE, Part
 from authoring.parts.pier_caps import CapShape, cap_surface
-from authoring.parts.pier_choice import BESIDE_UPSTAND, CAPS, KINDS, PAPER_KINDS, USES, CapKind, PierKind, choose_kind
+from authoring.parts.pier_choice import (
+    BESIDE_UPSTAND,
+    CAPS,
+    END_SHARE,
+    KINDS,
+    LEAST_DIAMETER,
+    PAPER_KINDS,
+    USES,
+    CapKind,
+    PierKind,
+    check_columns,
+    choose_kind,
+    column_count,
+)
 from authoring.parts.shafts import EMBEDDED, Shafts, limit_slenderness, shaft_base, shaft_surfaces
 from authoring.parts.spans import Levels, Spans, level_at
 from authoring.shapes.component import F64
 from groundwork.settings import Settings
 
-_COLUMN_PITCH = 7.0  # [m] largest distance of columns
-_CLEAR_PITCH = 2.2  # least distance as a multiple of their diameter
-_COLUMNS = {"pi_frame": 2}  # number of columns of kinds with a fixed number other than one
 _LEG_SHARE = 0.29  # of a pi-frame's beam, from the axis to a leg
 _ARM_SHARE = 0.33  # of the cap's length, from the axis to the head of a Y's arm
 _FLUSH = 0.015  # [m] distance of a frame's legs behind its beam's faces
@@ -48,7 +58,7 @@ class PierSettings(Settings):
         paper={"round": 0.5, "rectangular": 0.5},
     )
     diameter: float | None = drawn(
-        0.9, 1.3, "Diameter of a column, where a pier has several [m]", ge=0.6, le=2.4, paper=(1.5, 1.5)
+        0.9, 1.3, "Diameter of a column, where a pier has several [m]", ge=LEAST_DIAMETER, le=2.4, paper=(1.5, 1.5)
     )
     hammerhead_diameter: float | None = drawn(
         1.3,
@@ -203,8 +213,7 @@ def draw_piers(
     kind, cap = choose_kind(
         (settings.kind, settings.cap, settings.columns), cap_length, upstand, draws, paper_kinds if paper else ()
     )
-    room = max(2, int(cap_length / (_CLEAR_PITCH * several)))  # a short cap under a narrow box has room for few
-    number = settings.columns or _column_count(needs.width, share, room) if kind == "multi" else _COLUMNS.get(kind, 1)
+    number = settings.columns or column_count(kind, needs.width, cap_length, several, share)
     piers = Piers(
         kind,
         cap,
@@ -225,13 +234,11 @@ def draw_piers(
         batter=batter if battered else 0.0,
         slenderness=draw(settings, "slenderness", draws),
     )
-    return _with_cap(_with_shafts(piers, single, several, thickness, wall_share, paper), taper)
-
-
-def _column_count(width: float, share: float, room: int) -> int:
-    """Take as many columns as the deck's width [m] needs, or one more, and no more than fit the cap."""
-    least = max(2, int(np.ceil(0.8 * width / _COLUMN_PITCH)))
-    return min(least + int(2.0 * share), 5, room)
+    piers = _with_shafts(piers, single, several, thickness, wall_share, paper)
+    if kind == "multi":
+        pitch = piers.column_lines[1] - piers.column_lines[0]
+        check_columns(settings.columns, settings.diameter, pitch, piers.column_width / several)
+    return _with_cap(piers, taper)
 
 
 def _with_shafts(
@@ -239,7 +246,7 @@ def _with_shafts(
 ) -> Piers:
     """Choose the size of the shafts by their kind, and place them under the cap."""
     flat, length = piers.column_shape == "rectangular", piers.cap_length
-    pitch = length / (piers.columns - 0.2)
+    pitch = length / (piers.columns - END_SHARE)
     if paper and piers.kind == "multi" and piers.columns == 2:
         pitch = min(5.0, pitch)
     lines = tuple(round(pitch * (k - 0.5 * (piers.columns - 1)), 3) for k in range(piers.columns))

@@ -208,7 +208,9 @@ def pier_bent_parts(
     return parts
 
 
-def bent_footing(bents: Bents, name: str, station: float, ceiling: float, founding: Founding) -> tuple[Part, float]:
+def bent_footing(
+    bents: Bents, name: str, station: float, ceiling: float, founding: Founding, room: float
+) -> tuple[Part, float]:
     """Build the footing of a pier in the ground.
 
     Args:
@@ -217,11 +219,13 @@ def bent_footing(bents: Bents, name: str, station: float, ceiling: float, foundi
         station: Its middle [m].
         ceiling: Upper limit of its top [m].
         founding: Depth of its foundation, in the level frame of the bent.
+        room: Along the bridge to its neighbors, from its middle [m].
 
     Returns:
         The footing and the height of its top [m].
     """
     half = np.array([0.5 * bents.length, max(bents.lines) + 0.5 * bents.width]) + _FOOTING_MARGIN
+    half[0] = min(half[0], room)
     low, high = founding.ground_range((station - half[0], station + half[0]), (-half[1], half[1]))
     # A visible footing cuts into the upper side of a slope.
     top = min(footing_top(low, 0.5 * (low + high), bents.footing_top), ceiling)

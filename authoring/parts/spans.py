@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 from authoring.axis.alignment import Alignment
 
-ABUTMENT_BACK = 1.2  # [m] from the bearing line to the abutment's back face: where the approach begins
-
 
 @dataclass(frozen=True)
 class Spans:

@@ -9,6 +9,7 @@ import numpy as np
 
 from authoring.axis.alignment import Alignment
 from authoring.parts.anchors import sleeves
+from authoring.parts.cable_forces import stay_diameter
 from authoring.parts.cables import STAY_SIDES, tubes
 from authoring.parts.part import SUPERSTRUCTURE, Part
 from authoring.parts.pylons import Pylon, anchor_faces
@@ -115,6 +116,20 @@ def head_heights(arrangement: str, runs: Sequence[Run], zone: HeadZone) -> tuple
         spread = [zone.collar * float(np.hypot(1.0, (heads[-1] - foot) / run)) for run in (upper, lower)]
         heads.append(heads[-1] - max(even, sum(spread) + _BETWEEN))
     return tuple(heads[::-1])
+
+
+def thickest_stay(load: float, stays: Stays, pylon: Pylon) -> float:
+    """Find the diameter that the stay with the largest force in the main span needs [m].
+
+    Args:
+        load: Weight and traffic that each plane of stays carries [kN/m].
+        stays: End points of the stays.
+        pylon: Their pylon.
+    """
+    offsets, rises = np.array(stays.offsets), np.array(stays.heights) - stays.foot
+    runs = offsets - np.array([pylon.face(height) for height in stays.heights])
+    pitches = np.gradient(offsets).tolist()
+    return max(stay_diameter(load, each, s) for each, s in zip(pitches, (rises / runs).tolist(), strict=True))
 
 
 def stay_parts(stays: Stays, pylon: Pylon, pylons: tuple[tuple[int, float, int], ...], place: Alignment) -> list[Part]:

@@ -19,6 +19,7 @@ _CAST = 0.7  # [m] length of a sleeve on an anchor block
 _FOUNDED = 2.0  # [m] depth of an anchor block below the lowest ground at it
 _CONCRETE, _GRIPPED, _SAFETY = 24.0, 0.8, 1.3  # [kN/m3], share of weight resisted by friction and earth [1], safety [1]
 _LONGEST, _WIDEST = 26.0, 9.0  # [m] of an anchor block, and beside the cable; deeper if too small
+_BETWEEN = 0.15  # [m] least gap between a clamp and a saddle, and half of that between two clamps
 _GRIP = 0.55  # embedment of a cable in a saddle, as a share of half the saddle's length
 
 
@@ -70,7 +71,8 @@ class SuspensionCables:
     @property
     def block_sides(self) -> tuple[float, float]:
         """Distances of an anchor block's inner and outer face from the axis [m]."""
-        return self.plane - 0.5 * self.diameter - 0.35, self.plane + _BLOCK_SIDE + self.diameter + _growth(self)[1]
+        inner = max(0.5 * self.diameter + 0.35, _casting(self.diameter) + 0.10)
+        return self.plane - inner, self.plane + _BLOCK_SIDE + self.diameter + _growth(self)[1]
 
     @property
     def blocks(self) -> tuple[tuple[float, float, float, float], ...]:
@@ -85,7 +87,7 @@ class SuspensionCables:
     @property
     def saddle_size(self) -> tuple[float, float, float]:
         """Length along the bridge, width, and depth from the cables' axis to the tower's top [m]."""
-        return round(1.3 + 4.0 * self.diameter, 3), round(0.35 + 1.6 * self.diameter, 3), self.saddle_depth
+        return saddle_length(self.diameter), round(0.35 + 1.6 * self.diameter, 3), self.saddle_depth
 
     @property
     def saddle_depth(self) -> float:
@@ -117,6 +119,47 @@ def saddle_depth(diameter: float) -> float:
         diameter: Of the main cable [m].
     """
     return round(0.35 + 1.2 * diameter, 3)
+
+
+def saddle_length(diameter: float) -> float:
+    """Find the length of a saddle along the bridge [m].
+
+    Args:
+        diameter: Of the main cable [m].
+    """
+    return round(0.9 + 3.0 * diameter, 3)
+
+
+def clamp_length(diameter: float) -> float:
+    """Find the length of a hanger's clamp along the cable [m].
+
+    Args:
+        diameter: Of the main cable [m].
+    """
+    return 0.16 + 1.2 * diameter
+
+
+def clear_of_saddle(diameter: float) -> float:
+    """Find the least distance of a hanger from a tower's axis at which its clamp is clear of the saddle [m].
+
+    Args:
+        diameter: Of the main cable [m].
+    """
+    return 0.5 * (saddle_length(diameter) + clamp_length(diameter)) + _BETWEEN
+
+
+def least_pitch(diameter: float) -> float:
+    """Find the least distance between hangers at which their clamps are clear of each other [m].
+
+    Args:
+        diameter: Of the main cable [m].
+    """
+    return clamp_length(diameter) + 2.0 * _BETWEEN
+
+
+def _casting(diameter: float) -> float:
+    """Find the radius of the casting where a cable enters its anchor block [m]."""
+    return 0.9 * diameter + 0.06
 
 
 def cable_parts(cables: SuspensionCables, place: Alignment, ground: Ground) -> list[Part]:
@@ -192,7 +235,7 @@ def _hanger_parts(cables: SuspensionCables, side: str, left: float, place: Align
     back = place.point(stations - step, line, cables.height(stations - step))
     along = (ahead - back) / np.linalg.norm(ahead - back, axis=1, keepdims=True)
     wall, up = 0.02 + 0.175 * cables.diameter, np.array([0.0, 0.0, 1.0])
-    socket, ring = 0.20 + 4.0 * radius, 0.16 + 1.2 * cables.diameter
+    socket, ring = 0.20 + 4.0 * radius, clamp_length(cables.diameter)
     high = tops - (0.5 * cables.diameter + wall + 0.5 * _LUG) * up
     low = feet + 0.6 * socket * up
     made = zip(
@@ -241,8 +284,7 @@ def _anchorage_parts(
     front = level.point(np.array([station - away]), np.array([left]), np.zeros(1))[0]
     facing = front - level.point(np.array([station]), np.array([left]), np.zeros(1))[0]
     facing /= np.linalg.norm(facing)
-    radius = 0.9 * cables.diameter + 0.06
-    (casting,) = sleeves(points[:1], facing[None], along[None], radius, np.array([_CAST]))
+    (casting,) = sleeves(points[:1], facing[None], along[None], _casting(cables.diameter), np.array([_CAST]))
     points[0] = casting.mouth - HELD * along
     points = points[np.concatenate([[True], (points[1:] - points[0]) @ along > 0.2])]
     return [

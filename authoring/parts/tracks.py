@@ -11,11 +11,12 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from authoring.axis.alignment import Alignment
+from authoring.axis.road_section import ABUTMENT_BACK
 from authoring.axis.track_section import APPROACH_TRACK, CLEARANCE, GAUGE, TrackSection
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
 from authoring.parts.idle_settings import Use
 from authoring.parts.part import SUPERSTRUCTURE, Part
-from authoring.parts.spans import ABUTMENT_BACK, Spans
+from authoring.parts.spans import Spans
 from authoring.shapes.component import F64
 from authoring.shapes.sections import cut_corners, on_side, rectangle
 from authoring.solids.copies import LOCAL, copied, frames_along

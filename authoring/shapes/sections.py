@@ -1,7 +1,6 @@
 """Plane outlines of members: closed polygons in meters, counter-clockwise, and operations on them."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from authoring.shapes.component import F64, I32
 from usd_schemas.triangulate import clip_ears
@@ -132,7 +131,7 @@ def is_convex(outlines: F64) -> bool:
         outlines: Corners [m], shape (..., P, 2), float64.
     """
     side = _following(outlines) - outlines
-    return bool(np.all(_cross(_preceding(side), side) >= -1e-12))
+    return bool(np.all(plane_cross(_preceding(side), side) >= -1e-12))
 
 
 def _following(rows: F64) -> F64:
@@ -188,5 +187,14 @@ def _in_circle(a: list[float], b: list[float], c: list[float], d: list[float]) -
     return inside > _IN_CIRCLE * (aa + bb + cc) ** 2
 
 
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def plane_cross(a: F64, b: F64) -> F64:
+    """Find the cross products of vectors in the plane: positive where the second lies to the left of the first.
+
+    Args:
+        a: Vectors [any unit], shape (..., 2), float64.
+        b: Vectors [any unit], the same shape (..., 2), float64.
+
+    Returns:
+        Their products [any unit²], shape (...), float64.
+    """
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

@@ -105,5 +105,17 @@ def cross(a: F64, b: F64) -> F64:
     return out
 
 
+def y_up_to_z_up(points: F64) -> F64:
+    """Rotate positions with y up, as in glTF and in prisms along z, so that z is up.
+
+    Args:
+        points: Positions [m], shape (..., 3), float64.
+
+    Returns:
+        The same positions with z up [m], the same shape (..., 3), float64.
+    """
+    return np.stack([points[..., 0], -points[..., 2], points[..., 1]], axis=-1)
+
+
 def _unit(vectors: F64) -> F64:
     return vectors / np.sqrt(np.einsum("...d,...d->...", vectors, vectors))[..., None]

@@ -160,7 +160,8 @@ def _inward(layout: Layout, station: float, width: float) -> float:
 
 
 def _check(kind: CrossingKind, layout: Layout) -> None:
-    rule, room = _RULES[kind], float(layout.alignment.height(np.array(layout.supports)).min()) - layout.depth
+    rule, lowest = _RULES[kind], float(layout.alignment.height(np.array(layout.supports)).min())
+    room = lowest - layout.depth
     if kind in ("valley", "harbour") and _longest(layout)[1] < rule.spans[0]:
         raise InputError(
             "no room for this crossing under the longest span",
@@ -175,6 +176,15 @@ def _check(kind: CrossingKind, layout: Layout) -> None:
             field="site.crossing",
             value=kind,
             allowed=f"a {kind} under bearing seats at least {rule.headroom - 1.0:g} m high",
+            hint="Raise bridge.clearance",
+        )
+    under = lowest - (layout.soffit or layout.depth)
+    if kind in ("road", "harbour") and under < rule.headroom - 1.0:
+        raise InputError(
+            f"the bridge is only {under:.1f} m above z = 0",
+            field="site.crossing",
+            value=kind,
+            allowed=f"a {kind} under bridges at least {rule.headroom - 1.0:g} m high",
             hint="Raise bridge.clearance",
         )
 

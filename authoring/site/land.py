@@ -4,11 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.axis.alignment import Layout
+from authoring.axis.road_section import ABUTMENT_BACK
 from authoring.site.covers import Soup, soup_of
 from authoring.site.crossing import CrossingKind, choose_crossing, draw_crossing
 from authoring.site.grid import HeightField, graded_lines, surface_normals
 from authoring.site.relief import draw_relief
-from authoring.site.shape import ABUTMENT_BACK, SHOULDER, WALL_STEP, Approach, Land, Shape
+from authoring.site.shape import SHOULDER, WALL_STEP, Approach, Land, Shape
 
 F64 = NDArray[np.float64]
 RELIEF = ((95.0, 0.42), (31.0, 0.16), (9.0, 0.07), (3.1, 0.025))

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from authoring.axis.alignment import Alignment, Layout
+from authoring.axis.road_section import ABUTMENT_BACK, UNDERLAY
 from authoring.site.fields import ASIDE, BEHIND_FENCE, CLEAR, TOE, VERGE, Plots
 from authoring.site.relief import Relief, smooth_minimum, smoothstep
 from authoring.site.valley import Valley
@@ -14,13 +15,11 @@ from authoring.site.valley import Valley
 F64 = NDArray[np.float64]
 Hills = Callable[[F64, F64], F64]
 
-ABUTMENT_BACK = 1.2  # from the bearing line back to the abutment's back face [m]
 WING_WALL = 6.0  # length of the wing walls behind that face, along the axis [m]
 ABUTMENT_FRONT = 0.6  # from the bearing line forward to the natural ground at the abutment's foot [m]
 FILL_SLOPE = 1.75  # horizontal meters for each meter of height of a fill
 CUT_SLOPE = 1.5
 BANK_SLOPE = 2.0
-UNDERLAY = 0.07  # depth of the ground below the road surface on it [m]
 RAIL_UNDERLAY = 0.75  # depth of the ground below the top of the crossing railway's rails [m]
 _BANK_TOP = 1.2  # height up to which a river's banks have a constant slope [m]
 SHOULDER = 1.2  # level strip beside a carriageway [m]

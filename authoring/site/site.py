@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from authoring.axis.alignment import Layout
 from authoring.axis.clearance import refuse_hill
@@ -84,6 +84,20 @@ class SiteSettings(Settings):
     )
     scatter: ScatterSettings = Field(default_factory=ScatterSettings, description="Stones, shrubs and tufts")
 
+    @model_validator(mode="after")
+    def _values_that_have_an_effect(self) -> "SiteSettings":
+        if self.river_piers is not None and self.crossing not in (None, "river"):
+            raise ValueError(
+                f"river_piers has no effect, because crossing is {self.crossing!r}; "
+                "allowed: crossing = 'river', or one of both left out"
+            )
+        if self.coarse_spacing < self.fine_spacing:
+            raise ValueError(
+                f"coarse_spacing {self.coarse_spacing:g} is less than fine_spacing {self.fine_spacing:g}; "
+                f"allowed: coarse_spacing at least {self.fine_spacing:g} m here"
+            )
+        return self
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Site:
@@ -142,7 +156,8 @@ def draw_site(settings: SiteSettings, layout: Layout, rng: np.random.Generator) 
     if fenced(settings.fences, land, used.spawn(1)[0]):
         land = replace(land, fences=fence_offsets(replace(land, plots=None), reach))
     length = layout.supports[-1] - layout.supports[0]
-    fine = (settings.fine_reach, settings.fine_spacing * max(length / LONG, 1.0), settings.coarse_spacing)
+    coarse = settings.coarse_spacing
+    fine = (settings.fine_reach, min(settings.fine_spacing * max(length / LONG, 1.0), coarse), coarse)
     stations, lefts = strip_lines(land, settings.run_out, settings.half_width, fine)
     ground, soup = strip_ground(land, stations, lefts)
     _check_deck(layout, ground)

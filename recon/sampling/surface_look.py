@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from groundwork.errors import InputError
 from groundwork.foreign_file import check_regular
 from recon.sampling.scene_surface import SceneSurface
-from usd_schemas.flat_scene import FlatScene, Material, Texture
+from usd_schemas.flat_scene import MOST_OCTAVES, FlatScene, Material, Texture
 from usd_schemas.texels import linear_to_srgb, opacity, placed, srgb_to_linear
 
 F32 = NDArray[np.float32]
@@ -21,7 +21,6 @@ U8 = NDArray[np.uint8]
 
 LARGEST = 1024  # [px] a larger texture is reduced to this side: a few texels per centimeter are enough for a point
 _BRIGHTEST = 0.95  # as in the renderer: largest reflectance
-_OCTAVES = 3  # as in the renderer
 _CHUNK = 500_000  # points looked up at once
 
 
@@ -89,7 +88,7 @@ class SurfaceLook:
         detail = self._read(Texture(material.detail.file, srgb=False)) if material.detail.periods else None
         if detail is not None:
             octaves = list(zip(material.detail.periods, material.detail.amplitudes, strict=False))
-            for period, amplitude in octaves[:_OCTAVES]:
+            for period, amplitude in octaves[:MOST_OCTAVES]:
                 gray = _nearest(detail, st / period)[:, :1].astype(np.float32) / 255
                 color *= 1.0 + np.float32(amplitude) * (2.0 * gray - 1.0)
         macro = self._read(Texture(material.detail.macro_file, srgb=False))

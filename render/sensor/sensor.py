@@ -97,7 +97,11 @@ class Sensor:
         if settings.noise:
             rng = np.random.default_rng(np.random.SeedSequence([seed, 0]))
             self._tile = rng.standard_normal((shape[0] + _TILE, shape[1] + _TILE, 3), np.float32)
-        self._shape = shape
+        self._shares: F32 | None = None
+        if settings.noise and settings.vignetting > 0:
+            bands = [slice(first, first + _BAND) for first in range(0, shape[0], _BAND)]  # little memory at a time
+            self._shares = np.concatenate([_vignette(shape, settings.vignetting, band) for band in bands])
+            self._shares.setflags(write=False)
 
     def expose(self, frame: int, code: U16, surfaces: NDArray[np.bool_] | None = None) -> Exposure:
         """Meter one frame and draw the sensor's random errors; frames do not depend on each other.
@@ -174,8 +178,8 @@ class Sensor:
     def _disturb(self, light: F32, wide: slice, top: int, bottom: int, exposure: Exposure, tile: F32) -> F32:
         """Vignette and blur rows, the first `top` and last `bottom` of which only contribute light; then add noise."""
         settings = self._settings
-        if settings.vignetting > 0:
-            light *= cv2.merge([_vignette(self._shape, settings.vignetting, wide)] * 3)
+        if self._shares is not None:
+            light *= cv2.merge([self._shares[wide]] * 3)
         if settings.blur_sigma > 0:
             side = 2 * self._reach + 1
             light = cv2.GaussianBlur(light, (side, side), settings.blur_sigma, borderType=cv2.BORDER_REFLECT).astype(

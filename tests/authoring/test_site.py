@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from authoring.axis.alignment import Alignment, Layout
+from authoring.axis.road_section import ABUTMENT_BACK
 from authoring.shapes.component import (
     FIRST_BACKGROUND_ID,
     FIRST_SITE_ID,
@@ -16,7 +17,6 @@ from authoring.shapes.component import (
     triangles,
 )
 from authoring.site.photo import surface_of
-from authoring.site.shape import ABUTMENT_BACK
 from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 from groundwork.errors import InputError

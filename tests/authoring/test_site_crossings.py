@@ -15,6 +15,7 @@ from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.site.valley import HIGH, STEEPEST
 from authoring.streams import stream
 from groundwork.errors import InputError
+from groundwork.settings import parse_settings
 from tests.conftest import Count
 
 LOW = Layout(Alignment(7.6), (0.0, 18.0, 40.0), 10.0, 1.5)
@@ -181,6 +182,16 @@ def test_what_is_drawn_is_what_can_be_fixed() -> None:
             Layout(Alignment(4.6), (0.0, 20.0), 8.0, 1.2),
             r"site\.crossing: .*under bearing seats at least 5 m high",
         ),
+        (
+            "road",
+            Layout(Alignment(4.6), (0.0, 20.0), 8.0, 1.2),
+            r"site\.crossing: .* only 3\.4 m above .*bridges at least 3\.6 m high",
+        ),
+        (
+            "harbour",
+            Layout(Alignment(5.5), (0.0, 90.0), 8.0, 1.2, soffit=1.6),
+            r"site\.crossing: .* only 3\.9 m above .*bridges at least 4 m high",
+        ),
         ("harbour", TALL, r"site\.crossing: no room.*at least 60 m"),
         ("rail", Layout(Alignment(9.0), (0.0, 10.0), 8.0, 1.2), r"site\.crossing: no room"),
         ("river", Layout(Alignment(0.2), (0.0, 120.0), 8.0, 1.2), r"bridge\.clearance: the ground .* above the deck"),
@@ -190,3 +201,46 @@ def test_what_does_not_fit_is_refused(kind: CrossingKind, layout: Layout, words:
     """One line with the key, the rule and what would fit."""
     with pytest.raises(InputError, match=words):
         draw_site(SiteSettings(crossing=kind, relief=1.5), layout, stream(1, "site"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "layout"),
+    [
+        ("road", Layout(Alignment(7.0), (0.0, 20.0), 8.0, 6.2, soffit=1.4)),  # a masonry arch: its seats are springings
+        ("road", Layout(Alignment(4.9), (0.0, 20.0), 8.0, 1.2)),
+        ("harbour", Layout(Alignment(5.7), (0.0, 90.0), 8.0, 1.2, soffit=1.6)),
+    ],
+)
+def test_enough_headroom_is_accepted(kind: CrossingKind, layout: Layout) -> None:
+    """A road under 3.6 m and a harbour under 4 m are built, whatever the height of the seats."""
+    assert draw_land(kind, 0.0, layout, 60.0, stream(1, "site")).crossing.station == layout.supports[-1] / 2
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"river_piers": True, "crossing": "road"}, r"river_piers has no effect, because crossing is 'road'"),
+        ({"river_piers": False, "crossing": "valley"}, r"allowed: crossing = 'river'"),
+        (
+            {"fine_spacing": 1.5, "coarse_spacing": 1.0},
+            r"coarse_spacing 1 is less than fine_spacing 1\.5.*at least 1\.5 m",
+        ),
+    ],
+)
+def test_values_without_effect_are_refused(values: dict[str, Any], words: str) -> None:
+    """Piers in a river that is none, and a coarse mesh finer than the fine one, are refused in one line."""
+    with pytest.raises(InputError, match=words) as caught:
+        parse_settings(SiteSettings, values, "test")
+    assert "\n" not in str(caught.value)
+    values.popitem()
+    parse_settings(SiteSettings, values, "test")
+
+
+def test_the_coarse_spacing_bounds_the_ground_of_long_bridges() -> None:
+    """The fine mesh becomes coarser under long bridges, but no coarser than the largest spacing."""
+    layout = Layout(Alignment(8.0), tuple(np.linspace(0.0, 1000.0, 21).tolist()), 10.0, 1.5)
+    site = draw_site(
+        SiteSettings(crossing="river", coarse_spacing=1.2, half_width=40.0, run_out=30.0), layout, stream(5, "site")
+    )
+    assert np.diff(site.field.stations).max() <= 1.2 + 1e-4
+    assert np.diff(site.field.lefts).max() <= 1.2 + 1e-4

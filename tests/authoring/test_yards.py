@@ -63,7 +63,7 @@ class Hamlet:
 
 @cache
 def _site(name: str) -> Site:
-    layout = Layout(AXES[name], (0.0, 30.0, 60.0), 11.5, 1.9)
+    layout = Layout(AXES[name], (0.0, 30.0, 60.0), 11.5, 1.9, soffit=1.3)
     return draw_site(SiteSettings(crossing="road", fine_spacing=2.0, coarse_spacing=6.0), layout, stream(4, "site"))
 
 

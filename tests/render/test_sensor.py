@@ -96,6 +96,17 @@ def test_corners_lose_the_light_that_was_asked_for() -> None:
         assert patch.mean() == pytest.approx(expected, abs=0.02)
 
 
+def test_vignetting_is_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sensor holds its shares of light: frames are developed without computing them again."""
+    settings = STEADY.model_copy(update={"vignetting": 0.4})
+    sensor, fresh = (Sensor(settings, Metering(1.0), BRIGHTEST, SHAPE, 5) for _ in range(2))
+    frame = coded(0.3)
+    expected = fresh.develop(frame, fresh.expose(0, frame))
+    monkeypatch.setattr("render.sensor.sensor._vignette", None)
+    for _ in range(2):
+        np.testing.assert_array_equal(sensor.develop(frame, sensor.expose(0, frame)), expected)
+
+
 def test_without_noise_the_tone_curve_alone_is_left() -> None:
     """A gray stays one value; sensor white and middle gray come where a camera puts them."""
     sensor = Sensor(SensorSettings(noise=False), Metering(1.0), BRIGHTEST, SHAPE, 5)

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from authoring.axis.alignment import Layout
+from authoring.axis.road_section import ABUTMENT_BACK
 from authoring.families.bridge_settings import BridgeSettings, draw_layout
 from authoring.families.registry import build_bridge
 from authoring.shapes.component import F64, Component, triangle_corners, triangles
 from authoring.site.covers import to_world, turn
-from authoring.site.shape import ABUTMENT_BACK, WING_WALL
+from authoring.site.shape import WING_WALL
 from authoring.site.site import Site, SiteSettings, draw_site
 from authoring.streams import stream
 from authoring.surveys.subject import LAND, piece_corners

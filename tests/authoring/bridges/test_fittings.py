@@ -60,6 +60,30 @@ def test_pipes_end_below_the_girders_and_lamps_reach_over_the_road() -> None:
             assert np.abs(points[:, 1]).min() < beam.top.kerb_face
 
 
+@pytest.mark.parametrize("pipe", [0.06, 0.09, 0.13, 0.16])
+@pytest.mark.parametrize("conduit", [0.03, 0.06, 0.09, 0.10])
+def test_drain_pipes_keep_clear_of_the_conduit(pipe: float, conduit: float) -> None:
+    """Outlets cross over the conduit, pipes run down outside it, and it still lies against the deck's edge."""
+    there = {"drainage": True, "scupper_pitch": 10.0, "pipe_diameter": pipe}
+    bridge = fitted(fittings={**there, "conduits": True, "conduit_diameter": conduit, "lamps": False})
+    beam, place = bridge.drawn.record, bridge.layout.alignment
+    above = [p[:, 2] - place.height(p[:, 0]) for p in bridge.bridge_coordinates]
+    out = [-p[:, 1] - 0.5 * beam.top.width for p in bridge.bridge_coordinates]
+    kinds = [member.kind for member in bridge.members]
+    conduits, pipes = ([n for n, kind in enumerate(kinds) if kind == key] for key in ("conduit", "drain_pipe"))
+    top, outside = max(above[n].max() for n in conduits), max(out[n].max() for n in conduits)
+    assert min(out[n].min() for n in conduits) == pytest.approx(-0.005, abs=0.002)
+    assert top - 0.5 * conduit > beam.levels.soffit + 0.02  # beside the slab, not below it
+    right = [n for n in pipes if out[n].max() > 0.0]
+    assert len(right) == 5
+    for n in right:
+        stub = out[n] < 0.0
+        assert stub.sum() == 12
+        assert above[n][stub].min() > top + 0.001
+        assert above[n][stub].max() < -beam.top.surfacing
+        assert out[n][above[n] < top].min() > outside + 0.001
+
+
 def test_the_arm_of_a_lamp_runs_from_its_column_into_its_head() -> None:
     """Nothing at the foot's axis is above the column, and the arm ends between bottom and top of the head."""
     points = _lamp(8.0, 1.5).points
