@@ -200,7 +200,7 @@ def root_layer(stage: Path, variant: str = "") -> Path:
 
 
 STAGES: dict[str, Stage] = {
-    "stage": Stage(23, author),
+    "stage": Stage(24, author),
     "capture": Stage(19, capture, resumes=True),
     "model": Stage(4, model, resumes=True),
     "cloud": Stage(16, cloud, resumes=True),
