@@ -246,7 +246,7 @@ def test_clouds_of_a_run_are_told_apart_and_empty_splits_are_said(
         assert call("dataset", "local", tmp_path / "run", "-o", tmp_path / "other", *words) == 2
         assert told in capsys.readouterr().err
     assert call("train", tmp_path / "set", "-o", tmp_path / "model", "--epochs", 0) == 2
-    assert "train: epochs" in capsys.readouterr().err
+    assert "--epochs: " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", list(MODELS))
