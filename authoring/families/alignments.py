@@ -29,6 +29,13 @@ _SIZES = {  # sizes that not every axis has: the key of the choice, and the opti
     "wave": ("kind", ("sine",)),
     "crest_radius": ("profile", ("crest", "sag")),
 }
+_MAY_BEND = ("beam", "girder", "slab")
+STRAIGHT_AND_SQUARE = (  # rules of the families whose axes are straight, with square supports and without crest
+    Use("", _MAY_BEND, ("alignment.kind",), plain="straight"),
+    Use("", _MAY_BEND, ("alignment.skew",), plain=0.0),
+    Use("", _MAY_BEND, ("alignment.profile",), plain="grade"),
+    Use("", _MAY_BEND, tuple(f"alignment.{key}" for key in (*_SIZES, "turn", "spiral", "superelevation", "cant"))),
+)
 
 
 class AlignmentSettings(Settings):
@@ -136,7 +143,6 @@ def draw_alignment(
         for key in ("spiral", "amplitude", "wave", "crest_radius", "superelevation", "cant", "skew")
     }
     if carried.straight:
-        _refuse(settings)
         kind, profile, skew = "straight", "grade", 0.0
     else:
         kind, profile = _with_sizes(settings, "kind", kind), _with_sizes(settings, "profile", profile)
@@ -165,25 +171,6 @@ def draw_alignment(
     crest = _crest(settings, profile, sizes["crest_radius"], length, abs(grade), STEEPEST[service])
     begin = grade if crest is None else round(grade + 0.5 * length / crest.radius, 6)
     return Alignment(0.0, begin, plan=plan, skew=skew, crest=crest, falls=falls)
-
-
-def _refuse(settings: AlignmentSettings) -> None:
-    bent = ("turn", "spiral", "superelevation", "cant")
-    for key, plain in {
-        "kind": "straight",
-        "skew": 0.0,
-        "profile": "grade",
-        **dict.fromkeys((*_SIZES, *bent)),
-    }.items():
-        value = getattr(settings, key)
-        if value not in (None, plain):
-            raise InputError(
-                "arch, suspension and cable-stayed bridges are straight and square, without crest or sag",
-                field=f"bridge.alignment.{key}",
-                value=value,
-                allowed="nothing" if plain is None else str(plain),
-                hint="Leave it out",
-            )
 
 
 def _with_sizes(settings: AlignmentSettings, key: str, option: str) -> str:

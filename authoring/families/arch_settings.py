@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from authoring.families.alignments import STRAIGHT_AND_SQUARE
 from authoring.parts.drawing import Draws, chosen, chosen_by, draw, draw_option, draw_whole, drawn
 from authoring.parts.idle_settings import POSITIVE, SEVERAL, Use
 from authoring.parts.railings import RailingSettings
@@ -64,10 +65,10 @@ class ArchSettings(Settings):
     )
     shared_uses: ClassVar = (
         Use("", ("beam", "girder", "slab", "cable_stayed", "suspension"), ("pier",)),
+        *STRAIGHT_AND_SQUARE,
+        Use("arrangement", ("deck",), (*_NOT_ABOVE, "fittings.lamps", *_LAMPS)),
         Use("arrangement", ("deck", *ABOVE), ("parapet.shape",), plain="wall"),
         Use("arrangement", ("deck", *ABOVE), ("fittings", *_NOT_ON_MASONRY, *(f"parapet.{key}" for key in _RAILED))),
-        Use("arrangement", ("deck",), _NOT_ABOVE),
-        Use("arrangement", ("deck", "masonry"), ("fittings.lamps", *_LAMPS)),
         Use("approach", POSITIVE, (*_FOOTING, "abutment.battered", "abutment.batter")),
     )
     arrangement: Literal["deck", "through", "half_through", "tied", "masonry"] | None = chosen(

@@ -21,7 +21,7 @@ from authoring.parts.idle_settings import Use, refuse_idle
 from groundwork.errors import InputError
 from groundwork.settings import Settings
 
-_OTHER_LANES = (4, 3, 2, 1)  # widest first
+_OTHER_LANES = (4, 3, 2, 1, 6, 5)  # the widest common road first
 FamilyName = Literal["arch", "beam", "cable_stayed", "girder", "slab", "suspension"]
 
 
@@ -94,7 +94,12 @@ def draw_layout(settings: BridgeSettings, rng: np.random.Generator) -> tuple[Lay
 
 
 def _on_another_deck(settings: BridgeSettings, family: str, rng: np.random.Generator) -> tuple[Layout, Any]:
-    """Draw a bridge on the first deck that suits what the user set: its lanes or tracks had been drawn."""
+    """Draw a bridge on the first deck that suits what the user set: its lanes or tracks had been drawn.
+
+    Where none suits, the error is that of a deck which only another value rules out, if there is one: to change that
+    value then helps.
+    """
+    other: InputError | None = None
     own, way = getattr(settings, family), settings.roadway
     lanes = () if way.lanes is not None else _OTHER_LANES
     tops: list[dict[str, Any]] = [{"roadway": way.model_copy(update={"lanes": count})} for count in lanes]
@@ -103,8 +108,12 @@ def _on_another_deck(settings: BridgeSettings, family: str, rng: np.random.Gener
         try:
             draws = Draws(deepcopy(rng), settings.profile)
             return FAMILIES[family].draw(own, settings.model_copy(update=top), draws)
-        except InputError:
+        except UnsuitedDeck:
             continue
+        except InputError as error:
+            other = other or error
+    if other is not None:
+        raise other
     return FAMILIES[family].draw(own, settings, Draws(rng, settings.profile))
 
 

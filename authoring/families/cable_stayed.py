@@ -213,12 +213,13 @@ def _fitted(make: _Make, choice: Choice, top: DeckTop) -> Fitted:
         if found is not None:
             break
         longer = with_longer_spans(longer, _GROWTH)
+    other = "mast" if choice.planes == 1 else "portal"
     raise InputError(
         f"leaves no clear width for traffic beside {choice.shape} pylons",
         field="bridge.cable_stayed.main",
         value=choice.main,
         allowed=f"at least {longer.main:g} m here",
-        hint='Choose a longer main span, or bridge.cable_stayed.shape = "portal"',
+        hint=f'Choose a longer main span, or bridge.cable_stayed.shape = "{other}"',
     )
 
 

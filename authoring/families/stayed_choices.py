@@ -6,9 +6,11 @@ from typing import ClassVar, Literal, NoReturn
 
 from pydantic import Field
 
+from authoring.families.alignments import STRAIGHT_AND_SQUARE
 from authoring.parts.box_decks import DeckKind
 from authoring.parts.deck_top import DeckTop, SuitedTop
 from authoring.parts.drawing import Draws, chosen, chosen_by, draw, drawn, option_at
+from authoring.parts.fittings import PIPES_AND_CONDUITS
 from authoring.parts.gangways import BOXES, gangways_chosen
 from authoring.parts.idle_settings import Use
 from authoring.parts.piers import BETWEEN_TOWERS
@@ -63,8 +65,8 @@ class CableStayedSettings(Settings):
         Use("deck", BOXES, ("gangways",)),
     )
     shared_uses: ClassVar = (
-        Use("", ("beam", "girder", "slab", "arch"), ("fittings.pipe_diameter", "fittings.conduits")),
-        Use("", ("beam", "girder", "slab", "arch"), ("fittings.conduit_diameter",)),
+        *STRAIGHT_AND_SQUARE,
+        PIPES_AND_CONDUITS,
         *(
             Use(choice, options, ("roadway.divided", "roadway.median"))
             for choice, options in (
@@ -254,7 +256,8 @@ def beside_median(settings: CableStayedSettings, roadway: RoadwaySettings) -> Ca
 def choose(settings: CableStayedSettings, top: DeckTop, randoms: RandomDraws, fits: Callable[[Choice], bool]) -> Choice:
     """Choose the kind of the bridge and its spans.
 
-    The shape is decided first: an H replaces a drawn shape whose legs do not fit. This is checked both for the drawn
+    The shape is decided first: an H replaces a drawn shape whose legs do not fit, or a mast if the stays have one
+    plane. This is checked both for the drawn
     bridge and for the bridge with the user's values, so that requesting the drawn values changes nothing.
 
     Args:
@@ -273,7 +276,10 @@ def choose(settings: CableStayedSettings, top: DeckTop, randoms: RandomDraws, fi
     two_planes = settings.planes == 2 or settings.deck in set(_DECKS[2]) - set(_DECKS[1])
     if (two_planes or not divided) if shape == "mast" else (shape in _LEANING and settings.arrangement == "harp"):
         shape = "h"  # values set by the user have priority
-    if shape == "h" or one_plane:
+    if one_plane:
+        choice = _choice(settings, shape, randoms, divided)
+        return choice if shape == "mast" or fits(choice) else _choice(settings, "mast", randoms, divided)
+    if shape == "h":
         return _choice(settings, shape, randoms, divided)
     open_settings = settings.model_copy(update={"arrangement": None, "planes": None, "deck": None})
     as_drawn = _choice(open_settings, shape, randoms, divided)
@@ -329,13 +335,14 @@ def _main(size: str, pylons: int, ratio: float, randoms: RandomDraws) -> float:
 
 def _refuse(settings: CableStayedSettings, shape: str, arrangement: str, planes: int, divided: bool) -> None:
     asked = "planes" if settings.planes else "deck"  # what needs the single plane, unless a mast does
-    if planes == 1 and shape not in _ONE_PLANE_SHAPES:
+    lanes = planes == 1 and not divided
+    if planes == 1 and shape not in _ONE_PLANE_SHAPES and not (lanes and settings.shape is None):
         allowed = "2" if asked == "planes" else ", ".join(_DECKS[2])
         hint = f"Choose a mast or a diamond, or leave {asked} out"
         _wrong(asked, getattr(settings, asked), f"{allowed} with the shape {shape}", hint)
     if planes == 2 and shape == "mast":
         _wrong("planes", planes, "1 with a mast", "Leave it out")
-    if planes == 1 and not divided:
+    if lanes:
         where = "shape" if settings.shape == "mast" else asked
         _wrong(
             where,

@@ -6,7 +6,9 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from authoring.families.alignments import STRAIGHT_AND_SQUARE
 from authoring.parts.drawing import Draws, chosen, draw, draw_option, drawn
+from authoring.parts.fittings import PIPES_AND_CONDUITS
 from authoring.parts.gangways import BOXES, gangways_chosen
 from authoring.parts.idle_settings import LEFT_OUT, Use
 from authoring.parts.piers import BETWEEN_TOWERS
@@ -33,8 +35,8 @@ class SuspensionSettings(Settings):
         Use("deck", BOXES, ("gangways",)),
     )
     shared_uses: ClassVar = (
-        Use("", ("beam", "girder", "slab", "arch"), ("fittings.pipe_diameter", "fittings.conduits")),
-        Use("", ("beam", "girder", "slab", "arch"), ("fittings.conduit_diameter",)),
+        *STRAIGHT_AND_SQUARE,
+        PIPES_AND_CONDUITS,
         Use("side_spans", ("straight",), BETWEEN_TOWERS),
     )
     size: Literal["compact", "realistic"] | None = chosen(
@@ -246,28 +248,29 @@ def hanger_stations(
     Raises:
         InputError: There is no room for three, or they are too close.
     """
+    closest = max(_CLOSEST, least)
+    if high - low < 2.0 * closest:
+        raise InputError(
+            f"leaves a length of {high - low:.1f} m for three hangers",
+            field="bridge.suspension.main",
+            allowed=f"hangers at least {closest:.2f} m apart",
+            hint="Choose a longer main span, or longer side spans",
+        )
     bays = round((high - low) / pitch)
-    if bays < 2 and drawn_pitch and high - low >= 2.0 * max(_CLOSEST, least):
+    if bays < 2 and drawn_pitch:
         bays = 2
     if bays < 2:
-        if drawn_pitch:
-            raise InputError(
-                f"leaves a length of {high - low:.1f} m for three hangers",
-                field="bridge.suspension.main",
-                allowed=f"hangers at least {max(_CLOSEST, least):.2f} m apart",
-                hint="Choose a longer main span, or longer side spans",
-            )
         raise InputError(
             f"leaves no room for three hangers on a length of {high - low:.1f} m",
             field="bridge.suspension.pitch",
             value=pitch,
-            allowed=f"at most {max(0.5 * (high - low), 1.5):.1f} m here",
+            allowed=f"at most {0.5 * (high - low):.1f} m here",
             hint="Reduce it, or choose longer spans",
         )
     if (high - low) / bays < least:
         fitting = (high - low) / (int((high - low) / least) + 0.5)
         raise InputError(
-            f"leaves no room between hangers, whose clamps need {least:.2f} m",
+            f"leaves no room between hangers, whose clamps need {least:.3f} m",
             field="bridge.suspension.pitch",
             value=pitch,
             allowed=f"at least {np.ceil(100.0 * fitting + 1e-6) / 100.0:.2f} m here",

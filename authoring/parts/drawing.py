@@ -249,7 +249,7 @@ def check_depth(field: str, depth: float, span: float, ratios: tuple[float, floa
     """
     least = float(np.ceil(100.0 * span / ratios[1] - 1e-6)) / 100.0
     most = float(np.floor(100.0 * span / ratios[0] + 1e-6)) / 100.0
-    if not least <= depth <= most:
+    if not span / ratios[1] - 1e-3 <= depth <= span / ratios[0] + 1e-3:  # of a fitted span, which was rounded
         raise InputError(
             f"does not fit a span of {span:g} m",
             field=field,

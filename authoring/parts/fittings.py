@@ -32,6 +32,11 @@ _STUB = 0.6  # diameter of an outlet over that of its drain pipe [1]
 _BESIDE = 0.006  # [m] least distance between the conduit and the drain pipes
 _PIPE_OUT = 0.16  # [m] from the deck's edge to the middle of a drain pipe, or more to be outside the conduit
 _PIPE_BELOW = 0.15  # [m] depth of a drain pipe's end below the girders
+PIPES_AND_CONDUITS = Use(  # a rule of the families whose decks have neither
+    "",
+    ("beam", "girder", "slab", "arch"),
+    ("fittings.pipe_diameter", "fittings.conduits", "fittings.conduit_diameter"),
+)
 
 
 class FittingSettings(Settings):

@@ -203,7 +203,7 @@ def _draw_lines(settings: GirderSettings, girders: Girders, width: float, draws:
             if most_lines >= fewest
             else "no number of lines fits, choose another shape"
         )
-        raise (UnsuitedDeck if settings.count is None else InputError)(
+        raise UnsuitedDeck(
             f"{count} lines of {girders.shape} girders cannot carry a deck {width:.2f} m wide",
             field=f"bridge.beam.girder.{key}",
             value=getattr(settings, key),

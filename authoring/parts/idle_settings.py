@@ -49,15 +49,14 @@ def refuse_idle(bridge: Settings, family: str | Mapping[Any, float], profile: st
     Raises:
         InputError: Such a value, its key, and the choice.
     """
+    if isinstance(family, str):  # first: what a family lacks, no other choice of the section brings
+        own = getattr(bridge, family)
+        for use in getattr(own, "shared_uses", ()):
+            at = (own, f"bridge.{family}") if use.choice else (bridge, "bridge")
+            _refuse((bridge, "bridge"), at, use if use.choice else _of_family(use), profile)
     for path, section in _sections(bridge, "bridge"):
         for use in getattr(section, "uses", ()):
             _refuse((section, path), (section, path), use, profile)
-    if not isinstance(family, str):
-        return
-    own = getattr(bridge, family)
-    for use in getattr(own, "shared_uses", ()):
-        at = (own, f"bridge.{family}") if use.choice else (bridge, "bridge")
-        _refuse((bridge, "bridge"), at, use if use.choice else _of_family(use), profile)
 
 
 def _of_family(use: Use) -> Use:

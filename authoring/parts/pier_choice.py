@@ -99,9 +99,8 @@ def choose_kind(
         weights = {name: weight for name, weight in weights.items() if name != "pi_frame"}
     possible = weights if kind is None else {str(kind): 1.0}
     suited = {k: w for k, w in possible.items() if _suits(k, cap, columns)}
-    if (
-        not any(cap_length <= _widest(k) for k in suited) and kind is None
-    ):  # the user's settings need a kind that would not be drawn here
+    if kind is None and not any(cap_length <= _widest(k) for k in suited):
+        # The user's settings need a kind that would not be drawn here.
         suited = {k: 1.0 for k in _NARROW if _suits(k, cap, columns)} or suited
     if not suited:
         raise _contradiction(kind, cap, columns)
@@ -120,7 +119,7 @@ def choose_kind(
             field="bridge.pier.cap",
             value=cap,
             allowed=f"at least {LEAST_UPSTAND:g} m; here drop or tapered",
-            hint="Choose another cap or shorter plinths, or leave the cap out",
+            hint=f"Choose another cap{' or shorter plinths' if upstand > 0.0 else ''}, or leave the cap out",
         )
     return chosen, cap or drawn_cap
 
@@ -155,7 +154,7 @@ def check_columns(columns: int | None, diameter: float | None, pitch: float, sha
     if columns is None or columns < 2 or pitch >= least - 1e-9:
         return
     most = int(pitch * (columns - END_SHARE) / least + END_SHARE)
-    raise InputError(
+    raise UnsuitedDeck(
         f"columns {pitch:.2f} m apart have no room beside each other, which takes {least:.2f} m",
         field="bridge.pier.columns",
         value=columns,

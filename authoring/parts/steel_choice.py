@@ -172,7 +172,7 @@ def _lines(
         if settings.count is None:
             least = most = 0.5 * (width - target * (count - 1))
         else:
-            raise InputError(
+            raise UnsuitedDeck(
                 f"{count} girder lines cannot carry a deck {width:.2f} m wide",
                 field="bridge.girder.steel.count",
                 value=count,

@@ -86,7 +86,7 @@ class SiteSettings(Settings):
 
     @model_validator(mode="after")
     def _values_that_have_an_effect(self) -> "SiteSettings":
-        if self.river_piers is not None and self.crossing not in (None, "river"):
+        if self.river_piers and self.crossing not in (None, "river"):
             raise ValueError(
                 f"river_piers has no effect, because crossing is {self.crossing!r}; "
                 "allowed: crossing = 'river', or one of both left out"

@@ -162,8 +162,10 @@ def test_a_choice_that_is_drawn_refuses_nothing() -> None:
         keys = {"bearing.pad_width": 0.42, "bearing.pot_width": 0.4, "parapet.plinth": 0.1, "track.ballast": 0.3}
         bearings = drawn("beam", {**keys, "roadway.verge_width": 0.5}, seed)[1].bearings
         assert bearings.pad_width == {"pad": 0.42, "pot": 0.4}[bearings.kind]
-    weights = {"family": {"arch": 1.0, "beam": 1.0}, "pier": {"kind": "wall"}}
-    draw_layout(parse_settings(BridgeSettings, weights, "test"), stream(1, "bridge"))
+    bent = {"kind": "arc", "radius": 900.0, "superelevation": 0.04, "skew": 5.0, "profile": "crest"}
+    weights = {"family": {"arch": 1.0, "beam": 1.0}, "pier": {"kind": "wall"}, "alignment": bent, "service": "road"}
+    for seed in range(10):
+        draw_layout(parse_settings(BridgeSettings, weights, "test"), stream(seed, "bridge"))
     only = parse_settings(BridgeSettings, {**weights, "family": {"arch": 1.0}}, "test")
     draw_layout(only, stream(1, "bridge"))
 
@@ -214,6 +216,11 @@ SUITED: list[tuple[str, dict[str, Any], str, object]] = [  # what is set; a draw
     ("slab", {"pier.cap": "inverted_t"}, "cap", "inverted_t"),
     ("slab", {"service": "road", "roadway.lanes": 6, "profile": "paper"}, "lanes", 6),
     ("beam", {"beam.girder.shape": "u"}, "shape", "u"),
+    *((family, {"pier.columns": 4}, "columns", 4) for family in ("beam", "slab")),
+    ("girder", {"girder.steel.count": 3}, "spliced", True),
+    ("cable_stayed", {"cable_stayed.planes": 1, "cable_stayed.main": 60.0}, "planes", 1),
+    ("cable_stayed", {"cable_stayed.deck": "concrete_box", "cable_stayed.main": 60.0}, "deck", "concrete_box"),
+    ("beam", {"beam.girder.depth": 3.075}, "depth", 3.075),
     *((family, {"grade": 0.04}, "service", "road") for family in FAMILIES),
 ]
 
@@ -281,6 +288,7 @@ def test_profile_paper_uses_what_is_set(family: str, key: str, value: float, nam
         ("cable_stayed", {"cable_stayed.shape": "mast", "roadway.lanes": 3, "service": "road"}, "cable_stayed.shape"),
         ("cable_stayed", {"cable_stayed.main": 30.0, "cable_stayed.size": "realistic"}, "bridge.cable_stayed.main"),
         ("beam", {"pier.cap": "cantilevered", "roadway.lanes": 6, "service": "road"}, "bridge.pier.cap"),
+        ("cable_stayed", {"cable_stayed.planes": 1, "roadway.lanes": 3}, "bridge.cable_stayed.planes: does not fit the other choices (found 1); allowed: a road"),
     ],
 )
 def test_a_refusal_names_what_was_set(family: str, keys: dict[str, Any], told: str) -> None:
