@@ -191,6 +191,17 @@ def _resident(pid: int) -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e9
 
 
+def reason_of(error: ChildError) -> str:
+    """Say why a child failed, without the name of its module and the advice to who called it.
+
+    Args:
+        error: An error of `run_child`.
+    """
+    reason = str(error).partition(": ")[2]
+    explained = not reason.startswith((AT_A_LIMIT, *CRASHED))  # by the child itself, which does not name its module
+    return str(error) if explained else reason.partition(". Use fewer")[0]
+
+
 def _conclude(module: str, code: int, verdict: str | None, replies: list[dict[str, Any]], errors: str) -> object:
     final = replies[-1] if replies else {"kind": "none", "value": None}
     spoken = [line for line in errors.splitlines() if line.strip() and not line.lstrip().startswith(_STACK)]
