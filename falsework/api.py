@@ -16,6 +16,7 @@ from falsework.arguments import (
     check,
     check_progress,
     check_text,
+    flag,
     gigabytes,
     of_python,
     path_of,
@@ -302,9 +303,12 @@ def run(
     from falsework.pipeline import run_scenario
 
     check_progress(progress)
-    check(retry_failed, "retry_failed", bool, "True or False")
     check_text(cluster, "cluster")
-    how: dict[str, Any] = {"retry_failed": retry_failed, "workers": whole(workers, "workers"), "cluster": cluster}
+    how: dict[str, Any] = {
+        "retry_failed": flag(retry_failed, "retry_failed"),
+        "workers": whole(workers, "workers"),
+        "cluster": cluster,
+    }
     how["memory"] = gigabytes(memory, "memory")
     numbers = None if scenes is None else whole_numbers(scenes, "scenes")
     return run_scenario(_scenario(scenario), path_of(out, "out"), progress, numbers, **how)
@@ -346,7 +350,7 @@ def _roots(allowed: str | PathLike[str] | Iterable[str | PathLike[str]]) -> tupl
 def _settings(given: S, *kinds: type[Any]) -> S:
     if not isinstance(given, kinds):
         raise InputError(
-            "settings of a wrong class",
+            "of a wrong class",
             field="settings",
             value=type(given).__name__,
             allowed=", ".join(kind.__name__ for kind in kinds),

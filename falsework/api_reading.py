@@ -40,13 +40,13 @@ def read_stage(
     Example:
         >>> flat = falsework.read_stage(scene)
     """
-    from usd_schemas.reading.choices import AS_AUTHORED, StageChoices, check_choices
+    from usd_schemas.reading.choices import AS_AUTHORED, StageChoices, checked_choices
     from usd_schemas.reading.stage_reader import read_stage
 
     check_text(survey, "survey")
     chosen = AS_AUTHORED if choices is None else choices
     check(chosen, "choices", StageChoices, "StageChoices")
-    check_choices(chosen, are_options=False)
+    chosen = checked_choices(chosen)
     return read_stage(path_of(path, "path"), survey=survey, choices=chosen)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from functools import wraps
 from numbers import Integral, Real
 from os import PathLike, fspath
@@ -17,9 +17,22 @@ from groundwork.progress import Progress
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_ARGUMENTS = {"o": "out", "output": "out", "allow-root": "allow_roots"}  # option to argument, if they differ
-_CHOICES = {"camera": "camera", "frame": "frames", "purpose": "purposes", "variant": "variants"}
-_OPTION = re.compile(r"falsework [a-z][^.;]*|(?<![\w-])--?([a-z]+(?:-[a-z]+)*)")  # a whole command stays as it is
+_ARGUMENTS = {"-o": "out", "--output": "out", "--allow-root": "allow_roots"}  # option to argument, if they differ
+_CHOICES = {
+    "--camera": "camera",
+    "--frame": "frames",
+    "--purpose": "purposes",
+    "--variant": "variants",
+    "--width": "width",
+    "--height": "height",
+    "--subdivision": "subdivision",
+}
+_OPTION = re.compile(
+    r"""(?<![\w/.-])falsework\ [a-z](?:[^.;]|\.(?!\s|$))*  # a whole command stays as it is
+    | (?<![\w'])'(?:[^'\\]|\\.)*'(?!\w) | (?<![\w"])"(?:[^"\\]|\\.)*"(?!\w)  # so does what a user wrote
+    | (?<![^\s(])(-[a-z]|--[a-z]+(?:-[a-z]+)*)(?=[.,;:)]*(?:\s|$))""",
+    re.VERBOSE,
+)
 
 
 def of_python(function: Callable[P, R]) -> Callable[P, R]:
@@ -28,9 +41,10 @@ def of_python(function: Callable[P, R]) -> Callable[P, R]:
     Args:
         function: The function.
     """
-    arguments = {name.replace("_", "-"): name for name in inspect.signature(function).parameters}
-    names = {option: name for option, name in _ARGUMENTS.items() if name in arguments.values()} | arguments
-    if "choices" in arguments:
+    parameters = inspect.signature(function).parameters
+    names = {option: name for option, name in _ARGUMENTS.items() if name in parameters}
+    names |= {f"--{name.replace('_', '-')}": name for name in parameters}
+    if "choices" in parameters:
         names |= {option: f"choices.{name}" for option, name in _CHOICES.items()}
 
     @wraps(function)
@@ -38,7 +52,10 @@ def of_python(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*args, **kwargs)
         except InputError as error:
-            error.args = (_OPTION.sub(lambda found: names.get(found[1], found[0]), str(error)),)
+            text, place = str(error), "" if error.where is None else f"{' '.join(str(error.where).split())}: "
+            kept = len(place) if text.startswith(place) else 0  # a file's name may look like an option
+            told = _OPTION.sub(lambda found: names.get(found[1], found[0]), text[kept:])
+            error.args = (text[:kept] + told,)
             raise
 
     return call
@@ -87,8 +104,28 @@ def whole_numbers(given: object, name: str) -> list[int]:
     allowed = "whole numbers, such as [0, 2] or range(3)"
     if isinstance(given, str | bytes | Mapping):
         check(given, name, (), allowed)
-    check(given, name, Iterable, allowed)
-    return [whole(one, name) for one in given]  # type: ignore[attr-defined]
+    try:
+        items = list(given)  # type: ignore[call-overload]
+    except TypeError:  # also an array without an axis
+        check(given, name, (), allowed)
+        raise
+    return [whole(one, name) for one in items]
+
+
+def flag(given: object, name: str) -> bool:
+    """Convert True or False that a user gave, also one of numpy.
+
+    Args:
+        given: The value.
+        name: Name of the argument, for the error.
+
+    Raises:
+        InputError: Anything else, 0 and 1 included.
+    """
+    if type(given).__module__ == "numpy" and type(given).__name__ in ("bool", "bool_"):  # numpy is not loaded here
+        return bool(given)
+    check(given, name, bool, "True or False")
+    return bool(given)
 
 
 def gigabytes(given: object, name: str) -> float | None:
@@ -104,7 +141,7 @@ def gigabytes(given: object, name: str) -> float | None:
     Raises:
         InputError: Anything else, True and False included.
     """
-    check(given, name, (Real, type(None)), "a number of GB")
+    check(given, name, (Real, type(None)), "a number of GB, or None")
     return None if given is None else float(given)  # type: ignore[arg-type]
 
 
@@ -134,7 +171,7 @@ def check_text(given: object, name: str) -> None:
     Raises:
         InputError: It is of another type.
     """
-    check(given, name, (str, type(None)), "a str")
+    check(given, name, (str, type(None)), "a str, or None")
 
 
 def check_progress(given: object) -> None:

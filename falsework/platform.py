@@ -28,6 +28,7 @@ SAMPLE_PACKAGES = ("laspy", "lazrs", "materialx", "numpy", "open3d", "opencv-pyt
 REPORT_PACKAGES = ("jinja2", "numpy", "opencv-python-headless", "plotly", "scipy")
 LEARN_PACKAGES = ("lightning", "numba", "numpy", "safetensors", "scikit-learn", "scipy", "torch")
 
+MACHINE = ("cpu", "gl_renderer", "gl_version")  # the facts of a platform that are no packages
 _NAMES = {"open3d": ("open3d-cpu", "open3d")}  # a build for processors alone has a name of its own
 
 

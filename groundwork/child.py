@@ -22,6 +22,7 @@ _POLL = 0.1  # [s] interval between checks of the limits
 _STACK = ("@ ", "***", "PC: @")  # prefix of glog's stack lines, which follow its error message
 _LAST_LINES = 20  # lines of a child's output kept with its error
 AT_A_LIMIT = "stopped because it"  # what the error of a child says, after its name, if it reached a limit
+CRASHED = ("died of", "failed with")  # the same if it crashed
 _PREFIX = "\x1efalsework "  # prefix of a child's messages, to separate them from the output of native libraries
 
 
@@ -190,6 +191,17 @@ def _resident(pid: int) -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e9
 
 
+def reason_of(error: ChildError) -> str:
+    """Say why a child failed, without the name of its module and the advice to who called it.
+
+    Args:
+        error: An error of `run_child`.
+    """
+    reason = str(error).partition(": ")[2]
+    explained = not reason.startswith((AT_A_LIMIT, *CRASHED))  # by the child itself, which does not name its module
+    return str(error) if explained else reason.partition(". Use fewer")[0]
+
+
 def _conclude(module: str, code: int, verdict: str | None, replies: list[dict[str, Any]], errors: str) -> object:
     final = replies[-1] if replies else {"kind": "none", "value": None}
     spoken = [line for line in errors.splitlines() if line.strip() and not line.lstrip().startswith(_STACK)]
@@ -208,7 +220,8 @@ def _conclude(module: str, code: int, verdict: str | None, replies: list[dict[st
         raise kinds.get(exit_code, ChildError)(text) from (OSError(passing, os.strerror(passing)) if passing else None)
     last = spoken[-1] if spoken else "it printed nothing"
     name = signal.Signals(-code).name if code < 0 else ""
-    how = f"died of {name}" if name else f"failed with exit code {code}"
+    died, failed = CRASHED
+    how = f"{died} {name}" if name else f"{failed} exit code {code}"
     raise ChildError(f"{module}: {how}: {last}", signal=name, last_lines=tuple(spoken[-_LAST_LINES:]))
 
 

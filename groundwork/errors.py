@@ -1,6 +1,7 @@
 """Errors that Falsework raises on purpose, each with its exit code of the command line."""
 
 import errno
+from pathlib import PurePath
 from typing import ClassVar
 
 _PASSING = frozenset(
@@ -157,6 +158,8 @@ def show_place(error: BaseException, work: object, place: object) -> None:
         error.args = tuple(
             part.replace(str(work), str(place)) if isinstance(part, str) else part for part in error.args
         )
+    if isinstance(error, InputError) and isinstance(error.where, str | PurePath):
+        error.where = type(error.where)(str(error.where).replace(str(work), str(place)))
 
 
 def _shown(value: object) -> str:

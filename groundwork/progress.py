@@ -2,7 +2,8 @@
 
 from typing import Protocol
 
-_PRECISE, _SHORT, _LONG = 10.0, 120.0, 7200.0  # [s] times up to these are shown in tenths, seconds and minutes
+_PRECISE, _SHORT = 10.0, 120.0  # [s] times that are shorter when rounded are shown in tenths, and in seconds
+_LONG = 120  # [min] those shorter than this in minutes
 
 
 class Progress(Protocol):
@@ -95,6 +96,9 @@ def duration(seconds: float) -> str:
     Args:
         seconds: The time [s].
     """
-    if seconds < _SHORT:
-        return f"{seconds:.1f} s" if seconds < _PRECISE else f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < _LONG else f"{seconds / 3600.0:.1f} h"
+    if round(seconds, 1) < _PRECISE:
+        return f"{seconds:.1f} s"
+    if round(seconds) < _SHORT:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < _LONG else f"{seconds / 3600.0:.1f} h"

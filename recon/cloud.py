@@ -26,6 +26,7 @@ OBSERVATIONS = "observations"
 SFM_SPARSE, SFM_DENSE = "sfm-sparse", "sfm-dense"
 MESH = "mesh"
 LIDAR_TERRESTRIAL, LIDAR_MOBILE, LIDAR_AIRBORNE = "lidar-terrestrial", "lidar-mobile", "lidar-airborne"
+_OF_NUMPY = "Convert a number of numpy with float() or int(), and an array with tolist()"
 RECONSTRUCTED = (SFM_SPARSE, SFM_DENSE)  # each of their points has at least one observation
 SOURCES = (*RECONSTRUCTED, MESH, LIDAR_TERRESTRIAL, LIDAR_MOBILE, LIDAR_AIRBORNE)
 
@@ -83,15 +84,16 @@ def write_cloud(folder: Path, cloud: Cloud) -> None:
         cloud: What to write.
 
     Raises:
-        InputError: A column is missing, unknown, not an array, or of a wrong shape or type; the source is unknown; or a
-            table or figure has no form in JSON, such as NaN.
+        InputError: A field has another type than `Cloud` states; a column is missing, unknown, not an array, or of a
+            wrong shape or type; the source is unknown; or a table or figure has no form in JSON, such as NaN.
     """
+    _check_fields(folder / "cloud.json", cloud)
     kinds = _kinds(cloud.columns)
     if unknown := cloud.columns.keys() - kinds.keys():
         raise InputError(
             "not a column of the format",
             field="columns",
-            value=sorted(unknown)[0],
+            value=min(unknown, key=str),
             allowed=", ".join(kinds),
             hint="Store it in a separate file",
         )
@@ -204,7 +206,8 @@ def _tables(stored: dict[str, Any]) -> dict[str, Any]:
     components, classes, cameras = stored["components"], stored["classes"], stored["cameras"]
     bridge = stored.get("bridge", "")
     _want(isinstance(components, list | tuple) and all(isinstance(name, str) for name in components), "components")
-    _want(isinstance(cameras, list | tuple) and all(isinstance(row["name"], str) for row in cameras), "cameras")
+    _want(isinstance(cameras, list | tuple), "cameras")
+    _want(all(isinstance(row, Mapping) and isinstance(row.get("name"), str) for row in cameras), "cameras")
     _want(isinstance(bridge, str), "bridge")
     alignment, statistics = stored["alignment"], stored["statistics"]
     _want(isinstance(alignment, Mapping), "alignment")
@@ -219,6 +222,30 @@ def _tables(stored: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def _check_fields(path: Path, cloud: Cloud) -> None:
+    """Refuse a cloud of a script with a field that has another type than `Cloud` states."""
+    rows = (list, tuple)
+    named = isinstance(cloud.cameras, rows) and all(
+        isinstance(row, Mapping) and isinstance(row.get("name"), str) for row in cloud.cameras
+    )
+    classes = isinstance(cloud.classes, rows) and all(isinstance(row, ClassRow) for row in cloud.classes)
+    components = isinstance(cloud.components, rows) and all(isinstance(name, str) for name in cloud.components)
+    for field, right, allowed in (
+        ("columns", isinstance(cloud.columns, Mapping), "a dict from name to array"),
+        ("observations", isinstance(cloud.observations, Mapping), "a dict from name to array"),
+        ("components", components, "a tuple of names"),
+        ("classes", classes, "a tuple of ClassRow(id, name, color)"),
+        ("alignment", isinstance(cloud.alignment, Mapping), "a dict"),
+        ("cameras", named, "a tuple of dicts, each with a name"),
+        ("statistics", isinstance(cloud.statistics, Mapping), "a dict"),
+        ("source", isinstance(cloud.source, str), ", ".join(SOURCES)),
+        ("bridge", isinstance(cloud.bridge, str), "a str"),
+    ):
+        if not right:
+            value = getattr(cloud, field)
+            raise InputError("of a wrong kind", where=path, field=field, value=value, allowed=allowed)
+
+
 def _check_described(path: Path, described: dict[str, Any]) -> None:
     """Refuse to write what no reader would accept."""
     for key, value in described.items():
@@ -230,7 +257,8 @@ def _check_described(path: Path, described: dict[str, Any]) -> None:
                 canonical_json(part)
             except (ValueError, TypeError) as error:
                 field = f"{key}.{name}" if name != "" else key
-                raise InputError(f"has no form in JSON: {error}", where=path, field=field) from None
+                hint = None if isinstance(error, ValueError) else _OF_NUMPY
+                raise InputError(f"has no form in JSON: {error}", where=path, field=field, hint=hint) from None
     try:
         _tables(described)
     except TypeError as error:
@@ -244,6 +272,7 @@ def _want(right: bool, key: str) -> None:
 
 
 def _class_row(row: dict[str, Any]) -> ClassRow:
+    _want(isinstance(row["color"], list | tuple), "classes")
     numbers = (row["id"], *row["color"])
     _want(all(type(number) is int and 0 <= number < 256 for number in numbers) and len(numbers) == 4, "classes")
     _want(isinstance(row["name"], str) and 0 < len(row["name"]) <= 200 and row["name"].isprintable(), "classes")
@@ -294,6 +323,7 @@ def _load(path: Path) -> Column:
 def _check(folder: Path, cloud: Cloud, count: int | None = None, observation_count: int | None = None) -> None:
     _check_arrays(folder, _kinds(cloud.columns), cloud.columns)
     _check_arrays(folder / OBSERVATIONS, OBSERVATION_COLUMNS, cloud.observations)
+    is_read = count is not None
     count = len(cloud) if count is None else count
     observation_count = len(cloud.observations["image"]) if observation_count is None else observation_count
     if cloud.source not in SOURCES:
@@ -305,10 +335,10 @@ def _check(folder: Path, cloud: Cloud, count: int | None = None, observation_cou
             allowed=", ".join(SOURCES),
         )
     for name, kind in _kinds(cloud.columns).items():
-        _check_column(folder / f"{name}.npy", cloud.columns[name], kind, count)
+        _check_column(folder / f"{name}.npy", cloud.columns[name], kind, count, is_read)
     for name, kind in OBSERVATION_COLUMNS.items():
         rows = count + 1 if name == "start" else observation_count
-        _check_column(folder / OBSERVATIONS / f"{name}.npy", cloud.observations[name], kind, rows)
+        _check_column(folder / OBSERVATIONS / f"{name}.npy", cloud.observations[name], kind, rows, is_read)
     fewest = int(cloud.source in RECONSTRUCTED)
     start, image = cloud.observations["start"], cloud.observations["image"]
     if start[0] != 0 or start[-1] != observation_count or (np.diff(start) < fewest).any():
@@ -337,14 +367,19 @@ def _check_arrays(folder: Path, kinds: Mapping[str, ColumnKind], found: Mapping[
             )
 
 
-def _check_column(path: Path, column: Column, kind: ColumnKind, rows: int) -> None:
+def _check_column(path: Path, column: Column, kind: ColumnKind, rows: int, is_read: bool) -> None:
     shape = (rows,) if kind.width == 1 else (rows, kind.width)
     if column.shape != shape or column.dtype != np.dtype(kind.dtype):
+        of_script = (
+            f'Convert it with astype("{kind.dtype}")' if column.shape == shape else "Give one row for each point"
+        )
+        if path.parent.name == OBSERVATIONS and column.shape != shape:
+            of_script = "Give one row for each observation, and of start one more than there are points"
         raise InputError(
             "a column of a wrong shape or type",
             where=path,
             field=path.stem,
             value=f"{column.dtype} {column.shape}",
             allowed=f"{kind.dtype} {shape}",
-            hint="Reconstruct again",
+            hint="Reconstruct again" if is_read else of_script,
         )

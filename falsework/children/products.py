@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from groundwork.child import AT_A_LIMIT, answer_parent, run_child
+from groundwork.child import AT_A_LIMIT, CRASHED, answer_parent, reason_of, run_child
 from groundwork.errors import ChildError, InputError
 from groundwork.output.reading import reading
 from groundwork.progress import SILENT, Progress
@@ -71,12 +71,14 @@ def read_safely(
         with reading(stage):
             return run_child(module, request, time_limit=time_limit, memory_limit=memory_limit, progress=progress)
     except ChildError as error:
-        reason = str(error).partition(": ")[2].partition(". Use fewer")[0]
+        reason = reason_of(error)
         if reason.startswith(AT_A_LIMIT):
             what = f"cannot be read within {time_limit:.0f} s and {memory_limit:.0f} GB: {reason}"
             hint = "Make it smaller, or flatten it in the program that made it"
-        else:
+        elif reason.startswith(CRASHED):
             what, hint = f"cannot be read: the process that reads it {reason}", _after_crash(error.signal)
+        else:  # an error that the child itself explained
+            what, hint = f"cannot be read: {reason}", None
         raise InputError(what, where=stage, hint=hint) from error
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from falsework.execution.chain import Chain, Step, read_sources, scene_chain
+from falsework.platform import MACHINE
 from falsework.scenario import load_scenario
 from falsework.stages import STAGES
 from falsework.store.artefact import file_faults, read_manifest
@@ -69,7 +70,7 @@ def clean(root: Path, progress: Progress, *, unused: bool = False, dry_run: bool
         root: Output folder of a run.
         progress: Listener.
         unused: Also remove results that no scene of its `scenario.toml` uses, on this machine or another one with this
-            version of Falsework.
+            version of Falsework and of its packages.
         dry_run: Only report what would be removed.
 
     Returns:
@@ -109,7 +110,7 @@ def _unused(root: Path, progress: Progress, done: Cleaning) -> list[Leftover]:
 
 
 def _used_by(chain: Chain, traces: Traces) -> set[str]:
-    """List the keys of a scene's results; those of other machines differ only by the platform."""
+    """List the keys of a scene's results; those of other machines differ only by processor and GL driver."""
     keys: dict[str, set[str]] = {}
     for step in chain.steps:
         keys[step.input_name] = {step.task.key}
@@ -134,8 +135,12 @@ def _alike(step: Step, traces: Traces) -> list[TaskRecord]:
 
 
 def _likeness(task: dict[str, Any]) -> str:
-    settings = {name: value for name, value in task["settings"].items() if name != "platform"}
-    return digest([task["stage"], task["version"], settings])
+    settings = dict(task["settings"])
+    platform = settings.pop("platform", None)
+    # Other versions of packages are no other machine, but this one before an upgrade.
+    facts = platform if isinstance(platform, dict) else {}
+    packages = {name: value for name, value in facts.items() if name not in MACHINE}
+    return digest([task["stage"], task["version"], settings, packages])
 
 
 def _traces(root: Path) -> Traces:

@@ -83,12 +83,12 @@ def _choices(
     """Check settings and choices; return the choices as JSON, None if nothing is overridden."""
     from groundwork.settings import parse_settings
     from render.settings import RenderSettings
-    from usd_schemas.reading.choices import AS_AUTHORED, StageChoices, check_choices, frames_of, variants_of
+    from usd_schemas.reading.choices import AS_AUTHORED, StageChoices, checked_choices, frames_of, variants_of
 
-    level = parse_settings(RenderSettings, settings, "render").subdivision
+    options = settings.keys() - {"sensor"}
+    level = parse_settings(RenderSettings, settings, "render", options).subdivision
     purposes = ("default", *(purpose or ("render",)))
-    choices = StageChoices(camera, frames_of(frame), purposes, variants_of(variant), *size, level)
-    check_choices(choices)
+    choices = checked_choices(StageChoices(camera, frames_of(frame), purposes, variants_of(variant), *size, level))
     return None if choices == AS_AUTHORED else choices.as_json()
 
 

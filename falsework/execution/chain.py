@@ -178,9 +178,11 @@ def read_sources(scenario: Scenario, progress: Progress) -> Sources:
 
 def _tell_of_large(place: Path, progress: Progress) -> None:
     """Say that reading a large input takes a while."""
+    sizes = {path: path.stat().st_size for path in ([place] if place.is_file() else content_files(place))}
+    if sum(sizes.values()) <= LARGE:  # the runs in it, which are not read, need not be sought
+        return
     runs = outputs_below(place, RUN) if place.is_dir() else set[Path]()
-    files = [place] if place.is_file() else [path for path in content_files(place) if runs.isdisjoint(path.parents)]
-    size = sum(path.stat().st_size for path in files if path.is_file())
+    size = sum(size for path, size in sizes.items() if not runs or runs.isdisjoint(path.parents))
     if size > LARGE:
         progress.note(f"{place}: {size / 1e9:.1f} GB are read, since results depend on their content")
 

@@ -19,7 +19,9 @@ _YOUNG = 60.0  # [s] age up to which a folder may be one whose run is about to l
 def scratch_folder() -> Iterator[str]:
     """Make a folder that is removed at the end; those that killed runs of this user left are removed first."""
     _sweep(Path(tempfile.gettempdir()))
-    with tempfile.TemporaryDirectory(prefix=PREFIX) as scratch, hold_lock(Path(scratch) / LOCK):
+    # The sweep of another run may lock the folder, and make the lock's file again, while this run removes it.
+    removed = tempfile.TemporaryDirectory(prefix=PREFIX, ignore_cleanup_errors=True)
+    with removed as scratch, hold_lock(Path(scratch) / LOCK):
         yield scratch
 
 

@@ -99,8 +99,8 @@ def predict_scan(
         frame = _frame_of(file, told, settings, source)
         own = _own_columns(source, model, frame, stream.count)
         cloud = thin_stream(stream, frame, model, settings.chunk, source, own)
-        note_spread(cloud.coord, stream.count, frame.meters, source.name, progress)  # its tiles may take hours
         check_memory(len(cloud), len(summing.names), available_memory(), source)
+        note_spread(cloud.coord, stream.count, frame.meters, source.name, progress)  # its tiles may take hours
         summed = vote(cloud, model, settings.batch, progress, summing.matrix)
         classes, sure = summing.decide(summed, settings.min_confidence)
         instance = connected_parts(cloud.coord, classes, link, settings.fewest, summing.background)

@@ -28,12 +28,26 @@ def spread_doubt(coord: NDArray[np.float64], count: int, meters: float) -> str:
     extent, apart = float(np.ptp(coord, axis=0).max()), 0.0
     if len(coord) >= _MOST_SEEN * count:
         rows = np.linspace(0, len(coord) - 1, min(len(coord), _ROWS, max(9, _PAIRS // len(coord)))).astype(np.int64)
-        squares = [np.partition(np.square(coord - coord[row]).sum(axis=1), 1)[1] for row in rows]
-        apart = float(np.sqrt(np.median(squares)))
+        apart = _median_gap(coord, rows)
     if extent <= _WIDE and apart <= _SPARSE:
         return ""
     words = f", with a median distance of {apart:.1f} m to the nearest one" if apart > _SPARSE else ""
-    return f"its points extend over {extent:,.0f} m{words}: check the unit of {meters:g} m (--unit)"
+    stray = "" if words else ", or for a stray point"
+    return f"its points extend over {extent:,.0f} m{words}: check the unit of {meters:g} m (--unit){stray}"
+
+
+def _median_gap(coord: NDArray[np.float64], rows: NDArray[np.int64]) -> float:
+    """Find the median distance of some points to the nearest other point, in two buffers of one number a point [m]."""
+    squares, along = np.empty(len(coord)), np.empty(len(coord))
+    nearest = np.empty(len(rows))
+    for index, row in enumerate(rows):
+        squares.fill(0.0)
+        for axis in range(3):
+            np.subtract(coord[:, axis], coord[row, axis], out=along)
+            squares += np.square(along, out=along)
+        squares[row] = np.inf
+        nearest[index] = squares.min()
+    return float(np.sqrt(np.median(nearest)))
 
 
 def note_spread(coord: NDArray[np.float64], count: int, meters: float, name: str, progress: Progress) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from groundwork.child import run_child
+from groundwork.child import reason_of, run_child
 from groundwork.errors import ChildError, InputError
 from groundwork.progress import SILENT, Progress
 from recon.formats.scan_points import Scan, check_coordinates, check_count
@@ -38,7 +38,7 @@ def read_e57(path: Path, most_points: int, progress: Progress = SILENT) -> Scan:
             )
         except ChildError as error:
             raise InputError(
-                f"not readable as E57: {str(error).partition(': ')[2][:80]}", where=path, hint="Copy it again"
+                f"not readable as E57: {reason_of(error)[:80]}", where=path, hint="Copy it again"
             ) from None
         found = {
             name: np.load(Path(folder) / f"{name}.npy", allow_pickle=False)

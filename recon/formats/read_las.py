@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from groundwork.child import run_child
+from groundwork.child import reason_of, run_child
 from groundwork.errors import ChildError, InputError
 from groundwork.progress import SILENT, Progress
 from recon.formats.scan_points import Scan, as_ids, check_coordinates, check_count, column_named, label_names
@@ -143,8 +143,7 @@ def open_las(path: Path, most_points: int, progress: Progress = SILENT) -> Itera
                 time_limit=_TIME_LIMIT + _TIME_PER_MILLION * header.count / 1e6,
             )
         except ChildError as error:
-            reason = str(error).partition(": ")[2].partition(". Use fewer")[0]
-            raise InputError(f"not decodable as LAZ: {reason}", where=path, hint="Copy it again") from None
+            raise InputError(f"not decodable as LAZ: {reason_of(error)}", where=path, hint="Copy it again") from None
         yield LasRows(path, header, np.memmap(raw, np.uint8, "r", 0, (header.count, header.size)))
 
 

@@ -45,7 +45,8 @@ class MeshSettings(ScopeSettings):
     @model_validator(mode="after")
     def _survey_counts(self) -> Self:
         if self.survey and not self.min_views:
-            raise ValueError(f"survey ({self.survey!r}) has no effect without min_views; allowed: min_views from 1 on")
+            allowed = "min_views from 1 on, as of falsework sample mesh --visible"
+            raise ValueError(f"survey ({self.survey!r}) has no effect without min_views; allowed: {allowed}")
         return self
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import is_dataclass, replace
 from inspect import isfunction
+from itertools import count
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -40,6 +41,7 @@ WORD: Any = "2"
 YES: Any = True
 HALF: Any = 1.5
 BYTES: Any = b"x.usda"
+LONE: Any = np.array(0)
 
 
 def photographs(out: Path) -> str:
@@ -65,8 +67,8 @@ CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
     "a file as scenario": (lambda out: falsework.author("x.toml", out), "use load_scenario"),  # type: ignore[arg-type]
     "workers": (lambda out: falsework.run(SCENARIO, out, workers=-1), "number of workers out of range"),
     "scenes": (lambda out: falsework.run(SCENARIO, out, scenes=[9]), "no such scene"),
-    "settings to sample": (lambda out: falsework.sample("x.usda", out, WRONG), "settings of a wrong class"),
-    "settings to render": (lambda out: falsework.render("x.usda", out, settings=WRONG), "settings of a wrong class"),
+    "settings to sample": (lambda out: falsework.sample("x.usda", out, WRONG), "^settings: of a wrong class"),
+    "settings to render": (lambda out: falsework.render("x.usda", out, settings=WRONG), "^settings: of a wrong class"),
     "settings to reconstruct": (lambda out: falsework.reconstruct("x", out, settings=WRONG), "allowed: ReconSettings"),
     "a number as out": (
         lambda out: falsework.author(SCENARIO, NUMBER),
@@ -95,18 +97,31 @@ CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
     "a number as a scenario's path": (lambda out: falsework.scenario_of({}, NUMBER), "path: not a path"),
     "a missing model as str": (lambda out: falsework.reconstruct(".", out, model="x"), "x: model: no such folder"),
     "a missing control as str": (lambda out: falsework.reconstruct(photographs(out), out, control="x"), "x: no such"),
-    "an empty dict as settings": (lambda out: falsework.render("x", out, settings=EMPTY), "settings of a wrong class"),
+    "an empty dict as settings": (
+        lambda out: falsework.render("x", out, settings=EMPTY),
+        "^settings: of a wrong class",
+    ),
     "a number as scenes": (
         lambda out: falsework.run(SCENARIO, out, scenes=NUMBER),
         r"^scenes: of a wrong type \(found 'int'\); allowed: whole numbers, such as \[0, 2\] or range\(3\)$",
+    ),
+    "an array without an axis as scenes": (
+        lambda out: falsework.run(SCENARIO, out, scenes=LONE),
+        r"^scenes: of a wrong type \(found 'ndarray'\); allowed: whole numbers",
     ),
     "a word as scenes": (lambda out: falsework.run(SCENARIO, out, scenes=WORD), "scenes: of a wrong type"),
     "words as scenes": (lambda out: falsework.run(SCENARIO, out, scenes=[WORD]), "scenes: .* allowed: a whole number$"),
     "a word as workers": (lambda out: falsework.run(SCENARIO, out, workers=WORD), "workers: of a wrong type .*'str'"),
     "True as workers": (lambda out: falsework.run(SCENARIO, out, workers=YES), "workers: of a wrong type .*'bool'"),
-    "a word as memory": (lambda out: falsework.run(SCENARIO, out, memory=WORD), "memory: .* allowed: a number of GB$"),
+    "a word as memory": (
+        lambda out: falsework.run(SCENARIO, out, memory=WORD),
+        "memory: .* allowed: a number of GB, or None$",
+    ),
     "a word to retry": (lambda out: falsework.run(SCENARIO, out, retry_failed=WORD), "retry_failed: .*True or False$"),
-    "a number as cluster": (lambda out: falsework.run(SCENARIO, out, cluster=NUMBER), "cluster: .* allowed: a str$"),
+    "a number as cluster": (
+        lambda out: falsework.run(SCENARIO, out, cluster=NUMBER),
+        "cluster: .* allowed: a str, or None$",
+    ),
     "a place as cluster": (lambda out: falsework.run(SCENARIO, out, cluster="x"), "^cluster: not an address"),
     "half a scene": (lambda out: falsework.author(SCENARIO, out, scene=HALF), "scene: of a wrong type .*'float'"),
     "a missing scene": (lambda out: falsework.author(SCENARIO, out, scene=9), "^scene: no such scene"),
@@ -134,15 +149,26 @@ CALLS: dict[str, tuple[Callable[[Path], object], str]] = {
     **{
         f"{field} of {value}": (
             lambda out, field=field, value=value: read_with(**{field: value}),
-            rf"^{field}: {said}; allowed: ",
+            rf"^choices\.{field}: {said}; allowed: ",
         )
         for field, value, said in (
             ("camera", 7, r"not a camera \(found 7\)"),
             ("purposes", ("render", "foo"), r"not a USD purpose \(found 'foo'\)"),
             ("frames", (1.0, float("nan")), r"not time codes \(found nan\)"),
             ("frames", "7", r"not time codes \(found '7'\)"),
+            ("frames", 5.0, r"not time codes \(found 5.0\)"),
+            ("frames", np.array(5.0), r"not time codes \(found array\(5\.\)\)"),
+            ("frames", (True,), r"not time codes \(found True\)"),
+            ("frames", count(), "too many time codes"),
+            ("purposes", "render", r"not a USD purpose \(found 'render'\)"),
+            ("purposes", 5, r"not a USD purpose \(found 5\)"),
+            ("variants", 5, r"not a variant \(found 5\)"),
+            ("variants", ("/World", "roof", "flat"), r"not a variant \(found '/World'\)"),
+            ("variants", (("/World", "roof", 5),), r"not a variant \(found 5\)"),
             ("variants", (("/World", "roof"),), r"not a variant \(found \('/World', 'roof'\)\)"),
             ("width", -5, r"image size out of range \(found -5\)"),
+            ("width", True, r"image size out of range \(found True\)"),
+            ("width", 640.0, r"image size out of range \(found 640.0\)"),
             ("height", "640", r"image size out of range \(found '640'\)"),
             ("subdivision", 5, r"number of refinements out of range \(found 5\)"),
         )
@@ -173,6 +199,9 @@ def test_numbers_of_numpy_are_numbers(tmp_path: Path) -> None:
     """A scene, a seed and workers may come from an array."""
     with pytest.raises(falsework.InputError, match=r"scene: no such scene \(found 9\)"):
         falsework.author(SCENARIO, tmp_path / "out", scene=np.int64(9))  # type: ignore[arg-type]
+    yes: Any = np.True_
+    with pytest.raises(falsework.InputError, match="scenes: no such scene"):
+        falsework.run(SCENARIO, tmp_path / "out", scenes=[9], retry_failed=yes)
     numbers: Any = np.array([7, 9])
     with pytest.raises(falsework.InputError, match=r"scenes: no such scene \(found \[7, 9\]\)"):
         falsework.run(SCENARIO, tmp_path / "out", scenes=numbers)
@@ -190,10 +219,31 @@ def test_an_error_names_arguments_instead_of_options() -> None:
         "--workers: only 0 with --cluster": "workers: only 0 with --cluster",
         "no world. Import it with falsework background import FILE -o DIR": None,
         "a-workers and x--workers, -1 and - o": None,
+        "(--workers) or --workers, -o; --workers: 5.": "(workers) or workers, out; workers: 5.",
+        "/tmp/rv/-out: --out is no folder": "/tmp/rv/-out: out is no folder",
+        "/tmp/--out/-o/a -o.txt": None,
+        "not a world (found '--out') nor \"-o it's\"; its user's --out": (
+            "not a world (found '--out') nor \"-o it's\"; its user's out"
+        ),
+        "Try falsework export /a/b.usd --to laz -o DIR. Give --out": (
+            "Try falsework export /a/b.usd --to laz -o DIR. Give out"
+        ),
     }.items():
         with pytest.raises(falsework.InputError) as caught:
             call(said)
         assert str(caught.value) == (wanted or said)
+
+
+def test_a_file_whose_name_holds_an_option_keeps_it() -> None:
+    """The place of an error is no text of ours."""
+
+    @of_python
+    def call(out: str) -> None:
+        raise falsework.InputError("is a folder", where=out, field="--out")
+
+    with pytest.raises(falsework.InputError) as caught:
+        call("/tmp/my --out file")
+    assert str(caught.value) == "/tmp/my --out file: out: is a folder"
 
 
 def test_one_folder_as_root_is_that_folder_alone(tmp_path: Path) -> None:

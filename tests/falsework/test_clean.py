@@ -189,6 +189,15 @@ def test_results_of_other_machines_stay(run: Run, tmp_path: Path) -> None:
     assert len(removed) == 1 + 4 + 4 + 0  # of the second scene: its stage, and three of each machine
 
 
+def test_results_of_other_packages_go(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After an upgrade of a package nothing uses what the former version made, on the same machine or another one."""
+    run(1, recon={"max_reprojection_error": 2.5})
+    monkeypatch.setattr(chain, "recon_platform", lambda: {"cpu": "none", "pycolmap": "9"})
+    removed = [one.about for one in _clean_twice(tmp_path / "out", unused=True).removed]
+    uses = "that no scene uses"
+    assert sorted(removed) == [f"cloud {uses}", f"model {uses}", f"report {uses}"]
+
+
 def test_results_of_earlier_versions_go(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """After an upgrade of one stage its results and those made from them go, and the first are said to be old."""
     run(1)

@@ -44,7 +44,18 @@ def test_the_time_left_is_said_in_minutes_and_hours(
 
 @pytest.mark.parametrize(
     ("seconds", "said"),
-    [(0.44, "0.4 s"), (9.94, "9.9 s"), (54.4, "54 s"), (119.4, "119 s"), (150.0, "2 min"), (8999.0, "2.5 h")],
+    [
+        (0.44, "0.4 s"),
+        (9.94, "9.9 s"),
+        (9.96, "10 s"),
+        (54.4, "54 s"),
+        (119.4, "119 s"),
+        (119.6, "2 min"),
+        (150.0, "2 min"),
+        (7140.0, "119 min"),
+        (7199.0, "2.0 h"),
+        (8999.0, "2.5 h"),
+    ],
 )
 def test_durations_are_short(seconds: float, said: str) -> None:
     """Tenths of a second of the shortest, then seconds, minutes and tenths of an hour."""

@@ -240,7 +240,11 @@ def test_a_large_input_is_announced(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     said: list[str] = []
     told = DistinctNotes(SILENT)
     monkeypatch.setattr(told, "note", said.append)
+    sought: list[str] = []
+    seek = chain.outputs_below
+    monkeypatch.setattr(chain, "outputs_below", lambda place, kind: sought.append(place.name) or seek(place, kind))
     worlds = {name: str(tmp_path / name) for name in ("world", "few")}
     read_sources(tiny_scenario(worlds=worlds), told)
     read_sources(tiny_scenario(survey=[], sample=[{"kind": "mesh"}], stage={"path": str(tmp_path / "in/s.usda")}), told)
     assert said == [f"{tmp_path}/world: 0.0 GB are read, since results depend on their content"]
+    assert sought == ["world", "in"]  # a small input is walked once

@@ -54,7 +54,8 @@ def run(words: list[str]) -> int:
         (["--exposure", "bright"], "--exposure"),
         (["--purpose", "all"], "--purpose"),
         (["--variant", "roof=flat"], "--variant"),
-        (["--subdivision", "9"], "subdivision"),
+        (["--subdivision", "9"], "--subdivision"),
+        (["--workers", "-1"], "--workers"),
     ],
 )
 def test_wrong_words_are_said_before_the_stage_is_read(

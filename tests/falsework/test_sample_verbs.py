@@ -95,6 +95,7 @@ def test_a_scan(stage: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str])
         (("mesh", "STAGE", "--set", "min_view=3"), "Did you mean 'min_views'"),
         (("mesh", "STAGE", "--set", "noise"), "key=value"),
         (("mesh", "STAGE", "--density", "-1"), "falsework: --density: "),
+        (("mesh", "STAGE", "--set", "survey=global"), "falsework sample mesh --visible"),
         (("lidar", "absent.usda"), "no such file"),
         (("mesh", "CLIMBING"), "leads out of the allowed folders"),
     ],

@@ -48,3 +48,17 @@ def test_what_a_killed_run_left_is_removed_by_the_next(tmp_path: Path, monkeypat
         assert is_held(Path(own) / LOCK)
         assert not left.exists()
     assert sorted(tmp_path.iterdir()) == sorted(others)
+
+
+def test_a_sweep_may_lock_the_folder_while_its_run_removes_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The lock's file is there again when the folder should be empty: no error of a finished run."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    remove = os.rmdir
+
+    def lock_first(path: str, **more: int) -> None:
+        (Path(own) / LOCK).touch()
+        remove(path, **more)
+
+    with scratch_folder() as own:
+        monkeypatch.setattr(os, "rmdir", lock_first)
+    assert (Path(own) / LOCK).is_file()  # the next sweep's

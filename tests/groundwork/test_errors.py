@@ -1,8 +1,18 @@
 """Errors are one line that a user can act on."""
 
+from pathlib import Path
+
 import pytest
 
-from groundwork.errors import ChildError, FalseworkError, InputError, MissingError, OutOfSpaceError, RejectedSceneError
+from groundwork.errors import (
+    ChildError,
+    FalseworkError,
+    InputError,
+    MissingError,
+    OutOfSpaceError,
+    RejectedSceneError,
+    show_place,
+)
 
 
 def test_parts_of_an_input_error_stand_in_order() -> None:
@@ -21,6 +31,14 @@ def test_the_place_is_said_once() -> None:
     known = MissingError("no such file", where="c.toml")
     known.found_in("a.toml")
     assert str(known) == "c.toml: no such file"
+
+
+@pytest.mark.parametrize("kind", [str, Path])
+def test_a_temporary_place_becomes_the_final_one(kind: type[str] | type[Path]) -> None:
+    """In the text and in the attribute."""
+    error = InputError("is damaged", where=kind("/out/.next/a.npy"))
+    show_place(error, Path("/out/.next"), Path("/out"))
+    assert (str(error), error.where) == ("/out/a.npy: is damaged", kind("/out/a.npy"))
 
 
 def test_line_breaks_are_taken_out() -> None:

@@ -1,11 +1,14 @@
 """A scan that is read in a wrong unit is named before the work, which would take hours."""
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from groundwork.errors import InputError
 from groundwork.progress import Silent
+from learn.predict import predict
 from learn.predict.predict import predict_scan
 from learn.predict.settings import PredictSettings
 from learn.predict.unit_doubts import spread_doubt, unit_doubts
@@ -25,8 +28,31 @@ def test_millimeters_as_meters_are_doubted() -> None:
     gaps = np.linalg.norm(BOX[rows, None] - BOX[None], axis=2)
     gaps[np.arange(64), rows] = np.inf
     assert f" {np.median(gaps.min(axis=1)) * 1000.0:.1f} m to the nearest" in doubt
-    assert "median" not in spread_doubt(BOX * 1000.0, 10 * len(BOX), 1.0)  # long, but most points share their cubes
+    wide = spread_doubt(BOX * 1000.0, 10 * len(BOX), 1.0)  # long, but most points share their cubes
+    assert "median" not in wide
+    assert wide.endswith("check the unit of 1 m (--unit), or for a stray point")
     assert "median" in spread_doubt(BOX * 25.4, len(BOX), 0.0254)  # a bridge of 1.5 km, points 15 m apart
+
+
+def test_the_distance_of_points_needs_little_memory() -> None:
+    """Two numbers a point, whatever the number of points that are looked at."""
+    coord = np.random.default_rng(5).uniform(0.0, 1000.0, (100_000, 3))
+    tracemalloc.start()
+    try:
+        spread_doubt(coord, len(coord), 1.0)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 2.5 * 8 * len(coord)
+
+
+def test_memory_is_checked_before_the_distances(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A scan that does not fit is refused before anything is computed of all its points."""
+    np.save(tmp_path / "a.npy", np.column_stack([BOX[:40], np.full((40, 3), 64.0)]))
+    monkeypatch.setattr(predict, "available_memory", lambda: 0.0)
+    monkeypatch.setattr(predict, "note_spread", lambda *given: pytest.fail("computed first"))
+    with pytest.raises(InputError, match="of memory"):
+        predict_scan(tmp_path / "a.npy", tmp_path / "b.npy", ColorModel(), PredictSettings(unit="m", fewest=1))
 
 
 @pytest.mark.parametrize(("seen", "said"), [(1, True), (7, True), (8, False)])

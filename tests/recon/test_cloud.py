@@ -255,6 +255,9 @@ def test_ply_holds_the_points(cloud: Cloud, tmp_path: Path) -> None:
     assert names[3:9] == ["nx", "ny", "nz", "red", "green", "blue"]
 
 
+ODD_ROW: Any = (1, "deck", None)  # its color is no list
+
+
 @pytest.mark.parametrize("part", ["columns", "observations"])
 def test_a_cloud_without_a_column_is_not_written(cloud: Cloud, tmp_path: Path, part: str) -> None:
     """Whichever column or observation is left out, the error names its file, and nothing reaches the disk."""
@@ -295,3 +298,45 @@ def test_an_odd_cloud_is_not_written(
         write_cloud(tmp_path, dataclasses.replace(cloud, **odd))
     assert not list(tmp_path.iterdir())
     shutil.rmtree(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "named"),
+    [
+        ("cameras", [{"x": 1}], r"cameras: of a wrong kind \(found \[{'x': 1}\]\); allowed: a tuple of dicts"),
+        ("cameras", ["a"], "cameras: of a wrong kind"),
+        ("cameras", [None], "cameras: of a wrong kind"),
+        ("cameras", None, "cameras: of a wrong kind"),
+        ("classes", None, "classes: of a wrong kind"),
+        ("classes", [{"id": 1}], "classes: of a wrong kind .*; allowed: a tuple of ClassRow"),
+        ("classes", [ClassRow(*ODD_ROW)], "classes: of a wrong kind, or out of range"),
+        ("columns", None, r"columns: of a wrong kind; allowed: a dict from name to array"),
+        ("columns", {1: None, "x": None}, "columns: not a column of the format"),
+        ("observations", [1], "observations: of a wrong kind"),
+        ("components", "abc", "components: of a wrong kind"),
+        ("alignment", None, "alignment: of a wrong kind"),
+        ("statistics", 5, "statistics: of a wrong kind"),
+        ("source", None, "source: of a wrong kind"),
+        ("bridge", 5, "bridge: of a wrong kind"),
+        ("statistics", {"mean": np.float32(0.5)}, r"statistics\.mean: has no form in JSON: .*with float\(\)"),
+    ],
+)
+def test_a_field_of_another_type_is_one_line(
+    cloud: Cloud, tmp_path: Path, field: str, value: object, named: str
+) -> None:
+    """It names the field, and what it should be."""
+    given: dict[str, Any] = {field: value}
+    with pytest.raises(InputError, match=named) as caught:
+        write_cloud(tmp_path, dataclasses.replace(cloud, **given))
+    assert "\n" not in str(caught.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_column_of_another_type_says_how_to_convert_it(cloud: Cloud, tmp_path: Path) -> None:
+    """To a script, nothing about a reconstruction."""
+    for column, hint in (
+        (np.zeros(500, np.int64), r'uint8 \(500,\)\. Convert it with astype\("uint8"\)$'),
+        (np.zeros(3, np.uint8), "Give one row for each point$"),
+    ):
+        with pytest.raises(InputError, match=hint):
+            write_cloud(tmp_path, dataclasses.replace(cloud, columns={**cloud.columns, "segment": column}))

@@ -15,7 +15,7 @@ TRIPOD, CAR, PLANE = TerrestrialSettings, MobileSettings, AirborneSettings
     [
         (ReconSettings, {"dense": {"min_angle": 25.0}}, r"dense: min_angle \(25 deg\) is larger than max_angle \(20"),
         (ReconSettings, {"sparse": {"use_gps_in_mapping": True, "mapper": "global"}}, "sparse: use_gps_in_mapping"),
-        (MeshSettings, {"survey": "global"}, r"survey \('global'\) has no effect without min_views"),
+        (MeshSettings, {"survey": "global"}, r"survey \('global'\) has no effect without min_views; .* --visible"),
         (TRIPOD, {"min_range": 40.0, "max_range": 30.0}, r"min_range \(40 m\) .* max_range \(30 m\)"),
         (PLANE, {"min_range": 50.0, "max_range": 50.0}, "min_range"),
         (PLANE, {"altitude": 500.0, "max_range": 400.0}, r"altitude \(500 m\) is not below max_range \(400 m\)"),

@@ -221,6 +221,17 @@ def test_a_limit_is_named_only_where_the_child_was_stopped_at_it(
     assert " GB" not in str(caught.value)
 
 
+def test_what_the_child_explains_is_said_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error with a colon is no crash of a module of that name."""
+
+    def explain(*_: Any, **__: Any) -> None:
+        raise ChildError("the schemas of USD: two versions are installed")
+
+    monkeypatch.setattr("falsework.children.products.run_child", explain)
+    with pytest.raises(InputError, match=r"cannot be read: the schemas of USD: two versions are installed$"):
+        surveys_of(write(tmp_path / "scene.usda", MESH))
+
+
 def test_odd_things_are_warned_of(tmp_path: Path, record_proof: RecordProof) -> None:
     """Missing files, types without a schema, unknown variants and other units, each with layer or prim."""
     write(

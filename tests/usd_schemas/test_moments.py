@@ -1,14 +1,19 @@
 """Stages in motion: what moves stands at each image as it does at that time, and nothing else is read twice."""
 
+import json
+from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from pxr import Sdf
 
+import falsework
 from groundwork.errors import InputError
 from tests.usd_schemas.stages import SQUARE, read_body, write_stage
 from usd_schemas.flat_scene import FlatScene, world_triangles
-from usd_schemas.reading.choices import StageChoices, frames_of, variants_of
+from usd_schemas.reading.choices import MOST_FRAMES, StageChoices, checked_choices, frames_of, variants_of
 from usd_schemas.reading.scene_cache import load_scene
 from usd_schemas.reading.stage_reader import read_stage
 
@@ -206,3 +211,38 @@ def Xform "House" (
     ):
         with pytest.raises(InputError, match=field):
             read_stage(path, choices=choices)
+
+
+GIVEN: Any = {
+    "camera": Sdf.Path("/W/cam"),
+    "frames": np.arange(1, 3),
+    "purposes": {"render", "default"},
+    "variants": [[Sdf.Path("/W"), "roof", "flat"]],
+    "width": np.int64(640),
+    "height": np.uint16(0),
+    "subdivision": np.int32(2),
+}
+
+
+def test_choices_of_a_script_get_their_types() -> None:
+    """Numbers of numpy, prim paths, and any iterable; a set is sorted, for an order that is always the same."""
+    wanted = StageChoices("/W/cam", (1.0, 2.0), ("default", "render"), (("/W", "roof", "flat"),), 640, 0, 2)
+    assert checked_choices(StageChoices(**GIVEN)) == wanted
+    found = checked_choices(StageChoices(**GIVEN)).as_json()
+    assert json.loads(json.dumps(found)) == json.loads(json.dumps(wanted.as_json()))
+    wide: Any = {"frames": {10, 9.0, Fraction(1, 2)}, "purposes": (one for one in ("guide", "proxy"))}
+    chosen = checked_choices(StageChoices(**wide))
+    assert (chosen.frames, chosen.purposes) == ((0.5, 9.0, 10.0), ("guide", "proxy"))
+    many: Any = {"frames": range(MOST_FRAMES)}
+    assert len(checked_choices(StageChoices(**many)).frames) == MOST_FRAMES
+    assert checked_choices(StageChoices()) == StageChoices()
+
+
+def test_a_stage_is_read_with_them(tmp_path: Path) -> None:
+    """As with plain ones, by the function of the API."""
+    body = f"{EYE}{SLIDING}"
+    path = write_stage(tmp_path, body)
+    given: Any = {"frames": np.arange(1, 3), "width": np.int64(64), "purposes": {"render", "default"}}
+    found = falsework.read_stage(path, choices=StageChoices(**given))
+    assert found.products[0].width == 64
+    assert len(found.cameras[found.products[0].camera].poses) == 2

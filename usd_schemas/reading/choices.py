@@ -1,9 +1,11 @@
 """A user's choices for reading a stage: camera, frames, purposes, variants, size, subdivision."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import asdict, dataclass
-from typing import Any
+from itertools import islice
+from numbers import Integral, Real
+from typing import Any, NoReturn
 
 from groundwork.errors import InputError
 
@@ -14,13 +16,15 @@ LARGEST_SIDE = 32_768  # [px]
 MOST_REFINEMENTS = 4  # of subdivision surfaces: each makes four times the faces
 _IMPOSSIBLE = {
     "camera": "not a camera",
-    "purposes": "not a USD purpose",
-    "frames": "not time codes",
-    "variants": "not a variant",
+    "purpose": "not a USD purpose",
+    "frame": "not time codes",
+    "variant": "not a variant",
     "width": "image size out of range",
     "height": "image size out of range",
     "subdivision": "number of refinements out of range",
 }
+_SIDE = f"0 (as authored) to {LARGEST_SIDE} px"
+_MOST_LISTED = MOST_FRAMES + 1  # items that are read of a list, which may have no end
 _ROUNDED = 1e-9  # [frames] rounding error allowed, so that a step such as 0.1 reaches its last frame
 
 
@@ -119,43 +123,89 @@ def variants_of(words: Sequence[str]) -> tuple[tuple[str, str, str], ...]:
     return tuple(found)
 
 
-def check_choices(choices: StageChoices, *, are_options: bool = True) -> None:
-    """Refuse choices that are impossible for any stage.
+def checked_choices(choices: StageChoices) -> StageChoices:
+    """Convert a script's choices to their types, and refuse those that are impossible for any stage.
+
+    Numbers may be numpy's, lists any iterable (a set is sorted), and names and prim paths an `Sdf.Path`.
 
     Args:
-        choices: The user's choices; those of a script may be of any type.
-        are_options: Name them in an error as options of the command line, not as fields.
+        choices: The user's choices, of any type.
+
+    Returns:
+        The same choices, of the types that `StageChoices` states.
 
     Raises:
-        InputError: A value of a wrong type, an unknown purpose, an invalid size, time code or number of refinements.
+        InputError: A value of a wrong type, an unknown purpose, an invalid size, time code or number of refinements;
+            it is named as an option of the command line.
     """
-
-    def want(right: bool, field: str, value: object, allowed: str) -> None:
-        if not right:
-            option = {"purposes": "--purpose", "frames": "--frame", "variants": "--variant"}.get(field, f"--{field}")
-            raise InputError(_IMPOSSIBLE[field], field=option if are_options else field, value=value, allowed=allowed)
-
-    want(isinstance(choices.camera, str), "camera", choices.camera, "a name or a prim path")
-    for purpose in _listed(choices.purposes):
-        want(purpose in PURPOSES, "purposes", purpose, ", ".join(PURPOSES))
-    frames = _listed(choices.frames)
-    for code in frames:
-        want(_is_number(code) and math.isfinite(code), "frames", code, "a list of time codes")
-    want(len(frames) <= MOST_FRAMES, "frames", len(frames), f"up to {MOST_FRAMES} time codes")
-    for variant in _listed(choices.variants):
-        words = _listed(variant)
-        is_one = len(words) == 3 and all(isinstance(word, str) for word in words) and words[0].startswith("/")
-        want(is_one, "variants", variant, "a list of prim path, set and name")
-    for name, side in (("width", choices.width), ("height", choices.height)):
-        want(type(side) is int and 0 <= side <= LARGEST_SIDE, name, side, f"1 to {LARGEST_SIDE} px")
-    level = choices.subdivision
-    want(type(level) is int and 0 <= level <= MOST_REFINEMENTS, "subdivision", level, f"0 to {MOST_REFINEMENTS}")
+    purposes = _listed(choices.purposes, "purpose", f"a list of {', '.join(PURPOSES)}")
+    for purpose in purposes:
+        if purpose not in PURPOSES:
+            _refuse("purpose", purpose, ", ".join(PURPOSES))
+    codes = _listed(choices.frames, "frame", "a list of time codes")
+    if len(codes) > MOST_FRAMES:
+        raise InputError("too many time codes", field="--frame", allowed=f"up to {MOST_FRAMES}")
+    chosen = _listed(choices.variants, "variant", "a list of (prim path, set, name)")
+    return StageChoices(
+        _text(choices.camera, "camera", "a name or a prim path"),
+        tuple(_time_code(code) for code in codes),
+        tuple(str(purpose) for purpose in purposes),
+        tuple(_variant(one) for one in chosen),
+        _whole(choices.width, "width", LARGEST_SIDE, _SIDE),
+        _whole(choices.height, "height", LARGEST_SIDE, _SIDE),
+        _whole(choices.subdivision, "subdivision", MOST_REFINEMENTS, f"0 to {MOST_REFINEMENTS}"),
+    )
 
 
-def _listed(value: Any) -> Sequence[Any]:
-    """Return a list or tuple; anything else as one item, so that it is judged as such."""
-    return value if isinstance(value, list | tuple) else (value,)
+def _refuse(option: str, value: object, allowed: str) -> NoReturn:
+    raise InputError(_IMPOSSIBLE[option], field=f"--{option}", value=value, allowed=allowed) from None
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+def _listed(value: Any, option: str, allowed: str) -> tuple[Any, ...]:
+    """Return the items of any iterable but text and tables."""
+    if isinstance(value, str | bytes | Mapping):
+        _refuse(option, value, allowed)
+    try:
+        items = tuple(islice(iter(value), _MOST_LISTED))
+    except TypeError:  # a number, or an array without an axis
+        _refuse(option, value, allowed)
+    if not isinstance(value, Set):
+        return items
+    try:
+        return tuple(sorted(items))
+    except TypeError:  # of several types; one of them is refused later
+        return tuple(sorted(items, key=repr))
+
+
+def _text(value: Any, option: str, allowed: str) -> str:
+    if not isinstance(value, str):
+        from pxr import Sdf  # heavy, and rarely needed
+
+        if not isinstance(value, Sdf.Path):
+            _refuse(option, value, allowed)
+    return str(value)
+
+
+def _time_code(value: Any) -> float:
+    try:
+        code = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    except OverflowError:
+        code = math.inf
+    if not math.isfinite(code):
+        _refuse("frame", value, "a list of time codes")
+    return code
+
+
+def _variant(value: Any) -> tuple[str, str, str]:
+    allowed = "(prim path, set, name)"
+    words = [_text(word, "variant", allowed) for word in _listed(value, "variant", allowed)]
+    if len(words) != 3 or not words[0].startswith("/"):
+        _refuse("variant", value, allowed)
+    path, name, chosen = words
+    return path, name, chosen
+
+
+def _whole(value: Any, option: str, most: int, allowed: str) -> int:
+    if not isinstance(value, Integral) or isinstance(value, bool) or not 0 <= int(value) <= most:
+        _refuse(option, value, allowed)
+    return int(value)
