@@ -68,6 +68,7 @@ def begin(*words: str | Path, said: Path, **environment: str) -> int:
             resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
             said.write_text(spoken.getvalue())
 
+    said.touch()  # a stop that waits too long for an import ends the process at once, without a word
     return fork(work)
 
 

@@ -288,7 +288,11 @@ def test_profile_paper_uses_what_is_set(family: str, key: str, value: float, nam
         ("cable_stayed", {"cable_stayed.shape": "mast", "roadway.lanes": 3, "service": "road"}, "cable_stayed.shape"),
         ("cable_stayed", {"cable_stayed.main": 30.0, "cable_stayed.size": "realistic"}, "bridge.cable_stayed.main"),
         ("beam", {"pier.cap": "cantilevered", "roadway.lanes": 6, "service": "road"}, "bridge.pier.cap"),
-        ("cable_stayed", {"cable_stayed.planes": 1, "roadway.lanes": 3}, "bridge.cable_stayed.planes: does not fit the other choices (found 1); allowed: a road"),
+        (
+            "cable_stayed",
+            {"cable_stayed.planes": 1, "roadway.lanes": 3},
+            "bridge.cable_stayed.planes: does not fit the other choices (found 1); allowed: a road",
+        ),
     ],
 )
 def test_a_refusal_names_what_was_set(family: str, keys: dict[str, Any], told: str) -> None:
