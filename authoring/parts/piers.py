@@ -395,10 +395,6 @@ def _footing_part(
 ) -> Part:
     low, high = heights
     surface = footing_surface(half, station, low, high, place.frame_at(station, turn=-place.skew), piers.chamfer)
-    size: dict[str, object] = {
-        "length": 2.0 * half[1],
-        "width": 2.0 * half[0],
-        "height": high - low,
-        "support": support,
-    }
+    length, width = 2.0 * half[1], 2.0 * half[0]
+    size: dict[str, object] = {"length": length, "width": width, "height": high - low, "support": support}
     return Part(f"Pier_{support:03d}_Footing", "pier_footing", "Role_PierConcrete", SUBSTRUCTURE, surface, size)
