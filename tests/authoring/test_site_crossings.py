@@ -220,7 +220,7 @@ def test_enough_headroom_is_accepted(kind: CrossingKind, layout: Layout) -> None
     ("values", "words"),
     [
         ({"river_piers": True, "crossing": "road"}, r"river_piers has no effect, because crossing is 'road'"),
-        ({"river_piers": False, "crossing": "valley"}, r"allowed: crossing = 'river'"),
+        ({"river_piers": True, "crossing": "valley"}, r"allowed: crossing = 'river'"),
         (
             {"fine_spacing": 1.5, "coarse_spacing": 1.0},
             r"coarse_spacing 1 is less than fine_spacing 1\.5.*at least 1\.5 m",
@@ -234,6 +234,7 @@ def test_values_without_effect_are_refused(values: dict[str, Any], words: str) -
     assert "\n" not in str(caught.value)
     values.popitem()
     parse_settings(SiteSettings, values, "test")
+    parse_settings(SiteSettings, {"river_piers": False, "crossing": "road"}, "test")  # what is not there has no piers
 
 
 def test_the_coarse_spacing_bounds_the_ground_of_long_bridges() -> None:
