@@ -115,7 +115,8 @@ def draw_spans(rule: SpanRule, settings: SpanLengths, own: OwnDraws, bearings: B
     """
     overhang, gap = draw(settings, "overhang", draws), draw(settings, "gap", draws)
     if own.apart and getattr(settings, "overhang", None) is None:
-        overhang = max(overhang, round(0.5 * (bearings.plinth_length - gap + ROWS_APART) + 1e-3, 3))
+        least = 0.5 * (bearings.plinth_length - gap + ROWS_APART)
+        overhang = max(overhang, round(float(np.ceil(1000.0 * least - 1e-6)) / 1000.0, 3))  # no more than is needed
     (low, high), at = rule.drawn, draws.random()
     inner = own.fit(round(float(low + (high - low) * at if rule.end_shares else low * (high / low) ** at), 1))
     if rule.end_shares:
