@@ -18,6 +18,7 @@ SHARED = 0.02  # [1] of the smaller member's volume that two members may share o
 LARGEST_EMBEDDED = 0.5  # [1] of the smaller member's volume that may be embedded at all
 APART = 0.001  # [m] between parallel faces that both are seen
 LEAST_FACE = 2e-4  # [m2] of common face that counts
+_IN_FRONT = 0.005  # [m] of a face, where the eye is put: in no joint between pieces of a deck, 4 mm wide
 _SAMPLES = 64
 _ATLAS = 2048  # [px]
 _LEAST_HEIGHT = 1e-5  # [m] of a triangle
@@ -169,7 +170,7 @@ def no_common_faces(bridge: Bridge) -> list[str]:
     found: dict[tuple[str, str], float] = {}
     for row, find in zip(rows, finds, strict=True):
         i, j = bridge.contacts[row]
-        eye = (find[:3] + 0.003 * find[3:6])[None]
+        eye = (find[:3] + _IN_FRONT * find[3:6])[None]
         boxes = np.all((bridge.boxes[:, 0] <= eye) & (bridge.boxes[:, 1] >= eye), axis=1) & bridge.closed
         if any(
             winding(eye, bridge.corners, bridge.first[n], bridge.first[n + 1])[0] > 0 for n in np.flatnonzero(boxes)
