@@ -37,15 +37,16 @@ def drawn_survey(kind: str, rng: np.random.Generator) -> AnySurvey:
     """Settings that a user might choose."""
     if kind == "local":
         pitch = ("free", "limited")[int(rng.integers(2))]
-        return LocalSettings(
+        free = LocalSettings(
             kind="local",
             length=float(rng.uniform(14, 26)),
             beside=float(rng.uniform(4, 9)),
             above=float(rng.uniform(3, 7)),
+            pitch="free",
             near=float(rng.uniform(2, 4)),
-            pitch=pitch,
-            pitch_limit=float(rng.uniform(0, 30)),
         )
+        limit = float(rng.uniform(0, 30))
+        return free if pitch == "free" else free.model_copy(update={"pitch": pitch, "pitch_limit": limit})
     if kind == "grid":
         return GridSettings(
             kind="grid",
